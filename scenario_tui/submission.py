@@ -7,6 +7,7 @@ when a process of its own does it: ``python -m scenario_tui.submission FILE [--s
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from collections import Counter
@@ -61,9 +62,10 @@ def searches_text(path: Path, names: tuple[str, ...]) -> str:
     """Say which searches a campaign has besides, and what starts them; nothing without any."""
     if not names:
         return ""
+    command = f"scenario search {shlex.quote(str(path))}"
     if len(names) == 1:
-        return f"{names[0]} is a search: start it with `scenario search {path}`"
-    return f"{', '.join(names)} are searches: start one with `scenario search {path} NAME`"
+        return f"{names[0]} is a search: start it with `{command}`"
+    return f"{', '.join(names)} are searches: start one with `{command} NAME`"
 
 
 def receipt_text(receipt: SubmissionReceipt) -> str:

@@ -32,9 +32,10 @@ class NewOutput(Output, schema="new"):
         """Print what to type next."""
         from scenario_tui.cli.results import print_commands
 
+        file = shlex.quote(self.campaign)
         print_commands(
-            (f"scenario check {self.campaign}", "find every problem before anything runs"),
-            (f"scenario run {self.campaign}", "run it here and now"),
+            (f"scenario check {file}", "find every problem before anything runs"),
+            (f"scenario run {file}", "run it here and now"),
             ("scenario new --layers", "robots and systems under test it can name"),
         )
 
@@ -103,7 +104,7 @@ def new(
         # Exclusively: whoever wrote there meanwhile keeps what they wrote.
         with (folder / file).open("x", encoding="utf-8") as target:
             target.write(text)
-    written = [shlex.quote(str(folder / file)) for file in files]
+    written = [str(folder / file) for file in files]
     if not as_json:
         say(f"wrote {len(files)} files to {folder}/: {', '.join(files)}")
     NewOutput(written[0], written).show(as_json)

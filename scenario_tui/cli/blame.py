@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -212,4 +213,6 @@ def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Pat
         console.print(f"stopped before nothing else could go: {story.stopped}")
     took = f"{count_noun(runner.runs, 'run')}, {duration(runner.seconds)}"
     console.print(f"{took}; {runner.cached} more were known already")
-    print_commands((f"scenario run {file}", "the smallest failing scenario, on its own"))
+    print_commands(
+        (f"scenario run {shlex.quote(str(file))}", "the smallest failing scenario, on its own")
+    )

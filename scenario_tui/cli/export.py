@@ -83,6 +83,18 @@ _ENDINGS: Final = frozenset(
 )
 
 
+_OF_FILES: Final = (
+    "templates", "laser_height", "resolution", "distance", "first", "backward", "closed", "yaw",
+    "repeats", "timestamp", "base",
+)  # fmt: skip
+"""Parameters that mean nothing for recorded runs."""
+_OF_KINDS: Final[dict[Artefact, tuple[str, ...]]] = {
+    Artefact.TASKS: ("distance", "first", "backward", "closed", "yaw"),
+    Artefact.PROV: ("timestamp",),
+}
+"""Parameters that mean nothing without this kind."""
+
+
 class WaypointYaw(StrEnum):
     """Where the robot looks at generated waypoints."""
 
@@ -97,6 +109,7 @@ class ExportOutput(Output, schema="export"):
 
 
 def export(
+    context: typer.Context,
     source: Annotated[
         Path,
         typer.Argument(
@@ -181,6 +194,7 @@ def export(
     if is_recorded(source):
         from scenario_tui.cli.target import DaemonTarget
 
+        _refuse_options(context, _OF_FILES, "are of floor plans and campaign files, not of runs")
         target, part = DaemonTarget(connect, state), (since, until)
         export_recorded(source, kinds, out, target, part, wall_clock, as_json=as_json)
         return
@@ -190,6 +204,9 @@ def export(
         raise typer.BadParameter("goes with a picture of a run", param_hint="--from, --until")
     if wall_clock is not None:
         raise typer.BadParameter("goes with traces", param_hint="--wall-clock")
+    for kind, names in _OF_KINDS.items():
+        if kind not in kinds and Artefact.ALL not in kinds:
+            _refuse_options(context, names, f"goes with {kind}")
     named = _named_file(out, kinds)
     from daemon.analysis.campaign_worlds import worlds_of_campaign
     from grammars.maps import WALLS_ENDING
@@ -244,6 +261,18 @@ def export(
     )
     if as_json:
         ExportOutput(written).emit()
+
+
+def _refuse_options(context: typer.Context, names: Sequence[str], why: str) -> None:
+    """Refuse parameters that were typed although they mean nothing here."""
+    sources = {name: context.get_parameter_source(name) for name in names}
+    typed = [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if (source := sources.get(parameter.name or "")) and source.name == "COMMANDLINE"
+    ]
+    if typed:
+        raise typer.BadParameter(why, param_hint=", ".join(typed))
 
 
 def _named_file(out: Path, kinds: Sequence[Artefact]) -> Path | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, NoReturn
@@ -242,6 +243,6 @@ def _described(found: ImportOutput) -> str:
 def _say_what_is_next(target: Path) -> None:
     name = target.name.removesuffix(".walls.yaml")
     say(
-        f"Look at it: scenario export {target} picture. "
+        f"Look at it: scenario export {shlex.quote(str(target))} picture. "
         f"Campaigns name it in place of a floor plan: floorplan: {name}"
     )

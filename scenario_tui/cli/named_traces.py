@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -58,7 +59,7 @@ def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
         if isinstance(error, Refused) or newest is None:
             raise
         message = f"{error}; what `scenario run` left in {newest} is read by"
-        raise Unreachable(f"{message} `scenario report {newest}`") from error
+        raise Unreachable(f"{message} `scenario report {shlex.quote(str(newest))}`") from error
 
 
 def _find_named(source: RunSource, name: str) -> CampaignRow | RunDetail:
@@ -129,7 +130,7 @@ def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) ->
                 traces = find_traces([resolved], target.paths)
             except ValueError as error:
                 raise ValueError(why_without_traces(resolved, target) or str(error)) from error
-            if not Path(name).exists():
+            if not names_traces(name):
                 _say_what_is_missing(resolved, len(traces), target)
             found |= dict.fromkeys(traces)
         return tuple(found)

@@ -66,7 +66,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.PauseOutput,
     steer.ResumeOutput,
     steer.PriorityOutput,
-    steer.DeleteOutput,
     steer.StopOutput,
     export_runs.FetchOutput,
     judge.JudgeOutput,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -233,7 +234,8 @@ def _submitted_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         return _fetch_campaign(campaign, target)
     if not campaign and not target.paths.ledger.is_file() and (newest := newest_results()):
         message = f"{target.paths.state} is no state directory: nothing was submitted here"
-        hint = f"name the folder of traces `scenario run` left: `scenario report {newest}`"
+        command = f"scenario report {shlex.quote(str(newest))}"
+        hint = f"name the folder of traces `scenario run` left: `{command}`"
         raise typer.BadParameter(f"{message}; {hint}", param_hint="CAMPAIGN")
     with open_ledger(target.paths) as reader:
         return ledger_input(reader, find_campaign(reader, campaign), target.paths)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -118,12 +119,13 @@ def run(
         if between is not None:
             print_comparison(between)
         kept = {Path(row.trace).parent for row in found.rows if row.trace}
+        submission_command = f"scenario submit {shlex.quote(str(campaign))}"
         print_commands(
             *(
-                (f"scenario report {typed_path(folder)}", "one page with figures")
+                (f"scenario report {shlex.quote(typed_path(folder))}", "one page with figures")
                 for folder in kept
             ),
-            (f"scenario submit {campaign}", "run it with the daemon, results are kept"),
+            (submission_command, "run it with the daemon, results are kept"),
             ("scenario tui", "the dashboard of the daemon"),
         )
     raise typer.Exit(final_code(found, between))

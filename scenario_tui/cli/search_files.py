@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -93,8 +94,9 @@ def _write_bundle(files: Sequence[BundledFile], folder: Path, file: str) -> Path
 def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     """Return what can be done with the files that were written: commands and what they do."""
     if "found" in written:
-        yield f"scenario run {written['found']}", "the found failure again, on its own"
+        yield f"scenario run {shlex.quote(written['found'])}", "the found failure again, on its own"
     if "smallest" in written:
-        yield f"scenario run {written['smallest']}", "the least of it that still fails"
+        yield f"scenario run {shlex.quote(written['smallest'])}", "the least of it that still fails"
     if "gazebo" in written:
-        yield f"ls {written['gazebo']}", "its world for Gazebo: map, models, doors, launch files"
+        folder = shlex.quote(written["gazebo"])
+        yield f"ls {folder}", "its world for Gazebo: map, models, doors, launch files"

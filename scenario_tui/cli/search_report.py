@@ -50,10 +50,21 @@ def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
 
     Raises :class:`Refused` when there is nothing of that name.
     """
+    from scenario_tui.cli.named_traces import names_traces
+
+    if wanted.endswith(".mcap") or names_traces(wanted):
+        return None
+    try:
+        return _search_called(wanted, target, drawn=drawn)
+    except Refused:
+        if Path(wanted).is_dir():
+            return None  # whoever reads traces says that it holds none
+        raise
+
+
+def _search_called(wanted: str, target: DaemonTarget, *, drawn: bool) -> SearchMaterial | None:
     from daemon.analysis.report import open_ledger
 
-    if wanted and (Path(wanted).exists() or wanted.endswith(".mcap")):
-        return None
     if target.named:
         with target.open() as daemon:
             campaign = find_search_id(daemon, wanted, daemon.searches)

@@ -59,6 +59,7 @@ class CampaignAssessor:
 
     def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], wanted: str) -> bool:
         """Judge the campaign that needs it most; return whether there was one."""
+        self._forget_others(campaigns)
         began = self._clock()
         row = self._next(campaigns, wanted, began) if began >= self._rest_until else None
         if row is None:
@@ -76,6 +77,18 @@ class CampaignAssessor:
         if self._every:
             self._rest_until = ended + (ended - began) * (1.0 / _SHARE - 1.0)
         return True
+
+    def _forget_others(self, campaigns: Sequence[CampaignRow]) -> None:
+        """Forget campaigns that are listed no more: deleted ones, and those long past."""
+        listed = {row.id for row in campaigns}
+        # Lists: another thread may note a change meanwhile.
+        for gone in {*self._seen, *list(self._touches)} - listed:
+            for known in (self._seen, self._at, self._touches):
+                known.pop(gone, None)
+        if not listed.issuperset(self.conclusions):
+            self.conclusions = {name: c for name, c in self.conclusions.items() if name in listed}
+        if self.results is not None and self.results.row.id not in listed:
+            self.results = None
 
     def _next(
         self, campaigns: Sequence[CampaignRow], wanted: str, now: float

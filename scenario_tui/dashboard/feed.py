@@ -44,6 +44,7 @@ _ASSESS_EVERY: Final = 0.1
 """Seconds between two looks for campaigns that should be assessed."""
 
 Action: TypeAlias = "Callable[[DaemonClient], str]"
+Lookup: TypeAlias = "Callable[[DaemonClient], object]"
 
 
 class Feed:
@@ -68,6 +69,7 @@ class Feed:
         # Appending to a deque needs no lock. Measured for one message: 0.6 us this way, 20 us by
         # Textual's post_message, 54 us by its call_from_thread.
         self._actions: deque[Action] = deque()
+        self._lookups: deque[Lookup] = deque()
         self._lives: deque[LiveNews] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
@@ -99,6 +101,11 @@ class Feed:
     def enqueue_action(self, action: Action) -> None:
         """Have something done; what it returns, or why it was refused, becomes a notice."""
         self._actions.append(action)
+        self._hurry()
+
+    def enqueue_lookup(self, lookup: Lookup) -> None:
+        """Have something looked up; without a daemon it is dropped, for nothing was to be done."""
+        self._lookups.append(lookup)
         self._hurry()
 
     def _hurry(self) -> None:
@@ -204,6 +211,8 @@ class Feed:
         """Do what was asked for and find out what is newly wanted; return whether a page was."""
         while self._actions:
             self._act(daemon, self._actions.popleft())
+        while self._lookups:
+            self._lookups.popleft()(daemon)
         query, state = self._query, self._state
         turned = query.runs is not None and query.runs != state.wanted
         if query.runs is not None and turned:
@@ -265,6 +274,7 @@ class Feed:
 
     def _forget(self) -> None:
         """Forget what was asked for: nobody expects it to be done when the daemon is back."""
+        self._lookups.clear()
         if _drain(self._actions):
             self._note_problem("no daemon answers: nothing was done")
 

@@ -64,12 +64,23 @@ class Question(ModalScreen[bool]):
 
 @dataclass(frozen=True, slots=True)
 class MenuChoice:
-    """A line of a menu: its key, what it means, what to type instead, why it cannot be chosen."""
+    """A line of a menu: its key if it has one, its meaning, the command that does the same.
+
+    ``why_not`` says why it cannot be chosen.
+    """
 
     key: str
     text: str
     command: str = ""
     why_not: str = ""
+
+
+def numbered_choices(lines: Sequence[tuple[str, str]], first: int) -> list[MenuChoice]:
+    """Return a choice for each text and its command; digits from ``first`` on are their keys."""
+    return [
+        MenuChoice(str(number) if number < 10 else "", text, command)
+        for number, (text, command) in enumerate(lines, first)
+    ]
 
 
 class Menu(ModalScreen[int]):
@@ -96,7 +107,7 @@ class Menu(ModalScreen[int]):
                 yield Static(Text(self._note), classes="note")
 
     def _option(self, choice: MenuChoice) -> Option:
-        text = Text.assemble((choice.key, "bold"), f"  {choice.text}")
+        text = Text.assemble((choice.key or " ", "bold"), f"  {choice.text}")
         if choice.why_not:
             text.append(f"  ({choice.why_not})", style=QUIET)
         return Option(text, disabled=bool(choice.why_not))
@@ -113,7 +124,7 @@ class Menu(ModalScreen[int]):
         """Choose by the key of a line."""
         # Not bindings, which belong to a class: the choices differ from menu to menu.
         for index, choice in enumerate(self._choices):
-            if choice.key == event.character and not choice.why_not:
+            if choice.key and choice.key == event.character and not choice.why_not:
                 event.stop()
                 self.dismiss(index)
                 return

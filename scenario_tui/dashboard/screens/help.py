@@ -246,15 +246,14 @@ class RunCommands(PaletteProvider):
 
     async def _found(self, wanted: str) -> tuple[RunRow, ...]:
         found: Future[tuple[RunRow, ...]] = Future()
-        self.dashboard.feed.enqueue_action(partial(_look_for, wanted[:200], found))
+        self.dashboard.feed.enqueue_lookup(partial(_look_for, wanted[:200], found))
         try:
             return await asyncio.wait_for(asyncio.wrap_future(found), _PATIENCE)
         except (TimeoutError, asyncio.CancelledError):
             return ()  # the palette was closed, or the daemon has more important things to do
 
 
-def _look_for(wanted: str, found: Future[tuple[RunRow, ...]], daemon: DaemonClient) -> str:
+def _look_for(wanted: str, found: Future[tuple[RunRow, ...]], daemon: DaemonClient) -> None:
     # The future is cancelled when somebody typed on; then nobody needs the answer.
     if found.set_running_or_notify_cancel():
         found.set_result(daemon.runs(text=wanted, limit=_RUNS).rows)
-    return ""

@@ -21,7 +21,13 @@ from scenario_tui.campaign_actions import (
     deletion_text,
 )
 from scenario_tui.dashboard.screens.base import BaseScreen
-from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
+from scenario_tui.dashboard.screens.dialogs import (
+    Menu,
+    MenuChoice,
+    Prompt,
+    Question,
+    numbered_choices,
+)
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
 
 if TYPE_CHECKING:
@@ -320,11 +326,8 @@ class SteeringScreen(BaseScreen):
             if index is not None:
                 self.dashboard.copy(lines[index][1])
 
-        choices = [
-            MenuChoice(str(i) if i < 10 else " ", words, line)
-            for i, (words, line) in enumerate(lines, 1)
-        ]
-        self.app.push_screen(Menu("Copy which command?", choices), decided)
+        menu = Menu("Copy which command?", numbered_choices(lines, 1))
+        self.app.push_screen(menu, decided)
 
     def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
         other = "resume" if row.paused else "pause"

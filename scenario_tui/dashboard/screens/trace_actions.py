@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.paths import StatePaths
 from scenario_tui.campaign_files import find_files, relative_name
 from scenario_tui.dashboard.background import CommandAnswer, command_line
-from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, TextDialog
+from scenario_tui.dashboard.screens.dialogs import Menu, TextDialog, numbered_choices
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow
@@ -51,10 +51,7 @@ def _choose_oracles(
         ways.append(
             (name, dashboard.command_lines.local_arguments(state, "judge", what, "--oracles", name))
         )
-    choices = [
-        MenuChoice(str(i) if i < 10 else " ", words, command_line(way))
-        for i, (words, way) in enumerate(ways)
-    ]
+    choices = numbered_choices([(words, command_line(way)) for words, way in ways], 0)
 
     def decided(index: int | None) -> None:
         if index is not None:

@@ -14,6 +14,7 @@ from textual.coordinate import Coordinate
 from textual.geometry import Size
 from textual.widgets import DataTable
 
+from scenario_tui.dashboard.widgets.static_text import same_text
 from scenario_tui.dashboard.widgets.tables import Row, widest_line
 
 _NARROWEST: Final = 12
@@ -76,7 +77,7 @@ class CellTable(DataTable[Text]):
             zip(before, lines, shown, strict=True)
         ):
             for column, cell in enumerate(cells):
-                if old[column] != new[column]:
+                if not same_text(old[column], new[column]):
                     self.update_cell_at(Coordinate(row, column), cell)
 
     def on_resize(self) -> None:

@@ -1,4 +1,4 @@
-"""A text that is told again with every snapshot: while it is the same, that costs nothing."""
+"""Texts that are refreshed with every snapshot: while they are the same, that costs nothing."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ class StaticText(Static):
             super().update(content, layout=layout and self.styles.auto_dimensions)
 
 
+def same_text(new: Text, shown: Text) -> bool:
+    """Whether two texts look the same; rich compares all but the style below that of the parts."""
+    return new == shown and new.style == shown.style
+
+
 def _same(new: VisualType, shown: VisualType) -> bool:
     if isinstance(new, Text) and isinstance(shown, Text):
-        # Texts are equal whatever the style below that of their parts is.
-        return new == shown and new.style == shown.style
+        return same_text(new, shown)
     return type(new) is type(shown) and new == shown

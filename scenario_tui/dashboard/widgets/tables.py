@@ -13,6 +13,7 @@ from textual.message import Message
 from textual.widgets import DataTable, OptionList
 from textual.widgets.option_list import Option
 
+from scenario_tui.dashboard.widgets.static_text import same_text
 from scenario_tui.text.provisional_text import by_urgency, provisional_text
 from scenario_tui.text.run_text import by_severity, verdict_text
 
@@ -164,7 +165,7 @@ class KeyedTable(DataTable[Text]):
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
         for index in self._shown:
-            if before[index] != cells[index]:
+            if not same_text(before[index], cells[index]):
                 self.update_cell(str(place), str(index), self._cell(index, cells))
 
     def _append(self, place: int, cells: tuple[Text, ...]) -> None:
@@ -303,15 +304,13 @@ class VerdictList(OptionList, inherit_bindings=False):
         self._fill([one.verdict for one in ordered], [provisional_text(one) for one in ordered])
 
     def _fill(self, verdicts: Sequence[Verdict], texts: Sequence[Text]) -> None:
-        if (tuple(verdicts), tuple(texts)) == (self._verdicts, self._texts):
-            return
-        before, chosen = self._verdicts, self.chosen()
+        before, shown, chosen = self._verdicts, self._texts, self.chosen()
         self._verdicts, self._texts = tuple(verdicts), tuple(texts)
         names = [verdict.oracle for verdict in verdicts]
         if names == [verdict.oracle for verdict in before]:
             # In place: a list filled anew every second would jump under the cursor.
-            for place, text in enumerate(texts):
-                if text != self.get_option_at_index(place).prompt:
+            for place, (text, previous) in enumerate(zip(texts, shown, strict=True)):
+                if not same_text(text, previous):
                     self.replace_option_prompt_at_index(place, text)
             return
         scrolled = self.scroll_y

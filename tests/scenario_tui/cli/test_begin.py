@@ -54,6 +54,16 @@ def test_nothing_is_overwritten(scenario, here):
     assert [path.name for path in (here / "mine").iterdir()] == ["notes.txt"]
 
 
+def test_paths_are_plain_in_json_and_quoted_to_be_copied(scenario, here):
+    said = scenario("new", "a b/mine", "--json")
+    answer = json.loads(said.out)
+    assert answer["campaign"] == "a b/mine/campaign.yaml"
+    assert all((here / file).is_file() for file in answer["files"])
+    said = scenario("new", "a b/other")
+    for command in ("check", "run"):
+        assert f"scenario {command} 'a b/other/campaign.yaml'" in said.out
+
+
 def test_a_name_is_that_of_a_campaign(scenario, here):
     said = scenario("new", "my tests")
     assert said.code == 2

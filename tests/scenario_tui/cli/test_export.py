@@ -82,6 +82,30 @@ def test_several_worlds_are_no_file(demo, scenario, tmp_path):
     assert "has 3 worlds" in said.err
 
 
+@pytest.mark.parametrize(
+    ("option", "value"), [("--resolution", "0.1"), ("--distance", "1"), ("--repeats", "2")]
+)
+def test_a_run_takes_no_options_of_buildings(scenario, option, value):
+    said = scenario("export", "first.3", "picture", option, value)
+    assert said.code == 2
+    assert f"{option}: are of floor plans and campaign files, not of runs" in said.err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--distance", "0.7"], "--distance: goes with tasks"),
+        (["--backward", "--closed"], "--backward, --closed: goes with tasks"),
+        (["--timestamp", "2026-01-01T00:00:00Z"], "--timestamp: goes with prov"),
+    ],
+)
+def test_options_of_other_kinds_are_wrong_usage(demo, scenario, tmp_path, options, words):
+    plan = str(demo.with_name("flat.fpm"))
+    said = scenario("export", plan, "map", *options, "-o", str(tmp_path))
+    assert said.code == 2
+    assert words in said.err
+
+
 def test_what_was_recorded_has_no_building_to_export(scenario):
     said = scenario("export", "first.3", "jsonld")
     assert said.code == 2

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from scenario_tui.cli import command_line
+from scenario_tui.cli import command_line, output_schemas
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output
 from scenario_tui.cli.output_schemas import OUTPUTS
@@ -33,8 +33,9 @@ def _rows(heading):
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
-def test_everything_that_is_written_is_declared():
+def test_everything_that_is_written_is_declared_once():
     assert _concrete(Output) == set(OUTPUTS.values())
+    assert len(output_schemas._OUTPUTS) == len(OUTPUTS)
 
 
 def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path):

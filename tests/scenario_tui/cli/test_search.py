@@ -1,6 +1,7 @@
 """Searching from the command line: what is handed over, watched, told and written."""
 
 import base64
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scenario_tui.cli import progress
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.progress import ProgressDisplay
 from scenario_tui.cli.search import _read_changes, search_code
+from scenario_tui.cli.search_files import file_commands
 from scenario_tui.cli.search_progress import SearchWatch
 from scenario_tui.client import newer_proposals
 from scenario_tui.submission import searches_text
@@ -311,6 +313,14 @@ def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campai
     assert f"doors-in-time is a search: start it with `scenario search {file}`" in said.err
     assert searches_text(file, ("a", "b")).startswith("a, b are searches: start one with")
     assert searches_text(file, ()) == ""
+
+
+def test_commands_about_files_can_be_copied():
+    spaced = Path("a b/campaign.yaml")
+    assert "`scenario search 'a b/campaign.yaml'`" in searches_text(spaced, ("a",))
+    written = {kind: f"a b/{kind}" for kind in ("found", "smallest", "gazebo")}
+    commands = [shlex.split(command) for command, _ in file_commands(written)]
+    assert [words[-1] for words in commands] == list(written.values())
 
 
 def test_cancelling_a_search_says_that_it_has_ended(scenario, fake):

@@ -87,6 +87,20 @@ def test_a_search_becomes_a_page(ledger, capsys, name):
     assert "The margin over the values that were run" in page
 
 
+@pytest.mark.parametrize("name", ["corridor", "doors"])
+def test_a_folder_of_its_name_hides_no_search(ledger, capsys, name):
+    Path(name).mkdir()
+    (Path(name) / "campaign.yaml").write_text("")
+    assert invoke(["report", name, "-o", "s.html"]) == 0
+    assert f"doors ({SEARCH}): Not known." in capsys.readouterr().out
+
+
+def test_a_folder_that_names_nothing_else_is_said_to_hold_no_traces(ledger, capsys):
+    Path("elsewhere").mkdir()
+    assert invoke(["report", "elsewhere"]) == 2
+    assert "elsewhere holds no traces" in capsys.readouterr().err
+
+
 def test_as_json_it_is_a_report(ledger, capsys):
     assert invoke(["report", SEARCH, "--json"]) == 0
     body = declared(capsys.readouterr().out)

@@ -9,7 +9,13 @@ from daemon.model.verdicts import Outcome
 from grammars.text.codec import to_plain
 from scenario_tui.dashboard.screens import trace_actions
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
-from scenario_tui.dashboard.screens.dialogs import Menu, Prompt, Question, TextDialog
+from scenario_tui.dashboard.screens.dialogs import (
+    Menu,
+    Prompt,
+    Question,
+    TextDialog,
+    numbered_choices,
+)
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
@@ -285,6 +291,30 @@ async def test_the_palette_does_what_has_no_key_of_its_own(fake):
         await settle(pilot)
         await choose_from_palette(pilot, "retry fail", "Retry failed")
     assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
+
+
+async def test_space_chooses_no_command(fake):
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "Y")
+        before = pilot.app.clipboard
+        await press(pilot, "space")
+        assert isinstance(pilot.app.screen, Menu)
+        assert pilot.app.clipboard == before
+
+
+async def test_only_lines_with_a_key_are_chosen_by_one(fake):
+    chosen = []
+    lines = [(f"line {number}", f"command {number}") for number in range(1, 13)]
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        pilot.app.push_screen(Menu("Which?", numbered_choices(lines, 1)), chosen.append)
+        await settle(pilot)
+        await press(pilot, "space")
+        assert isinstance(pilot.app.screen, Menu)
+        assert chosen == []
+        await press(pilot, "9")
+    assert chosen == [8]
 
 
 async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake):

@@ -91,6 +91,20 @@ def test_actions_become_notices(feed, fake):
     assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
 
 
+def test_whoever_only_searched_is_not_told_that_nothing_was_done(feed, fake):
+    fake.reachable = False
+    feed.start()
+    looked_up = []
+    feed.enqueue_lookup(looked_up.append)
+    eventually(lambda: feed._state.problem and not feed._lookups)
+    feed.enqueue_action(lambda daemon: "done")
+    eventually(lambda: feed._notices)
+    assert [notice.text for notice in feed.take_news()[2]] == [
+        "no daemon answers: nothing was done"
+    ]
+    assert looked_up == []
+
+
 def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake):
     def bug(daemon):
         raise KeyError("a bug")

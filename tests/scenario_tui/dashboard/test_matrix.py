@@ -184,6 +184,16 @@ def test_what_did_not_change_is_not_judged_again(judged):
     assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 unexpected"
 
 
+def test_conclusions_of_deleted_campaigns_are_forgotten(judged):
+    judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
+    for _ in rows:
+        judge.step(judged, rows, CAMPAIGN)
+    assert set(judge.conclusions) == {CAMPAIGN, OLD}
+    judge.step(judged, [row for row in rows if row.id == OLD], "")
+    assert set(judge.conclusions) == {OLD}
+    assert judge.results is None
+
+
 @pytest.mark.parametrize(
     ("code", "finished", "said"),
     [

@@ -1,0 +1,41 @@
+"""Cells and verdicts whose words stay and whose colour changes are drawn anew."""
+
+from rich.text import Text
+from textual.app import App
+
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard.widgets.cell_table import CellTable
+from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, VerdictList
+
+VERDICT = Verdict("calm", "speed <= 1 m/s", Outcome.PASS, 1.0, 1.0, "m/s", Evidence(1.0))
+
+
+class Tables(App):
+    def compose(self):
+        yield KeyedTable((Column("phase", 10),))
+        yield CellTable()
+        yield VerdictList()
+
+
+async def test_a_cell_of_a_table_changes_its_colour():
+    async with Tables().run_test(size=(40, 20)) as pilot:
+        table = pilot.app.query_one(KeyedTable)
+        for colour in ("red", "blue"):
+            table.fill([("a", (Text("explore", colour),))])
+            assert str(table.get_row_at(0)[0].style) == colour
+
+
+async def test_a_cell_of_a_matrix_changes_its_colour():
+    async with Tables().run_test(size=(40, 20)) as pilot:
+        table = pilot.app.query_one(CellTable)
+        for colour in ("red", "blue"):
+            table.fill(["pilot"], [("S1", (Text("5 of 5", colour),))])
+            assert str(table.get_row_at(0)[0].style) == colour
+
+
+async def test_a_verdict_changes_its_colour():
+    async with Tables().run_test(size=(40, 20)) as pilot:
+        verdicts = pilot.app.query_one(VerdictList)
+        for colour in ("red", "blue"):
+            verdicts._fill([VERDICT], [Text("calm", colour)])
+            assert str(verdicts.get_option_at_index(0).prompt.style) == colour
