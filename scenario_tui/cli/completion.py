@@ -1,31 +1,25 @@
 """What TAB offers: campaigns, runs, oracles and files that fit, instead of every file there is.
 
-Names come from the ledger of this machine, read as it is, or from the daemon somebody names, which
-gets a moment to answer. Without either nothing is offered, and the shell completes file names as
-it does anywhere. Whatever goes wrong stays unsaid: people are in the middle of a line.
+Names come from the ledger of this machine, read as it is. Without one, or with a daemon named
+that keeps another, nothing is offered, and the shell completes file names as it does anywhere.
+Whatever goes wrong stays unsaid: people are in the middle of a line.
 """
 
 from __future__ import annotations
 
-import atexit
 import functools
 import os
 import re
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import typer
 
 from scenario_tui.campaign_files import has_key, is_campaign
 
 if TYPE_CHECKING:
-    import threading
-
-    from daemon.batch.client import Client
     from daemon.batch.ledger.names import CampaignName, LedgerName
 
 Offer: TypeAlias = list[tuple[str, str]]
@@ -82,38 +76,6 @@ def folders(incomplete: str) -> Offer:
     return _find_fitting(incomplete, lambda path: False, descend=False)
 
 
-def names_in(campaign: str, what: str) -> Offer:
-    """Offer scenarios, or systems under test (``sut``), of a campaign file that can be run."""
-    from ruamel.yaml import YAML
-
-    body = YAML(typ="safe").load(Path(campaign))
-    scenarios = {
-        name: text
-        for name, text in body["scenarios"].items()
-        if not (isinstance(text, dict) and text.get("abstract"))
-    }
-    if what == "scenarios":
-        return [(str(name), "scenario") for name in scenarios]
-    sections = [
-        body,
-        body.get("matrix") or {},
-        *filter(lambda text: isinstance(text, dict), scenarios.values()),
-    ]
-    suts = [section.get("sut") or [] for section in sections]
-    found = (name for sut in suts for name in (sut if isinstance(sut, list) else [sut]))
-    # With values beside it a name is the only key.
-    names = (next(iter(name)) if isinstance(name, dict) else str(name) for name in found)
-    return [(str(name), "system under test") for name in dict.fromkeys(names)]
-
-
-def searches_in(campaign: str) -> Offer:
-    """Offer the searches of a campaign file."""
-    from ruamel.yaml import YAML
-
-    body = YAML(typ="safe").load(Path(campaign))
-    return [(str(name), str(text.get("about", ""))) for name, text in body["search"].items()]
-
-
 def _find_fitting(incomplete: str, fits: Fits, *, descend: bool = True) -> Offer:
     """Offer folders to go into and files that fit; into a folder that is alone we go at once."""
     found = list(islice(_iterate_candidates(incomplete, fits), _MAX_OFFERED))
@@ -137,10 +99,6 @@ def _iterate_candidates(incomplete: str, fits: Fits) -> Iterator[str]:
 
 
 Completer: TypeAlias = Callable[[typer.Context, str], Offer]
-T = TypeVar("T")
-
-PATIENCE: Final = 0.25
-"""Seconds a daemon elsewhere gets to answer, loading the client included."""
 _WORD: Final = re.compile(r"[\w@%+=:,./~-]+\Z")
 """What can stand in a command line as it is: shells do not quote what they are offered."""
 _NOT_PLAIN: Final = re.compile(r"[^\w.,:%/-]+")
@@ -230,25 +188,16 @@ def campaign_files_or_recorded(ctx: typer.Context, incomplete: str) -> Offer:
 
 @offer_nothing_on_error
 def blame_arguments(ctx: typer.Context, incomplete: str) -> Offer:
-    """Offer a run, or a campaign file, then its scenarios and systems under test."""
-    said = [str(word) for word in ctx.params.get("run") or ()]
-    if not said:
-        return _with_files(runs_or_traces(ctx, incomplete), campaign_files(incomplete))
-    if not said[0].endswith((".yaml", ".yml")) or len(said) > 2:
+    """Offer a run, or a campaign file; nothing for what follows it."""
+    if ctx.params.get("run"):
         return []
-    return _starting_with(names_in(said[0], ("scenarios", "sut")[len(said) - 1]), incomplete)
+    return _with_files(runs_or_traces(ctx, incomplete), campaign_files(incomplete))
 
 
 @offer_nothing_on_error
 def campaign_files_or_campaigns(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer campaign files, and what the daemon has."""
     return _with_files(campaigns(ctx, incomplete), campaign_files(incomplete))
-
-
-@offer_nothing_on_error
-def searches_in_file(ctx: typer.Context, incomplete: str) -> Offer:
-    """Offer the searches of the campaign file that was named."""
-    return _starting_with(searches_in(_argument_before(ctx, "campaign")), incomplete)
 
 
 @offer_nothing_on_error
@@ -320,34 +269,13 @@ def _argument_before(ctx: typer.Context, argument: str) -> str:
 def _campaigns(ctx: typer.Context) -> Sequence[CampaignName]:
     from daemon.batch.ledger import names as ledger_names
 
-    endpoint = _named_endpoint(ctx)
-    if not endpoint:
-        return ledger_names.campaigns(_ledger(ctx))
-    rows = _ask_in_thread(
-        ctx, endpoint, lambda daemon: daemon.campaign_page(limit=ledger_names.MOST_NAMES)
-    )
-    return tuple(ledger_names.CampaignName(row.id, row.name, f"{row.total} runs") for row in rows)
+    return () if _names_daemon(ctx) else ledger_names.campaigns(_ledger(ctx))
 
 
 def _runs(ctx: typer.Context, beginning: str) -> Sequence[LedgerName]:
     from daemon.batch.ledger import names as ledger_names
 
-    endpoint = _named_endpoint(ctx)
-    if not endpoint:
-        return ledger_names.runs(_ledger(ctx), beginning)
-    campaign = beginning.partition(".")[0]
-    page = _ask_in_thread(
-        ctx,
-        endpoint,
-        lambda daemon: daemon.runs(campaign, sort="outcome", limit=ledger_names.MOST_NAMES),
-    )
-    return tuple(
-        ledger_names.LedgerName(
-            row.id, f"{row.outcome or row.state} {row.scenario}/{row.sut}/{row.repeat}"
-        )
-        for row in page.rows
-        if row.id.startswith(beginning)
-    )
+    return () if _names_daemon(ctx) else ledger_names.runs(_ledger(ctx), beginning)
 
 
 def _ledger(ctx: typer.Context) -> Path:
@@ -356,38 +284,7 @@ def _ledger(ctx: typer.Context) -> Path:
     return StatePaths.find(ctx.params.get("state")).ledger
 
 
-def _named_endpoint(ctx: typer.Context) -> str:
-    """Return the endpoint somebody named; commands that read the ledger have no such option."""
-    if "connect" not in ctx.params:
-        return ""
-    return str(ctx.params["connect"] or os.environ.get("SCENARIO_CONNECT") or "")
-
-
-def _ask_in_thread(ctx: typer.Context, endpoint: str, ask: Callable[[Client], T]) -> T:
-    """Ask a daemon in a thread, left behind when it takes long; raises without an answer."""
-    import queue
-    import threading
-
-    keys: Path | None = ctx.params.get("keys")
-    answers: queue.SimpleQueue[tuple[T, ...]] = queue.SimpleQueue()
-
-    def work() -> None:
-        from daemon.batch.client import Client
-
-        # That no answer comes says it all.
-        with suppress(Exception), Client.open(endpoint, timeout=PATIENCE, keys=keys) as daemon:
-            answers.put((ask(daemon),))
-        answers.put(())
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    atexit.register(_exit_while_waiting, thread)
-    (answer,) = answers.get(timeout=PATIENCE)
-    return answer
-
-
-def _exit_while_waiting(thread: threading.Thread) -> None:
-    """End before a thread does that still waits: the interpreter would complain about it."""
-    if thread.is_alive():
-        sys.stdout.flush()
-        os._exit(0)
+def _names_daemon(ctx: typer.Context) -> bool:
+    """Whether somebody names a daemon, whose ledger may be another than that of this machine."""
+    named = ctx.params.get("connect") or os.environ.get("SCENARIO_CONNECT")
+    return "connect" in ctx.params and bool(named)

@@ -88,7 +88,6 @@ def search(
         typer.Argument(
             metavar="NAME",
             help="Which search of the file. Default: the only one.",
-            autocompletion=completion.searches_in_file,
         ),
     ] = "",
     budget: Annotated[

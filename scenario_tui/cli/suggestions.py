@@ -13,10 +13,7 @@ _ENDINGS: Final = (".yaml", ".yml")
 
 
 def refuse_missing_campaign(path: Path) -> None:
-    """Raise :class:`InputError` for a campaign file that is not there, with those near by.
-
-    What was submitted under such a name is told as well.
-    """
+    """Raise :class:`InputError` for a campaign file that is not there, with those near by."""
     if not path.exists():
         raise InputError(Diagnostic(Where(str(path)), "no such file", _hint(path)))
 
@@ -37,9 +34,6 @@ def _hint(path: Path) -> str:
         shown = ", ".join(map(str, files[:_LISTED]))
         more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
         parts.append(f"campaign files here: {shown}{more}")
-    submitted = _submitted(path.stem)
-    if submitted:
-        parts.append(f'"{submitted}" was submitted: `scenario results {submitted}`')
     if not parts:
         parts.append("there is no campaign file here: `scenario new NAME` writes one")
     return "; ".join(parts)
@@ -58,18 +52,3 @@ def _closest_file(path: Path, files: tuple[Path, ...]) -> Path | None:
         if word := closest(typed, words):
             return words[word]
     return None
-
-
-def _submitted(name: str) -> str:
-    """Return the name of a campaign of this machine's ledger that is called so or nearly so."""
-    from daemon.batch.ledger import names as ledger_names
-    from daemon.batch.paths import StatePaths
-
-    ledger = StatePaths.find().ledger
-    if not ledger.is_file():
-        return ""
-    try:
-        return closest(name, (one.name for one in ledger_names.campaigns(ledger)))
-    except Exception:
-        # A ledger that cannot be read just now, for whatever reason, has nothing to suggest.
-        return ""

@@ -13,9 +13,8 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import Completion
 from daemon.model.verdicts import Outcome
-from scenario_tui.cli import completion, invoke
+from scenario_tui.cli import invoke
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 
 NOW = 1_000_000.0
 Tab = Callable[[str], list[str]]
@@ -99,12 +98,10 @@ def test_words_and_signals(tab):
     assert tab("scenario results --baseline last") == ["last-green"]
 
 
-def test_campaign_files_and_campaigns_then_the_searches_of_the_file(tab, tmp_path):
+def test_campaign_files_and_campaigns(tab, tmp_path):
     (tmp_path / "house.yaml").write_text("campaign: h\nsearch: {doors: {about: a}, noise: {}}\n")
     assert tab("scenario search ") == ["new-1", "old-1", "house.yaml"]
-    assert tab("scenario search house.yaml ") == ["doors", "noise"]
-    assert tab("scenario search house.yaml n") == ["noise"]
-    assert tab("scenario search new-1 ") == []
+    assert tab("scenario blame house.yaml ") == []
     assert tab("scenario search house.yaml --method h") == ["halton"]
 
 
@@ -135,16 +132,6 @@ def test_a_system_is_offered_beside_the_commands_about_one(tab, tmp_path):
     assert "--json" in tab("scenario sut mine.yaml --")
 
 
-def test_scenarios_and_suts_of_a_campaign_file(tab, tmp_path):
-    (tmp_path / "c.yaml").write_text(
-        "campaign: c\nmatrix: {sut: [a, {b: {speed: 1}}]}\n"
-        "scenarios:\n  base: {abstract: true}\n  S1: {like: base}\n"
-        "  S2: {like: base, sut: {own: {x: 1}}}\n"
-    )
-    assert tab("scenario blame c.yaml S") == ["S1", "S2"]
-    assert tab("scenario blame c.yaml S1 ") == ["a", "b", "own"]
-
-
 @pytest.mark.parametrize("content", [None, b"no ledger", b""])
 def test_nothing_without_a_usable_ledger(tab, tmp_path, monkeypatch, content):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
@@ -155,15 +142,11 @@ def test_nothing_without_a_usable_ledger(tab, tmp_path, monkeypatch, content):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ledger.db"] * (content is not None)
 
 
-def test_a_daemon_somebody_names_is_asked(tab, monkeypatch):
-    import daemon.batch.client
-
-    monkeypatch.setattr(completion, "PATIENCE", 60.0)
-    fake = FakeDaemon()
-    monkeypatch.setattr(daemon.batch.client.Client, "open", lambda *_, **__: fake.open())
-    assert tab("scenario results --connect tcp/127.0.0.1:7 fi") == [CAMPAIGN, "first"]
-    fake.reachable = False
-    assert tab("scenario results --connect tcp/127.0.0.1:7 fi") == []
+def test_another_daemon_has_other_names(tab, monkeypatch):
+    assert tab("scenario results --connect tcp/127.0.0.1:7 old") == []
+    assert tab("scenario replay --connect tcp/127.0.0.1:7 old-1.") == []
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    assert tab("scenario results old") == []
 
 
 def test_fish_is_told_by_the_exit_code(state, monkeypatch):

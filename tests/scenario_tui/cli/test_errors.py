@@ -3,14 +3,12 @@
 import errno
 import json
 import os
-import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from daemon.batch.paths import StatePaths
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
@@ -272,17 +270,6 @@ def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path, monkeypatc
     for name in ("alpha", "beta"):
         (tmp_path / f"{name}.yaml").write_text(f"campaign: {name}\n")
     assert "campaign files here: " in scenario("run", "x.yaml").err
-
-
-def test_a_missing_campaign_may_have_been_submitted(scenario, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
-    ledger = StatePaths.find().ledger
-    ledger.parent.mkdir(parents=True, exist_ok=True)
-    with sqlite3.connect(ledger) as db:
-        db.execute("CREATE TABLE campaign (serial INTEGER PRIMARY KEY, id, name, total, about)")
-        db.execute("INSERT INTO campaign VALUES (1, 'nightly-1', 'nightly', 3, '')")
-    assert '"nightly" was submitted: `scenario results nightly`' in scenario("run", "nightly").err
 
 
 def test_a_command_that_leaves_without_an_answer_writes_what_it_said(monkeypatch, capsys):
