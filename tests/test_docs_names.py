@@ -21,8 +21,6 @@ _COMMAND = re.compile(r"(?:^\s*|[$>] ?|&& |run: |- )scenario ([a-z]+\b.*)")
 _ROOMS = ("campaigns", "daemon", "docs", "grammars", "scenario_tui", "templates", "tests")
 _NO_NAMES = {("docs/languages/floorplan.md", "door-1")}
 """What a page says is no name."""
-EARLIER = "## Words of earlier versions"
-"""The part of a page that names what is no longer there, on purpose."""
 
 
 class Line(NamedTuple):
@@ -35,8 +33,6 @@ class Line(NamedTuple):
 def _code():
     for page in PAGES:
         text = page.read_text("utf-8")
-        before, found, after = text.partition(EARLIER)
-        text = before + (after.partition("\n## ")[2] if found else "")
         name = str(page.relative_to(ROOT))
         for block in _BLOCK.findall(text):
             for line in block.replace("\\\n", " ").splitlines():

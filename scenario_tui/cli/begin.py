@@ -161,24 +161,11 @@ class LayersOutput(Output, schema="layers"):
         stdout_console().print(table)
 
 
-def layers(
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FOLDER", help="Where the campaign is.", file_okay=False, exists=True
-        ),
-    ] = Path(),
-    as_json: AsJson = False,
-) -> None:
-    """List what a campaign of a folder can name: robots, systems under test, plans, …
-
-    Those in the folder come first, then those in the folders that campaigns share, then those that
-    ship. Of several with one name the first counts.
-    """
-    _list_layers(folder, as_json=as_json)
-
-
 def _list_layers(folder: Path, *, as_json: bool) -> None:
+    """List the layers of a folder, then the shared ones, then those that ship.
+
+    Of several with one name the first counts.
+    """
     if why := why_no_folder(folder):
         raise typer.BadParameter(f"{folder} {why}", param_hint="NAME")
     from daemon.campaign import LAYER_KINDS

@@ -24,15 +24,13 @@ from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 class CommandEntry:
     """A command: the function or group ``attribute`` of a ``module`` of ours, and what help says.
 
-    The function is called as the command is unless ``attribute`` says otherwise. An old word is a
-    command that another one has taken in: ``instead`` is what to type now.
+    The function is called as the command is unless ``attribute`` says otherwise.
     """
 
     name: str
     module: str
     summary: str
     attribute: str = ""
-    instead: str = ""
 
 
 _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
@@ -190,33 +188,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
 COMMANDS: Final[dict[str, CommandEntry]] = {
     entry.name: entry for entries in _PANELS.values() for entry in entries
 }
-OLD_WORDS: Final[dict[str, CommandEntry]] = {
-    entry.name: entry
-    for entry in (
-        CommandEntry("layers", "begin", "", instead="scenario new --layers [FOLDER]"),
-        CommandEntry("logs", "logs", "", instead="scenario show RUN --log"),
-        CommandEntry("fetch", "export_runs", "", instead="scenario export CAMPAIGN|RUN traces"),
-        CommandEntry("resume", "steer", "", instead="scenario pause CAMPAIGN --off"),
-        CommandEntry("stop", "steer", "", instead="scenario daemon --stop"),
-        CommandEntry("metrics", "operate", "", instead="scenario status --metrics"),
-        CommandEntry("vscode", "editors", "", instead="scenario schema --vscode DIR"),
-    )
-}
-"""They work for one release and say what to type now; help and completion do not name them."""
 _PANEL_OF: Final = {entry.name: panel for panel, entries in _PANELS.items() for entry in entries}
-
-
-class _OldWord(PlainFlagsCommand):
-    """A command that says which one has taken it in, and does what it always did."""
-
-    instead = ""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Say what to type now, on standard error, and call the command."""
-        from scenario_tui.cli.output import say
-
-        say(f"`scenario {self.name}` is now `{self.instead}`; the old word goes with a release")
-        return super().invoke(ctx)
 
 
 @cache
@@ -228,14 +200,9 @@ def load_command(entry: CommandEntry) -> Any:
         from scenario_tui.cli.options import with_keys_option
 
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        kind = _OldWord if entry.instead else PlainFlagsCommand
-        alone.command(entry.name, cls=kind)(with_keys_option(found))
+        alone.command(entry.name, cls=PlainFlagsCommand)(with_keys_option(found))
         found = alone
-    command = typer.main.get_command(found)
-    if isinstance(command, _OldWord):
-        command.instead = entry.instead
-        command.epilog = f"An old word. Type now: {entry.instead}"
-    return command
+    return typer.main.get_command(found)
 
 
 class _Commands(UserDict[str, Any]):
@@ -252,13 +219,6 @@ class CommandGroup(PlainFlagsGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands = _Commands(COMMANDS)
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command by its name or an old word for it, ``None`` for what is neither."""
-        found = super().get_command(ctx, cmd_name)
-        if found is None and cmd_name in OLD_WORDS:
-            return load_command(OLD_WORDS[cmd_name])
-        return found
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands in the order of help."""

@@ -304,7 +304,7 @@ def schema(
     if extension is not None:
         if kind is not None or outputs or out is not None:
             raise typer.BadParameter("goes with nothing else", param_hint="--vscode")
-        vscode(extension)
+        _write_extension(extension)
         return
     if outputs:
         if kind is not None:
@@ -335,18 +335,11 @@ def _publish(found: Schema, folder: Path | None, file: str) -> None:
     typer.echo(path)
 
 
-def vscode(
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")
-    ] = Path(),
-) -> None:
-    """Write the extension for Visual Studio Code.
-
-    Install it with: code --install-extension scenario.vsix
-    """
+def _write_extension(folder: Path) -> None:
+    """Write the extension for Visual Studio Code, and print where it is."""
     from grammars.editor import pack_extension
 
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / "scenario.vsix"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "scenario.vsix"
     path.write_bytes(pack_extension())
     typer.echo(path)

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.options import AsJson, Connect, State, check_folder, check_writable
+from scenario_tui.cli.options import check_folder, check_writable
 from scenario_tui.cli.output import Output, OutputPart, say, stdout_console
 
 if TYPE_CHECKING:
@@ -73,27 +72,9 @@ class FetchOutput(Output, schema="fetch"):
         stdout_console().print(words, markup=False, soft_wrap=True)
 
 
-def fetch(
-    subject: Annotated[
-        str,
-        typer.Argument(
-            metavar="CAMPAIGN|RUN",
-            help="Id or name of a campaign, or the id of a run.",
-            autocompletion=completion.runs,
-        ),
-    ],
-    folder: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="DIR", file_okay=False,
-            help="Folder to write to, one folder per campaign in it.",
-        ),
-    ] = Path(),
-    wall_clock: WallClockOption = None,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:  # fmt: skip
+def _fetch(
+    subject: str, folder: Path, wall_clock: WallClock | None, target: DaemonTarget, *, as_json: bool
+) -> None:
     """Bring the traces of a campaign or a run here, from a daemon or the store they lie in.
 
     Each is verified. What was interrupted goes on where it was; what is here already stays.
@@ -102,7 +83,6 @@ def fetch(
     from daemon.batch.stores import copy_trace, local_copy, trace_reference
     from daemon.model.ids import trace_name
     from scenario_tui.cli.named_traces import recorded_runs, transfer_progress
-    from scenario_tui.cli.target import DaemonTarget
 
     # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
@@ -110,7 +90,7 @@ def fetch(
     executed: dict[str, RunDetail] = {}
     missing: dict[str, str] = {}
     brought: list[Brought] = []
-    with DaemonTarget(connect, state).open() as daemon:
+    with target.open() as daemon:
         for run in recorded_runs(daemon, subject, "SOURCE"):
             row = run.row
             try:
@@ -168,26 +148,22 @@ class PictureOutput(Output, schema="picture"):
         stdout_console().print(self.written, markup=False, soft_wrap=True)
 
 
-def draw_recorded(
+def _draw(
     run: str,
     path: Path,
     target: DaemonTarget,
     part: tuple[float | None, float | None],
     *,
-    hint: str,
     as_json: bool,
 ) -> None:
-    """Draw a run, the ``part`` of it between two moments in seconds if they are given.
-
-    ``hint`` is the parameter that names the run.
-    """
+    """Draw a run, the ``part`` of it between two moments in seconds if they are given."""
     from daemon.analysis.report import draw_run
     from scenario_tui.cli.named_traces import one_trace
 
     if path.suffix not in PICTURE_ENDINGS:
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--out")
     check_writable(path, "--out")
-    trace = one_trace(run, target, hint)
+    trace = one_trace(run, target, "SOURCE")
     with wrong_usage("--from, --until"):
         draw_run(trace, path, since=part[0], until=part[1])
     PictureOutput(str(trace), str(path)).show(as_json)
@@ -223,11 +199,11 @@ def export_recorded(
         if part != (None, None):
             raise typer.BadParameter("goes with picture only", param_hint="--from, --until")
         check_folder(out, "--out")
-        fetch(str(source), out, wall_clock, target.connect, target.state, as_json)
+        _fetch(str(source), out, wall_clock, target, as_json=as_json)
         return
     if wall_clock is not None:
         raise typer.BadParameter("goes with traces only", param_hint="--wall-clock")
     path = out
     if out.is_dir() or not out.suffix:
         path = out / f"{source.name.removesuffix('.mcap')}.svg"
-    draw_recorded(str(source), path, target, part, hint="SOURCE", as_json=as_json)
+    _draw(str(source), path, target, part, as_json=as_json)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
 from scenario_tui.cli.output import Output, stdout_console
 
 if TYPE_CHECKING:
@@ -102,34 +101,18 @@ class LogsOutput(Output, schema="logs"):
                 console.print(line, markup=False, soft_wrap=True)
 
 
-def logs(
-    run: RunOrTrace,
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", metavar="NAME",
-            help="Print only what the system under test wrote to this output, stack.txt say, and "
-            "all of it.",
-        ),
-    ] = "",
-    everything: Annotated[
-        bool, typer.Option("--all", help="Print all lines of all outputs, not the last ones.")
-    ] = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:  # fmt: skip
-    """Tell what happened in a run: its attempts, its mission, contacts, what the SUT said.
+def show_log(
+    run: str, output: str, target: DaemonTarget, *, everything: bool, as_json: bool
+) -> None:
+    """Print what happened in a run: its attempts, its mission, contacts, what the SUT said.
 
-    Of what an external system printed the last lines of each output. Read from the state directory
-    of this machine; no daemon is needed unless one is named.
+    An external system's outputs are printed with their last lines, or with ``everything``; with
+    the name of an ``output`` that one alone. No daemon is needed unless one is named.
     """
-    from scenario_tui.cli.target import DaemonTarget
-
     if run.endswith(".mcap"):
         found = LogsOutput("", 0, "", (), (), *_recorded(Path(run)))
     else:
-        found = _collect_logs(run, DaemonTarget(connect, state))
+        found = _collect_logs(run, target)
     if output:
         _check_output(found.printed, output)
     if as_json:

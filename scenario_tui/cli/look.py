@@ -244,16 +244,18 @@ def show(
     The log is read from the state directory of this machine; no daemon is needed for it unless one
     is named.
     """
-    if log or everything or output:
-        from scenario_tui.cli.logs import logs
-
-        logs(run, output, everything, connect, state, as_json)
-        return
-    from scenario_tui.cli.named_traces import pointing_to_traces, why_no_trace
-    from scenario_tui.cli.target import DaemonTarget, find_run
-    from scenario_tui.client import latest_snapshot
+    from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
+    if log or everything or output:
+        from scenario_tui.cli.logs import show_log
+
+        show_log(run, output, target, everything=everything, as_json=as_json)
+        return
+    from scenario_tui.cli.named_traces import pointing_to_traces, why_no_trace
+    from scenario_tui.cli.target import find_run
+    from scenario_tui.client import latest_snapshot
+
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
         detail = find_run(daemon, run)
         search = daemon.search_row(detail.row.campaign)

@@ -115,9 +115,10 @@ def daemon(
     """
     if end:
         use_keys(keys)
-        from scenario_tui.cli.steer import stop
+        from scenario_tui.cli.steer import stop_daemon
+        from scenario_tui.cli.target import DaemonTarget
 
-        stop(connect, state, as_json)
+        stop_daemon(DaemonTarget(connect, state), as_json=as_json)
         return
     for option, given in (("--connect", bool(connect)), ("--json", as_json)):
         if given:

@@ -14,7 +14,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, Connect, Processes, State, check_writable
-from scenario_tui.cli.output import Output, say, stdout_console, track_progress
+from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
     from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
@@ -75,24 +75,6 @@ def report(
         Path | None,
         typer.Option("--parquet", metavar="FILE", help="The same as Parquet."),
     ] = None,
-    run: Annotated[
-        str,
-        typer.Option(
-            "--run",
-            metavar="RUN",
-            help="Only draw this run: an id or a trace (.svg or .png).",
-            autocompletion=completion.runs_or_traces,
-            hidden=True,
-        ),
-    ] = "",
-    since: Annotated[
-        float | None,
-        typer.Option("--from", metavar="SECONDS", help="With --run: from here on.", hidden=True),
-    ] = None,
-    until: Annotated[
-        float | None,
-        typer.Option("--until", metavar="SECONDS", help="With --run: up to here.", hidden=True),
-    ] = None,
     exit_status: Annotated[
         bool,
         typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
@@ -113,24 +95,11 @@ def report(
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
-    if run:
-        from scenario_tui.cli.export_runs import draw_recorded
-
-        if campaign:
-            raise typer.BadParameter("name a campaign or a run, not both", param_hint="--run")
-        now = "scenario export RUN picture"
-        say(f"`scenario report --run RUN` is now `{now}`; the old words go with a release")
-        drawn, part = output or Path("run.svg"), (since, until)
-        draw_recorded(run, drawn, target, part, hint="--run", as_json=as_json)
-        return
     for option, file in (
         ("--output", output), ("--junit", junit), ("--csv", csv), ("--parquet", parquet),
     ):  # fmt: skip
         if file is not None:
             check_writable(file, option)
-    if since is not None or until is not None:
-        message = "are of pictures: scenario export RUN picture --from 70 --until 90"
-        raise typer.BadParameter(message, param_hint="--from, --until")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     if _report_search(campaign, output, target, tables, exit_status=exit_status, as_json=as_json):
         return

@@ -55,14 +55,14 @@ def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
     if wanted.endswith(".mcap") or names_traces(wanted):
         return None
     try:
-        return _search_called(wanted, target, drawn=drawn)
+        return _search_called(wanted, target)
     except Refused:
         if Path(wanted).is_dir():
             return None  # whoever reads traces says that it holds none
         raise
 
 
-def _search_called(wanted: str, target: DaemonTarget, *, drawn: bool) -> SearchMaterial | None:
+def _search_called(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
     from daemon.analysis.report import open_ledger
 
     if target.named:

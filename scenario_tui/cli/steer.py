@@ -17,6 +17,7 @@ from scenario_tui.cli.output import Output, say
 if TYPE_CHECKING:
     from daemon.model.status import DeletedCampaign
     from daemon.model.verbs import DaemonClient
+    from scenario_tui.cli.target import DaemonTarget
 
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
@@ -120,17 +121,12 @@ def pause(
 
     Runs that are running finish.
     """
-    if off:
-        resume(campaign, connect, state, as_json)
-        return
-    _steer(PauseOutput, lambda daemon, id_: daemon.pause(id_), campaign, connect, state, as_json)
+    output = ResumeOutput if off else PauseOutput
 
+    def ask(daemon: DaemonClient, id_: str) -> int:
+        return daemon.resume(id_) if off else daemon.pause(id_)
 
-def resume(
-    campaign: CampaignName, connect: Connect = "", state: State = None, as_json: AsJson = False
-) -> None:
-    """Go on with a paused campaign."""
-    _steer(ResumeOutput, lambda daemon, id_: daemon.resume(id_), campaign, connect, state, as_json)
+    _steer(output, ask, campaign, connect, state, as_json)
 
 
 class PriorityOutput(Output, schema="priority"):
@@ -225,15 +221,13 @@ def _ask_whether(what: str) -> None:
     typer.confirm("Delete? Nothing brings it back.", abort=True, err=True)
 
 
-def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
+def stop_daemon(target: DaemonTarget, *, as_json: bool) -> None:
     """Ask the daemon to leave.
 
     Running runs get a while to finish; what is queued goes on with the next daemon.
     """
     from daemon.batch.paths import endpoint_text
-    from scenario_tui.cli.target import DaemonTarget
 
-    target = DaemonTarget(connect, state)
     # Asked first: once the daemon has left, nothing says where it was.
     endpoint = target.endpoint
     with target.open() as daemon:

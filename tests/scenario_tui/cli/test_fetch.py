@@ -134,7 +134,7 @@ def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
     assert len(cached(here)) == 2
     assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["runs"] == 3
-    assert invoke(["report", "--run", "corr-1.0", "-o", "run.svg"]) == 0
+    assert invoke(["export", "corr-1.0", "picture", "-o", "run.svg"]) == 0
     assert invoke(["coverage", "corr-1", "-j", "1", "--json"]) == 0
 
 

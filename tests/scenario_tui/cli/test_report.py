@@ -83,7 +83,7 @@ def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger):
 
 @pytest.mark.parametrize("name", ["run.svg", "run.png"])
 def test_one_run_is_drawn(ledger, name):
-    assert invoke(["report", "--run", "corr-1.0", "-o", name]) == 0
+    assert invoke(["export", "corr-1.0", "picture", "-o", name]) == 0
     if name.endswith(".svg"):
         text = Path(name).read_text(encoding="utf-8")
         assert "inside the buffer" in text
@@ -94,8 +94,8 @@ def test_one_run_is_drawn(ledger, name):
 
 
 def test_a_part_of_a_run_is_drawn_closely(ledger):
-    arguments = ["report", "--run", "corr-1.0", "--from", "4", "--until", "6.5", "-o", "part.svg"]
-    assert invoke(arguments) == 0
+    part = ["--from", "4", "--until", "6.5", "-o", "part.svg"]
+    assert invoke(["export", "corr-1.0", "picture", *part]) == 0
     text = Path("part.svg").read_text(encoding="utf-8")
     assert "4.0 s to 6.5 s of 20.0 s" in text
     assert "1 contact" in text
@@ -110,13 +110,6 @@ def test_a_part_of_a_run_is_drawn_closely(ledger):
     [
         (["nowhere"], "is no state directory"),
         (["traces/a.mcap"], "for one run there is `scenario export RUN picture`"),
-        (["--run", "nothing"], "nothing is no trace"),
-        (["--run", "traces"], "means 2 traces (a.mcap, b.mcap): name one of them"),
-        (["--run", "traces/a.mcap", "-o", "run.gif"], "must end in .svg or .png"),
-        (["traces", "--run", "traces/a.mcap"], "not both"),
-        (["traces", "--from", "3"], "scenario export RUN picture"),
-        (["--run", "traces/a.mcap", "--from", "30"], "no part of a run that goes from 0 s to 20 s"),
-        (["--run", "traces/a.mcap", "--until", "-1"], "is no part of a run"),
         (["empty"], "holds no traces"),
         (["broken"], "is not what `scenario run` leaves"),
     ],
@@ -130,6 +123,23 @@ def test_what_cannot_be_is_said(here, capsys, arguments, words):
     said = " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert words in said
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nothing", "picture"], "nothing is no trace"),
+        (["traces/a.mcap", "picture", "-o", "run.gif"], "must end in .svg or .png"),
+        (
+            ["traces/a.mcap", "picture", "--from", "30"],
+            "no part of a run that goes from 0 s to 20 s",
+        ),
+        (["traces/a.mcap", "picture", "--until", "-1"], "is no part of a run"),
+    ],
+)
+def test_a_picture_that_cannot_be_is_said(here, capsys, arguments, words):
+    assert invoke(["export", *arguments]) == 2
+    assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())
 
 
 def test_the_newest_folder_of_traces_is_named_when_there_is_no_campaign(here, capsys):

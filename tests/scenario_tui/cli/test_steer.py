@@ -60,10 +60,10 @@ def test_people_see_the_path_of_a_socket_and_programs_the_endpoint(scenario, fak
     endpoint = f"unixsock-stream/{tmp_path}/daemon.sock"
     contact = f'{{"endpoint": "{endpoint}", "pid": 1, "version": "0", "started_at": 0.0}}'
     (tmp_path / "daemon.json").write_text(contact)
-    for command in ("status", "stop"):
-        said = scenario(command, "--state", str(tmp_path))
+    for command in (["status"], ["daemon", "--stop"]):
+        said = scenario(*command, "--state", str(tmp_path))
         assert f"at {tmp_path}/daemon.sock" in said.out + said.err
-        assert f'"{endpoint}"' in scenario(command, "--state", str(tmp_path), "--json").out
+        assert f'"{endpoint}"' in scenario(*command, "--state", str(tmp_path), "--json").out
 
 
 def test_stop_says_that_queued_work_waits(scenario, fake):

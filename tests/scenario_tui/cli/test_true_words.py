@@ -170,7 +170,7 @@ def check(said, state, *right):
 READERS = {
     "plot": ("plot", "{}", "speed"),
     "replay": ("replay", "{}", "--frame", "1"),
-    "fetch": ("fetch", "{}"),
+    "export": ("export", "{}", "traces"),
     "judge": ("judge", "{}"),
     "verify": ("verify", "{}"),
     "coverage": ("coverage", "{}"),
@@ -186,10 +186,11 @@ def test_commands_that_read_traces_say_why_a_run_has_none(say, name, command):
     check(said, name, f"{name}-1.0 {WAITS[name]}")
 
 
-@pytest.mark.parametrize("command", ["fetch", "judge", "coverage", "verify"])
+@pytest.mark.parametrize("command", ["export", "judge", "coverage", "verify"])
 @pytest.mark.parametrize("name", NO_TRACES)
 def test_commands_that_read_traces_say_why_a_campaign_has_none(say, name, command):
-    code, said = say(command, f"{name}-1")
+    more = ("traces",) if command == "export" else ()
+    code, said = say(command, f"{name}-1", *more)
     assert code == 2
     check(said, name, NO_TRACES[name])
 
@@ -254,7 +255,7 @@ LOGS = {
 
 @pytest.mark.parametrize("name", LOGS)
 def test_logs_of_a_run_without_a_result_tell_its_attempts(say, name):
-    code, said = say("logs", f"{name}-1.0")
+    code, said = say("show", f"{name}-1.0", "--log")
     assert code == 0
     check(said, name, LOGS[name])
 
@@ -306,9 +307,9 @@ def test_runs_to_come_are_no_changes_of_verdicts(say):
     assert "not judged" not in said
 
 
-@pytest.mark.parametrize("command", ["judge", "coverage", "fetch"])
+@pytest.mark.parametrize("command", ["judge", "coverage", "export"])
 def test_of_a_campaign_that_goes_on_what_there_is_is_read_and_that_is_said(say, command):
-    more = () if command == "fetch" else ("-j", "1")
+    more = ("traces",) if command == "export" else ("-j", "1")
     code, said = say(command, "half-1", *more)
     assert code == (1 if command == "judge" else 0), "runs fail"
     assert "half-1 goes on (2 queued" in said
