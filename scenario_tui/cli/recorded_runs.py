@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from daemon.model.verdicts import Verdict
     from grammars.model.geometry import Point2, Pose2
     from scenario_tui.dashboard.playback import Playback
+    from scenario_tui.terminal.capabilities import Blocks
     from scenario_tui.text.signal_plot import Curves
 
 
@@ -64,7 +64,6 @@ def replay(
     from scenario_tui.cli.named_traces import one_trace
     from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.dashboard.playback import open_playback
-    from scenario_tui.terminal.background_question import BackgroundQuestion
     from scenario_tui.terminal.capabilities import why_undrawable
 
     if as_json and not frame:
@@ -87,14 +86,12 @@ def replay(
         playback = open_playback(trace)
         _print_frame(playback, _resolve_time(playback, frame, "--frame"), as_json=as_json)
         return
-    with closing(BackgroundQuestion()) as asked:
-        from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
+    from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
 
-        playback = open_playback(trace)
-        begin = _resolve_time(playback, start, "--from") if start else playback.start
-        stay_small()
-        code = run_replay(ReplayScreen(playback, begin, speed), asked)
-    if code:
+    playback = open_playback(trace)
+    begin = _resolve_time(playback, start, "--from") if start else playback.start
+    stay_small()
+    if run_replay(ReplayScreen(playback, begin, speed)):
         raise typer.Exit(ExitCode.BUG)
 
 
@@ -103,24 +100,20 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
     import sys
 
     from scenario_tui.dashboard.playback import open_playback
-    from scenario_tui.terminal.background_question import BackgroundQuestion
     from scenario_tui.terminal.capabilities import why_undrawable
     from scenario_tui.text.comparison_text import comparison_text
 
-    drawn = sys.stdin.isatty() and sys.stderr.isatty() and not why_undrawable()
-    with closing(BackgroundQuestion()) if drawn else nullcontext() as asked:
-        both = open_playback(first), open_playback(second)
-        begin = _resolve_time(both[0], start, "--from") if start else both[0].start
-        if asked is None:
-            verdicts, specs = zip(*((one.verdicts, one.trace.spec) for one in both), strict=True)
-            stdout_console().print(comparison_text(*verdicts, *specs), soft_wrap=True)
-            return
-        from scenario_tui.dashboard.screens.compare import CompareScreen
-        from scenario_tui.dashboard.screens.replay import run_replay
+    both = open_playback(first), open_playback(second)
+    begin = _resolve_time(both[0], start, "--from") if start else both[0].start
+    if not (sys.stdin.isatty() and sys.stderr.isatty()) or why_undrawable():
+        verdicts, specs = zip(*((one.verdicts, one.trace.spec) for one in both), strict=True)
+        stdout_console().print(comparison_text(*verdicts, *specs), soft_wrap=True)
+        return
+    from scenario_tui.dashboard.screens.compare import CompareScreen
+    from scenario_tui.dashboard.screens.replay import run_replay
 
-        stay_small()
-        code = run_replay(CompareScreen(*both, begin=begin, speed=speed), asked)
-    if code:
+    stay_small()
+    if run_replay(CompareScreen(*both, begin=begin, speed=speed)):
         raise typer.Exit(ExitCode.BUG)
 
 
@@ -133,16 +126,15 @@ def _print_frame(playback: Playback, time: float, *, as_json: bool) -> None:
     import shutil
 
     from scenario_tui.dashboard.playback import render_frame
-    from scenario_tui.terminal.capabilities import area_blocks
     from scenario_tui.terminal.filters import text_in_ascii
 
     if as_json:
         FrameOutput.of(playback, time).emit()
         return
     size = shutil.get_terminal_size((80, 24))
-    # Asked for in so many words: what is printed may go anywhere, so no terminal is asked.
+    # What is printed may go anywhere: only who says so gets ASCII.
     plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
-    blocks = "cells" if plain else area_blocks(os.environ)
+    blocks: Blocks = "cells" if plain else "quadrants"
     for line in render_frame(playback, time, size.columns, size.lines - 1, blocks=blocks):
         shown = text_in_ascii(line) if plain else line
         stdout_console().print(shown, no_wrap=True, soft_wrap=True)

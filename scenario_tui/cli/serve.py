@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -350,11 +350,8 @@ def _news(simulation: LiveSimulation, services: LiveServices) -> tuple[str, ...]
 
 def _serve_in_view(simulation: LiveSimulation, services: LiveServices, thread: LiveThread) -> None:
     """Show it until somebody leaves."""
-    from scenario_tui.terminal.background_question import BackgroundQuestion
+    from scenario_tui.dashboard.screens.live import LiveScreen, run_live
 
-    with closing(BackgroundQuestion()) as asked:
-        from scenario_tui.dashboard.screens.live import LiveScreen, run_live
-
-        code = run_live(LiveScreen(simulation, thread, services.who, services.to_type), asked)
+    code = run_live(LiveScreen(simulation, thread, services.who, services.to_type))
     if code:
         raise typer.Exit(ExitCode.BUG)

@@ -16,7 +16,6 @@ from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
 
 if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
-    from scenario_tui.terminal.background_question import BackgroundQuestion
 
 
 def tui(
@@ -40,7 +39,7 @@ def tui(
         _print_bindings()
         return
     why = _why_no_dashboard()
-    with nullcontext() if why else _connecting_screen() as asked:
+    with nullcontext() if why else _connecting_screen():
         from dataclasses import replace
 
         from scenario_tui.cli.target import DaemonTarget
@@ -51,7 +50,7 @@ def tui(
 
         config = read_config()
         check_config(config)
-        if asked is None:
+        if why:
             say(f"scenario: {why}")
             raise typer.Exit(ExitCode.BAD_INPUT)
         # The option can only take rights away: who forbade changes in the file meant it.
@@ -59,7 +58,7 @@ def tui(
         equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
         launch = None if target.named or config.read_only else partial(_launch_daemon, target)
         stay_small()
-    code, farewell = run_dashboard(target.open, config, equivalent, launch, asked)
+        code, farewell = run_dashboard(target.open, config, equivalent, launch)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
@@ -85,27 +84,23 @@ def _why_no_dashboard() -> str:
 
 
 @contextmanager
-def _connecting_screen() -> Iterator[BackgroundQuestion]:
+def _connecting_screen() -> Iterator[None]:
     """Answer at once: the libraries of the dashboard take several times as long as this line.
 
-    Meanwhile the terminal tells its background: the question is what this yields.
+    The dashboard takes the screen over, and gives it back; an error on the way there does so, too.
     """
     import sys
-
-    from scenario_tui.terminal.background_question import BackgroundQuestion
 
     def write(text: str) -> None:
         stream = unfiltered(sys.stderr)
         stream.write(text)
         stream.flush()
 
-    # Alternate screen, no cursor, cleared; first line, second column.
-    write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
-    asked = BackgroundQuestion()
     try:
-        yield asked
+        # Alternate screen, no cursor, cleared; first line, second column.
+        write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
+        yield
     except BaseException:
-        asked.close()
         write("\x1b[?1049l\x1b[?25h")
         raise
 

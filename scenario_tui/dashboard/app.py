@@ -25,7 +25,6 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
-from scenario_tui.terminal.background_question import BackgroundQuestion
 
 FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found, live maps included."""
@@ -209,12 +208,10 @@ def run_dashboard(
     config: Config,
     command_lines: CommandLines,
     launch_daemon: Callable[[], str] | None,
-    asked: BackgroundQuestion,
 ) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words.
 
     ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
-    ``asked`` is the question for the background of the terminal.
     """
     app = Dashboard(
         Feed(open_daemon), config=config, command_lines=command_lines, launch_daemon=launch_daemon
@@ -223,6 +220,6 @@ def run_dashboard(
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        app.limit_to_terminal(asked)
+        app.limit_to_terminal()
         app.run(mouse=app.config.mouse)
     return app.return_code or 0, app.farewell()

@@ -10,9 +10,11 @@ from textual.color import Color
 from textual.filter import DimFilter, LineFilter
 from textual.theme import Theme
 
-from scenario_tui.terminal.answer_parser import BackgroundTold
-from scenario_tui.terminal.background_question import BackgroundQuestion
-from scenario_tui.terminal.capabilities import TerminalLimits, terminal_limits
+from scenario_tui.terminal.capabilities import (
+    TerminalLimits,
+    light_background,
+    terminal_limits,
+)
 from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 
@@ -126,21 +128,10 @@ class ThemedApp(LimitedTerminalApp):
         super().apply_limits(limits)
         self.set_class(limits.colours != "all", "-few-colours")
 
-    def limit_to_terminal(self, asked: BackgroundQuestion) -> None:
-        """Show everything within what the terminal of this process can do, in fitting colours.
-
-        It was ``asked`` for its background: an answer that is not there yet changes the colours
-        when it comes.
-        """
-        # First: what is asked next would read this answer.
-        light = asked.close()
+    def limit_to_terminal(self) -> None:
+        """Show everything within what the terminal of this process can do, in fitting colours."""
         self.apply_limits(terminal_limits(self.console.color_system))
-        if light and not self.chosen_theme():
-            self.theme = LIGHT
-
-    def on_background_told(self, told: BackgroundTold) -> None:
-        """Take the colours for light backgrounds where others were neither chosen nor told."""
-        if told.light and self.theme == DARK and not self.chosen_theme():
+        if light_background() and not self.chosen_theme():
             self.theme = LIGHT
 
     def chosen_theme(self) -> str:

@@ -22,7 +22,6 @@ from textual.driver import Driver
 from textual.filter import LineFilter, Monochrome
 
 from grammars.text.terminal_text import printable, unfiltered
-from scenario_tui.terminal.answer_parser import AnswerParser
 from scenario_tui.terminal.capabilities import Blocks, TerminalLimits
 from scenario_tui.terminal.filters import AsciiGlyphs, PrintableText, ReducedColours
 from scenario_tui.terminal.printable_console import PrintableConsole
@@ -242,7 +241,7 @@ class LimitedTerminalApp(App[None]):
     def apply_limits(self, limits: TerminalLimits) -> None:
         """Show everything within these limits."""
         self.ascii_only = limits.ascii_only
-        self.blocks: Blocks = "cells" if limits.ascii_only else limits.blocks
+        self.blocks: Blocks = "cells" if limits.ascii_only else "quadrants"
         colours = "none" if self.no_color else limits.colours
         filters: list[LineFilter] = []
         if colours != "all":
@@ -303,14 +302,6 @@ def _diffing_driver(base: type[Driver]) -> type[Driver]:
         def __init__(self, *arguments: Any, **settings: Any) -> None:
             super().__init__(*arguments, **settings)
             self.terminal_diff = TerminalDiff()
-
-        def run_input_thread(self) -> None:
-            """Read keys; answers that the terminal gives late are none."""
-            # The library makes its parser in there, by this name.
-            module = sys.modules.get(base.__module__)
-            if hasattr(module, "XTermParser"):
-                setattr(module, "XTermParser", AnswerParser)  # noqa: B010
-            super().run_input_thread()
 
         def write(self, data: str) -> None:
             """Send what of it is news.

@@ -24,7 +24,6 @@ from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.text.formatting import BAD, QUIET, UNSURE
 
@@ -216,12 +215,9 @@ class LiveApp(ReplayApp):
     TITLE = "scenario serve"
 
 
-def run_live(screen: LiveScreen, asked: BackgroundQuestion) -> int:
-    """Show it until somebody leaves; return the exit code of the app.
-
-    ``asked`` is the question for the background of the terminal.
-    """
+def run_live(screen: LiveScreen) -> int:
+    """Show it until somebody leaves; return the exit code of the app."""
     app = LiveApp(screen)
-    app.limit_to_terminal(asked)
+    app.limit_to_terminal()
     app.run()
     return app.return_code or 0

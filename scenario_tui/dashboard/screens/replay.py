@@ -23,7 +23,6 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.text.run_text import verdict_lines
 
 
@@ -145,12 +144,9 @@ class ReplayApp(ThemedApp):
         return self._first
 
 
-def run_replay(screen: Screen[None], asked: BackgroundQuestion) -> int:
-    """Play until somebody leaves; return the exit code of the app.
-
-    ``asked`` is the question for the background of the terminal.
-    """
+def run_replay(screen: Screen[None]) -> int:
+    """Play until somebody leaves; return the exit code of the app."""
     app = ReplayApp(screen)
-    app.limit_to_terminal(asked)
+    app.limit_to_terminal()
     app.run()
     return app.return_code or 0

@@ -1,6 +1,6 @@
 """Filled areas in terminal cells: masks of small squares, and the block characters that show them.
 
-A cell is split into 2 x 2 quadrants, or 2 x 3 sextants where a terminal is known to have them.
+A cell is split into 2 x 2 quadrants.
 """
 
 from __future__ import annotations
@@ -18,21 +18,13 @@ from scenario_tui.terminal.capabilities import Blocks
 
 Mask = npt.NDArray[np.bool_]
 _QUADRANTS: Final = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-_HALVES: Final = {0: ord(" "), 21: ord("▌"), 42: ord("▐"), 63: ord("█")}
-_SEXTANT: Final = 0x1FB00
-"""First of the sextants (Unicode 13), in the order of their bits; those of before are left out."""
-ROWS: Final[dict[Blocks, int]] = {"cells": 1, "quadrants": 2, "sextants": 3}
+ROWS: Final[dict[Blocks, int]] = {"cells": 1, "quadrants": 2}
 """How many squares a cell is high; it is two wide, or one as a whole."""
-
-
-def _sextant(bits: int) -> int:
-    return _HALVES.get(bits) or _SEXTANT + bits - 1 - (bits > 21) - (bits > 42)
 
 
 _CODES: Final[dict[Blocks, Codes]] = {
     "cells": np.array([ord(" "), ord("█")], dtype=np.int32),
     "quadrants": np.array([*map(ord, _QUADRANTS)], dtype=np.int32),
-    "sextants": np.array([_sextant(bits) for bits in range(64)], dtype=np.int32),
 }
 
 

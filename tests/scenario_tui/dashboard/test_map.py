@@ -118,8 +118,6 @@ def test_areas_that_overlap_are_one_and_holes_are_left_out():
 def test_blocks_look_like_their_squares():
     quarters = np.array([[1, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
     assert [chr(c) for c in to_blocks(quarters, "quadrants").codes[0]] == ["▚", "▀"]
-    sixths = np.array([[1, 0, 1, 0, 1, 1], [0, 0, 1, 0, 1, 1], [0, 0, 1, 0, 1, 1]], dtype=bool)
-    assert [chr(c) for c in to_blocks(sixths, "sextants").codes[0]] == ["\U0001fb00", "▌", "█"]
     assert chr(to_blocks(quarters[:1], "cells").codes[0, 0]) == "█"
 
 

@@ -5,6 +5,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
@@ -112,9 +113,8 @@ def test_while_nothing_happens_next_to_nothing_is_sent(daemon):
 
 
 def test_sixteen_colours_and_ascii_are_enough(daemon):
-    # The terminal of this test says nothing when it is asked, as old ones do.
-    plain = {"TERM": "xterm", "LANG": "C"}
-    with terminal(dashboard(daemon), environ=plain, background="") as shown:
+    plain = {"TERM": "linux", "LANG": "C"}
+    with terminal(dashboard(daemon), environ=plain) as shown:
         shown.until("corridor-1")
         shown.until("x 1 fail")
         shown.type("\r")
@@ -125,52 +125,58 @@ def test_sixteen_colours_and_ascii_are_enough(daemon):
             return bool(rows) and shown.screen.buffer[rows[0]][1].reverse
 
         shown.until(lambda: is_reverse("S1/pilot/0"))
-        drawn = bytes(shown.raw).split(b"\x1b[6n", 1)[1]
+        drawn = bytes(shown.raw)
         assert drawn.isascii()
         assert b"38;" not in drawn
         assert b"48;" not in drawn
         assert not is_reverse("S2/pilot/0")
 
 
-@pytest.mark.parametrize(
-    ("background", "shown_on"), [("ffff/ffff/ffff", "fbfbf9"), ("1c1c/1c1c/1c1c", "12151a")]
-)
-def test_colours_follow_the_background_of_the_terminal(daemon, background, shown_on):
-    colours = {"COLORTERM": "truecolor"}
-    with terminal(dashboard(daemon), environ=colours, background=background) as shown:
+@pytest.mark.parametrize(("told", "shown_on"), [("0;15", "fbfbf9"), ("15;0", "12151a")])
+def test_colours_follow_the_background_of_the_terminal(daemon, told, shown_on):
+    colours = {"COLORTERM": "truecolor", "COLORFGBG": told}
+    with terminal(dashboard(daemon), environ=colours) as shown:
         shown.until("corridor-1")
         shown.until(lambda: shown.screen.buffer[10][2].bg == shown_on)
 
 
-def test_an_answer_that_comes_late_changes_the_colours_and_is_no_key(daemon):
-    colours = {"COLORTERM": "truecolor"}
-    with terminal(dashboard(daemon), environ=colours, background="") as shown:
-        shown.until("corridor-1")
+def test_the_terminal_is_asked_nothing(tmp_path):
+    trace = record_run(tmp_path / "run.mcap")
+    with terminal(scenario("replay", str(trace)), environ={"COLORTERM": "truecolor"}) as shown:
         shown.until(lambda: shown.screen.buffer[10][2].bg == "12151a")
-        # As keys that would be: 1, r for running it again, a filter.
-        shown.type("\x1b]11;rgb:ffff/ff")
-        shown.read(0.3)
-        shown.type("ff/ffff\x1b\\")
-        shown.until(lambda: shown.screen.buffer[10][2].bg == "fbfbf9")
-        shown.type("?")
-        shown.until("Also the arrow")
-        shown.type("\x1b")
-        shown.until("corridor-1")
+        assert b"\x1b[6n" not in shown.raw
+        assert b"\x1b]11;?" not in shown.raw
         shown.type("q")
         assert shown.wait() == 0
         assert restored(shown)
 
 
-def test_a_replay_waits_for_no_answer_either(tmp_path):
-    trace = record_run(tmp_path / "run.mcap")
-    colours = {"COLORTERM": "truecolor"}
-    with terminal(scenario("replay", str(trace)), environ=colours, background="") as shown:
-        shown.until(lambda: shown.screen.buffer[10][2].bg == "12151a")
-        assert b"\x1b[6n" not in shown.raw, "asked what only somebody who waits would ask"
-        shown.type("\x1b]11;rgb:ffff/ffff/ffff\x1b\\")
-        shown.until(lambda: shown.screen.buffer[10][2].bg == "fbfbf9")
+def test_keys_typed_while_it_loads_are_not_lost(daemon):
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("connecting")
         shown.type("q")
         assert shown.wait() == 0
+        assert "Left the dashboard" in shown.text
+        assert restored(shown)
+
+
+@pytest.mark.parametrize(
+    "late", ["scenario_tui.dashboard.app.Dashboard.__init__", "textual.app.App.run"]
+)
+def test_interrupted_before_it_is_drawn_it_gives_the_terminal_back(daemon, late):
+    module, _, attribute = late.rpartition(".")[0].rpartition(".")
+    interrupted = (
+        "import importlib\n"
+        f"kind = getattr(importlib.import_module({module!r}), {attribute!r})\n"
+        "def interrupt(*_, **__):\n"
+        "    raise KeyboardInterrupt\n"
+        f"setattr(kind, {late.rpartition('.')[2]!r}, interrupt)\n"
+        "from scenario_tui.cli import main\n"
+        "main()\n"
+    )
+    command = [sys.executable, "-c", interrupted, "tui", "--connect", daemon.endpoint]
+    with terminal(command) as shown:
+        assert shown.wait() == 130
         assert restored(shown)
 
 

@@ -8,7 +8,6 @@ from grammars.text.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.submission import CheckedFile
-from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import TerminalLimits
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
@@ -162,14 +161,14 @@ async def test_the_selection_is_seen_without_our_colours(theme, colours):
         assert any(segment.style and segment.style.reverse for segment in behind)
 
 
-async def test_our_theme_follows_the_terminal_unless_one_was_chosen():
-    light = BackgroundQuestion({"COLORFGBG": "0;15"})
+async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch):
+    monkeypatch.setenv("COLORFGBG", "0;15")
     app = make_dashboard(SteeredDaemon())
     assert app.theme == DARK
-    app.limit_to_terminal(light)
+    app.limit_to_terminal()
     assert app.theme == LIGHT
     chosen = make_dashboard(SteeredDaemon(), config=Config(theme="nord"))
-    chosen.limit_to_terminal(light)
+    chosen.limit_to_terminal()
     async with chosen.run_test(size=(80, 24)):
         assert chosen.theme == "nord"
 

@@ -21,19 +21,14 @@ DEADLINE = 120.0
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE = 5
 """How far pyte shifts the numbers of private modes."""
-_ASKED = b"\x1b]11;?\x1b\\"
 _KEPT = ("PATH", "VIRTUAL_ENV", "PYTHONPATH")
 
 
 class Terminal:
-    """A terminal of ``columns`` x ``rows`` with a program in it; ``sent`` counts its bytes.
+    """A terminal of ``columns`` x ``rows`` with a program in it; ``sent`` counts its bytes."""
 
-    Asked for its ``background`` it says that, nothing where it is empty, as old ones do.
-    """
-
-    def __init__(self, pid, master, columns, rows, background):
+    def __init__(self, pid, master, columns, rows):
         self.pid, self._master = pid, master
-        self._background = background
         self.screen = pyte.Screen(columns, rows)
         self._stream = pyte.ByteStream(self.screen)
         self.sent = 0
@@ -75,8 +70,6 @@ class Terminal:
         self.raw += data
         self._stream.feed(data)
         self._lines = None
-        if self._background and _ASKED in data:
-            self.type(f"\x1b]11;rgb:{self._background}\x1b\\")
         return bool(data)
 
     def until(self, seen, seconds=DEADLINE):
@@ -166,7 +159,7 @@ def _set_size(descriptor, columns, rows):
 
 
 @contextlib.contextmanager
-def terminal(command, *, columns=80, rows=24, environ=None, background="0000/0000/0000"):
+def terminal(command, *, columns=80, rows=24, environ=None):
     """Run a command in a terminal of its own; nothing of it is left afterwards."""
     around = {name: os.environ[name] for name in _KEPT if name in os.environ}
     # Nobody's settings are to be read.
@@ -175,7 +168,7 @@ def terminal(command, *, columns=80, rows=24, environ=None, background="0000/000
     _set_size(slave, columns, rows)
     pid = _spawn(list(command), os.ttyname(slave), around)
     os.close(slave)
-    shown = Terminal(pid, master, columns, rows, background)
+    shown = Terminal(pid, master, columns, rows)
     try:
         yield shown
     finally:

@@ -1,10 +1,5 @@
 """Poor terminals: few colours, none, ASCII only; what is found out and what is made of it."""
 
-import os
-import pty
-import select
-import termios
-import threading
 from types import SimpleNamespace
 
 import pytest
@@ -14,28 +9,17 @@ from rich.style import Style
 from textual.color import Color
 
 from scenario_tui.terminal import capabilities
-from scenario_tui.terminal.answer_parser import AnswerParser, BackgroundTold
-from scenario_tui.terminal.background_question import BackgroundQuestion
 from scenario_tui.terminal.capabilities import (
     TerminalLimits,
     ascii_only,
+    light_background,
     terminal_limits,
-    terminal_takes_utf8,
     why_undrawable,
 )
 from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours, reduce_style, to_ascii
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS
 
 BLACK = Color.parse("#121212")
-
-
-@pytest.fixture
-def terminal():
-    """The two ends of a terminal: what shows it, and what a program in it reads and writes."""
-    outside, inside = pty.openpty()
-    yield outside, inside
-    os.close(outside)
-    os.close(inside)
 
 
 @pytest.mark.parametrize("name", ["dumb", "unknown", ""])
@@ -70,53 +54,30 @@ def test_colours_are_those_of_the_terminal(system, environ, colours):
 
 
 @pytest.mark.parametrize(
-    ("environ", "utf8_mode", "answer", "expected"),
+    ("environ", "encoding", "expected"),
     [
-        ({"LANG": "en_GB.UTF-8"}, 0, None, False),
-        ({"LANG": "C"}, 1, True, False),
-        ({"LANG": "C"}, 1, False, True),
-        ({}, 1, True, False),
-        ({"LANG": "en_GB.UTF-8"}, 1, None, False),  # not installed here, but meant
-        ({"LANG": "de_DE.ISO-8859-1"}, 1, None, True),
-        ({"LC_ALL": "POSIX", "LANG": "en_GB.UTF-8"}, 1, False, True),
-        ({"LANG": "en_GB.UTF-8", "SCENARIO_GLYPHS": "ascii"}, 0, None, True),
-        ({"LANG": "C", "SCENARIO_GLYPHS": "unicode"}, 1, None, False),
+        ({"TERM": "xterm"}, "utf-8", False),
+        ({"TERM": "xterm"}, "UTF8", False),
+        ({"TERM": "xterm"}, "iso-8859-1", True),
+        ({"TERM": "xterm"}, None, True),
+        ({"TERM": "linux"}, "utf-8", True),
+        ({"TERM": "linux", "SCENARIO_GLYPHS": "unicode"}, "utf-8", False),
+        ({"TERM": "xterm", "SCENARIO_GLYPHS": "ascii"}, "utf-8", True),
+        ({"TERM": "xterm", "SCENARIO_GLYPHS": "unicode"}, "iso-8859-1", False),
     ],
 )
-def test_signs_follow_the_locale_and_where_it_is_silent_the_terminal(
-    monkeypatch, environ, utf8_mode, answer, expected
-):
-    def ask():
-        assert answer is not None, "there was no need to ask"
-        return answer
-
-    streams = SimpleNamespace(
-        flags=SimpleNamespace(utf8_mode=utf8_mode), stderr=SimpleNamespace(encoding="utf-8")
-    )
+def test_signs_follow_the_encoding_of_the_stream(monkeypatch, environ, encoding, expected):
+    streams = SimpleNamespace(stderr=SimpleNamespace(encoding=encoding))
     monkeypatch.setattr(capabilities, "sys", streams)
-    assert ascii_only(environ, ask) is expected
+    assert ascii_only(environ) is expected
 
 
-@pytest.mark.parametrize(("column", "knows"), [(2, True), (4, False), (None, False)])
-def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows):
-    monkeypatch.setattr(capabilities, "_PATIENCE", 0.1 if column is None else 60.0)
-    master, slave = pty.openpty()
-
-    def answer():
-        asked = b""
-        while b"\x1b[6n" not in asked:
-            asked += os.read(master, 64)
-        if column is not None:
-            os.write(master, f"\x1b[5;{column}R".encode())
-
-    terminal = threading.Thread(target=answer)
-    terminal.start()
-    try:
-        assert terminal_takes_utf8(slave, slave) is knows
-    finally:
-        terminal.join()
-        os.close(master)
-        os.close(slave)
+@pytest.mark.parametrize(
+    ("told", "light"),
+    [("0;15", True), ("15;0", False), ("0;default;15", True), ("15;8", False), ("", False)],
+)
+def test_the_environment_says_whether_the_background_is_light(told, light):
+    assert light_background({"COLORFGBG": told}) is light
 
 
 def test_every_verdict_keeps_a_colour_of_its_own_hue():
@@ -175,65 +136,3 @@ def test_everything_is_said_in_ascii_as_wide_as_before(text, expected):
     assert cell_len(expected) == cell_len(text)
     (segment,) = AsciiGlyphs().apply([Segment(text, Style(bold=True))], BLACK)
     assert segment == Segment(expected, Style(bold=True))
-
-
-def keys_and_backgrounds(pieces):
-    parser = AnswerParser()
-    found = [message for piece in pieces for message in parser.feed(piece)]
-    return [m.light if isinstance(m, BackgroundTold) else m.key for m in found]
-
-
-@pytest.mark.parametrize("end", ["\x07", "\x1b\\"])
-@pytest.mark.parametrize("cut", [2, 3, 5, 9, 23, 24])
-def test_a_late_answer_is_no_key_in_however_many_pieces(cut, end):
-    answer = f"\x1b]11;rgb:ffff/ffff/ffff{end}"
-    assert keys_and_backgrounds([f"a{answer}b"]) == [True, "a", "b"]
-    assert keys_and_backgrounds([answer[:cut], answer[cut:] + "b"]) == [True, "b"]
-    assert keys_and_backgrounds([answer.replace("ffff", "0000")]) == [False]
-
-
-def test_keys_that_begin_like_an_answer_are_keys():
-    assert keys_and_backgrounds(["\x1b[A", "]11;"]) == ["up", "right_square_bracket", "1", "1",
-                                                        "semicolon"]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("answer", "light"),
-    [
-        (b"\x1b]11;rgb:fdfd/f6f6/e3e3\x1b\\", True),
-        (b"\x1b]11;rgb:ff/ff/ff\x07", True),
-        (b"\x1b]11;rgba:00/2b/36/ff\x07", False),
-        (b"\x1b[1;1R", False),
-    ],
-)
-def test_a_terminal_tells_whether_its_background_is_light(terminal, answer, light):
-    outside, inside = terminal
-    asked = BackgroundQuestion({}, inside, inside)
-    os.write(outside, answer)
-    assert select.select([inside], [], [], 60.0)[0]
-    assert asked.close() is light
-    assert asked.close() is light, "the second time it is remembered"
-
-
-@pytest.mark.parametrize(
-    ("told", "light"), [("0;15", True), ("15;0", False), ("0;default;15", True), ("15;8", False)]
-)
-def test_where_the_background_is_told_nothing_is_asked(terminal, told, light):
-    outside, inside = terminal
-    assert BackgroundQuestion({"COLORFGBG": told}, inside, inside).close() is light
-    assert not select.select([outside], [], [], 0.0)[0]
-
-
-def test_nobody_waits_for_what_was_asked_early(terminal):
-    outside, inside = terminal
-    before = termios.tcgetattr(inside)
-    silent = BackgroundQuestion({"COLORFGBG": "default"}, inside, inside)
-    assert os.read(outside, 64) == b"\x1b]11;?\x1b\\"
-    assert silent.close() is False
-    asked = BackgroundQuestion({}, inside, inside)
-    os.read(outside, 64)
-    os.write(outside, b"\x1b]11;rgb:ff/ff/ff\x07")
-    assert select.select([inside], [], [], 60.0)[0]
-    asked.close()
-    assert termios.tcgetattr(inside) == before
-    assert not select.select([outside], [], [], 0.0)[0], "the answer was echoed"
