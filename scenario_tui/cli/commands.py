@@ -120,7 +120,7 @@ _PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
         CommandEntry(
             "coverage",
             "coverage",
-            "Say which features a campaign exercises, in pairs too, and which it does not.",
+            "Say which features a campaign exercises, and which it does not.",
         ),
         CommandEntry(
             "blame",
