@@ -19,6 +19,7 @@ import zenoh
 from daemon.batch.errors import (
     DaemonError,
     Failed,
+    OtherLedger,
     PlaceUnusable,
     Refused,
     Rejected,
@@ -168,6 +169,8 @@ def error_reply(words: str, error: object) -> ErrorReply:
             return ErrorReply(words, ErrorKind.REFUSED, rejection)
         case Refused():
             return ErrorReply(words, ErrorKind.REFUSED)
+        case OtherLedger():
+            return ErrorReply(words, ErrorKind.OTHER_LEDGER)
         case Unreachable() if not isinstance(error, Failed):
             return ErrorReply(words, ErrorKind.UNAVAILABLE)
     # Whatever else it is says nothing about the request.
@@ -185,6 +188,8 @@ def reply_error(reply: ErrorReply) -> DaemonError:
             return Unavailable(reply.problem)
         case ErrorKind.FAILED:
             return Failed(reply.problem)
+        case ErrorKind.OTHER_LEDGER:
+            return OtherLedger(reply.problem)
 
 
 def ask(

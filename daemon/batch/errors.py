@@ -3,7 +3,8 @@
 DaemonError
 ├── Unreachable       nobody answers at the endpoint
 │   └── Unavailable   the daemon answered that it cannot just now: its disk is full, say
-│       └── Failed    an error of the daemon's own kept it from doing what was asked
+│       ├── Failed    an error of the daemon's own kept it from doing what was asked
+│       └── OtherLedger   another ledger is kept there than the one that granted the lease
 ├── Refused           the daemon answered and said no; the message is its words
 │   └── Rejected      a result is never to be taken, for one of five named reasons
 ├── PlaceUnusable     a state directory or an address that was named cannot be used
@@ -45,6 +46,10 @@ class Unavailable(Unreachable):
 
 class Failed(Unavailable):
     """The daemon met an error of its own; the request may be as good as any."""
+
+
+class OtherLedger(Unavailable):
+    """The daemon keeps another ledger than the one that granted the lease; that one may return."""
 
 
 class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)

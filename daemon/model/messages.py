@@ -75,12 +75,14 @@ class ErrorKind(StrEnum):
     """What an error reply is about.
 
     ``refused``: the request is no good. ``unavailable``: the daemon cannot just now.
-    ``failed``: an error of the daemon's own kept it from doing what was asked.
+    ``failed``: an error of the daemon's own kept it from doing what was asked. ``other-ledger``:
+    the request belongs to another ledger than the daemon's.
     """
 
     REFUSED = "refused"
     UNAVAILABLE = "unavailable"
     FAILED = "failed"
+    OTHER_LEDGER = "other-ledger"
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +185,9 @@ class WorkerInfo:
     """Who a worker is, sent with every request so that a new daemon knows it at once.
 
     ``trouble`` says what keeps it from working: its disk is full, it cannot start processes;
-    ``preparing`` what it does before runs that it has leased can start.
+    ``preparing`` what it does before runs that it has leased can start. ``era`` is that of its
+    :class:`WelcomeReply`, empty before. ``notice`` is something people should know although it
+    works.
     """
 
     id: WorkerId
@@ -195,6 +199,8 @@ class WorkerInfo:
     engine: ShortText = ENGINE_VERSION
     trouble: Annotated[str, Field(max_length=LONGEST_TROUBLE)] = ""
     preparing: ShortText = ""
+    era: ShortText = ""
+    notice: ShortText = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +208,9 @@ class WelcomeReply:
     """What a worker must know before it starts: where to keep things, how often to renew.
 
     ``identity`` names the state directory for good, ``probe`` only since this daemon's start: the
-    worker that reads it in the daemon's directory shares its file system.
+    worker that reads it in the daemon's directory shares its file system. ``era`` names the time
+    since this daemon began to keep its ledger. The ledger knows all of its eras. So it recognises
+    requests that belong to another ledger, or to a later state than the one it is a copy of.
     """
 
     state: str
@@ -212,6 +220,7 @@ class WelcomeReply:
     renew: float
     identity: str = ""
     probe: str = ""
+    era: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +236,8 @@ class LeaseRequest:
 class Lease:
     """One leased run: ``token`` fences it, ``trace`` names its trace in the state directory.
 
-    With ``leads`` its result is to have leading margins: a search learns of them.
+    With ``leads`` its result is to have leading margins: a search learns of them. ``era`` is that
+    of the ledger in which it was granted.
     """
 
     run: str
@@ -237,6 +247,7 @@ class Lease:
     trace: str
     spec: RunSpec
     leads: bool = False
+    era: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +294,10 @@ class RenewReply:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A finished run; its trace lies where the lease said, or was ``uploaded`` before."""
+    """A finished run; its trace lies where the lease said, or was ``uploaded`` before.
+
+    ``era`` is that of the lease, here and in the other requests that come under one.
+    """
 
     worker: WorkerId
     run: IdText
@@ -291,6 +305,7 @@ class Completion:
     token: NonNegativeInt
     result: RunResult
     uploaded: bool = False
+    era: ShortText = ""
 
 
 class LedgerAnswer(StrEnum):
@@ -333,6 +348,7 @@ class ReleaseRequest:
     reason: Annotated[str, Field(max_length=20_000)]
     blame: bool
     damaged: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
+    era: ShortText = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +367,7 @@ class TraceUploadChunk:
     offset: NonNegativeInt = 0
     data: Base64Text = ""
     digest: ShortText = ""
+    era: ShortText = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,23 +38,28 @@ DISTANT_TRACE = 2**20
 ME = WorkerInfo("bench-1", "bench", 1, version("scenario-tui"), 1, 0)
 
 
+def welcomed(client):
+    """The worker as it asks for work."""
+    return replace(ME, era=client.ask(verbs.WELCOME, ME).era)
+
+
 def upload(client, grant, data):
     sha256 = hashlib.sha256(data).hexdigest()
     for offset in range(0, len(data), CHUNK):
         text, digest = encode_chunk(data[offset : offset + CHUNK])
         chunk = TraceUploadChunk(
-            ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest
+            ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest, grant.era
         )
         received = client.ask(verbs.UPLOAD, chunk)
         assert not received.problem, received.problem
     result = make_result(grant.spec, trace=TraceInfo(sha256, len(data), 1))
-    done = Completion(ME.id, grant.run, 1, grant.token, result, uploaded=True)
+    done = Completion(ME.id, grant.run, 1, grant.token, result, True, grant.era)
     client.ask(verbs.COMPLETE, done)
 
 
 def rates(daemon, client, folder):
     client.submit(make_submission("c", 2))
-    reply = client.ask(verbs.LEASE, LeaseRequest(ME, 2))
+    reply = client.ask(verbs.LEASE, LeaseRequest(welcomed(client), 2))
     data = random.Random(1).randbytes(SIZE)
     plain = folder / "plain"
     begun = time.perf_counter()

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 from importlib.metadata import version
 
 from daemon.batch import bus
@@ -33,15 +34,21 @@ class LightWorker:
         self._places = places
         self._token = session.liveliness().declare_token(f"{ALIVE}/{OWNER}/{name}")
 
+    def _me(self):
+        if not self._info.era:
+            reply = bus.ask(self._session, self._endpoint, verbs.WELCOME, self._info, 5.0)
+            self._info = replace(self._info, era=reply.era)
+        return self._info
+
     def lease(self, count=None):
         """Take runs; raises like :func:`daemon.batch.bus.ask`."""
-        request = LeaseRequest(self._info, self._slots if count is None else count)
+        request = LeaseRequest(self._me(), self._slots if count is None else count)
         return bus.ask(self._session, self._endpoint, verbs.LEASE, request, 5.0).grants
 
     def renew(self, grants=()):
         """Say which runs it has; returns how many are not its own any more."""
         holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
-        request = RenewRequest(self._info, holds)
+        request = RenewRequest(self._me(), holds)
         answer = bus.ask(self._session, self._endpoint, verbs.RENEW, request, 5.0)
         return len(answer.gone)
 
@@ -52,7 +59,8 @@ class LightWorker:
             trace.parent.mkdir(exist_ok=True)
             trace.touch()
         result = make_result(grant.spec)
-        done = Completion(self.name, grant.run, grant.attempt, grant.token, result)
+        ours = (self.name, grant.run, grant.attempt, grant.token)
+        done = Completion(*ours, result, era=grant.era)
         return bus.ask(self._session, self._endpoint, verbs.COMPLETE, done, 5.0).answer
 
 

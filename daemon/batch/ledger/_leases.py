@@ -11,10 +11,12 @@ from typing import Final
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._results import (
     SpecReader,
+    begin_era,
     check_result,
     lease_problem,
     queue_reserve,
     read_trace_location,
+    require_era,
     require_lease,
     reuse_in_steps,
     store_result,
@@ -192,6 +194,7 @@ class LeaseUpdates(RunUpdates):
     ) -> None:
         super().__init__(connection, attempts)
         self._lease = lease
+        self._era = ""
         self._held: set[str] = set()
         self._specs = SpecReader(connection)
         # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
@@ -235,8 +238,18 @@ class LeaseUpdates(RunUpdates):
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             self._db.execute("UPDATE run SET leased_at = ? WHERE id = ?", (now, run))
             attempt = change.run.attempt
-            leases.append(Lease(run, campaign, attempt, token, trace, spec, leads=bool(leads)))
+            lease = Lease(run, campaign, attempt, token, trace, spec, bool(leads), self._era)
+            leases.append(lease)
         return tuple(leases)
+
+    def begin_era(self) -> str:
+        """Begin to keep this ledger; leases are of the era that this returns from now on."""
+        self._era = begin_era(self._db)
+        return self._era
+
+    def require_era(self, era: str, token: int = 0) -> None:
+        """Raise :class:`daemon.batch.errors.OtherLedger` for what belongs to another ledger."""
+        require_era(self._db, era, token)
 
     def _next_token(self) -> int:
         """Return a token no lease ever had: who comes with an old one is told from the holder."""

@@ -22,6 +22,7 @@ from daemon.batch.ledger._results import (
     read_origin,
     read_records,
     read_result,
+    require_era,
     require_lease,
 )
 from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
@@ -316,11 +317,12 @@ class LedgerReader:
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
 
-    def expected_upload(self, run: str, token: int) -> ExpectedUpload:
+    def expected_upload(self, run: str, token: int, era: str) -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease, also one that is over.
 
         Refuses one that the run never had.
         """
+        require_era(self._db, era, token)
         require_lease(self._db, run, token)
         state, outdated, trace = self._db.execute(
             "SELECT state, outdated, trace_name FROM run WHERE id = ?", (run,)

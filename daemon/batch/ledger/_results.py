@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import secrets
 import sqlite3
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
-from daemon.batch.errors import Refused, Rejected
+from daemon.batch.errors import OtherLedger, Refused, Rejected
 from daemon.batch.ledger._staging import count_queued
 from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.paths import StatePaths
@@ -198,6 +199,27 @@ _COPY_RESULT: Final = (
     " SELECT ?, attempt, worker, digest, at, body FROM result"
     " WHERE run = (SELECT id FROM run WHERE serial = ?)"
 )
+
+
+def begin_era(db: sqlite3.Connection) -> str:
+    """Write down that a daemon begins to keep this ledger, and return the name of that era."""
+    era = secrets.token_hex(8)
+    db.execute("INSERT INTO era (id, token) SELECT ?, value FROM meta WHERE key = 'token'", (era,))
+    return era
+
+
+def require_era(db: sqlite3.Connection, era: str, token: int = 0) -> None:
+    """Raise :class:`OtherLedger` unless a lease ``token`` of that ``era`` may be of this ledger.
+
+    It is not if this ledger was copied before the lease was granted.
+    """
+    row = db.execute(
+        "SELECT (SELECT min(later.token) FROM era AS later WHERE later.serial > era.serial)"
+        " FROM era WHERE id = ?",
+        (era,),
+    ).fetchone()
+    if row is None or (row[0] is not None and token > row[0]):
+        raise OtherLedger("this daemon keeps another ledger, or an older copy of it")
 
 
 def lease_problem(db: sqlite3.Connection, run: str, token: int) -> Rejected | None:

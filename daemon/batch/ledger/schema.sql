@@ -5,6 +5,14 @@ CREATE TABLE meta (
 
 INSERT INTO meta VALUES ('token', 0);
 
+-- The starts of daemons on this ledger, and the latest lease before each. No other ledger has them;
+-- a copy has those up to the time when it was made.
+CREATE TABLE era (
+    serial INTEGER PRIMARY KEY,
+    id     TEXT NOT NULL UNIQUE,
+    token  INTEGER NOT NULL
+) STRICT;
+
 CREATE TABLE campaign (
     serial       INTEGER PRIMARY KEY,
     id           TEXT NOT NULL UNIQUE,

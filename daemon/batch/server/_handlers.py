@@ -103,6 +103,7 @@ class Handlers(SearchHandlers):
     stop: Callable[[], None]
     troubles: Callable[[], tuple[str, ...]]
     marker: Marker
+    era: str
     search_trouble: Callable[[], str]
     starting: Callable[[], str]
     draining: bool = False
@@ -166,7 +167,7 @@ class Handlers(SearchHandlers):
         ]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
-        others = (self.search_trouble(), *idle, *self._inputs.troubles())
+        others = (self.search_trouble(), *idle, *self.registry.notices(), *self._inputs.troubles())
         troubles = tuple(dict.fromkeys((*halting, *others)))
         named = tuple(words for words in troubles if words)
         return (halting[0] if halting else ""), named[:_MOST_TROUBLES]
@@ -211,6 +212,7 @@ class Handlers(SearchHandlers):
             settings.renew,
             self.marker.identity,
             self.marker.probe,
+            self.era,
         )
 
     def disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
@@ -338,6 +340,7 @@ class Handlers(SearchHandlers):
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
+        ledger.require_era(completion.era, completion.token)
         ledger.check_completion(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
@@ -350,6 +353,7 @@ class Handlers(SearchHandlers):
         return LedgerAcknowledgement(answer)
 
     def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
+        ledger.require_era(request.era, request.token)
         if request.damaged:
             self._inputs.examine(request.damaged)
         answer = ledger.release(request, self.clock.now())
@@ -360,6 +364,7 @@ class Handlers(SearchHandlers):
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
         self.registry.check_version(worker)
+        ledger.require_era(worker.era)
         self.registry.check_room(worker.id)
         if self.registry.record_contact(worker, now):
             ledger.record_event(now, "worker", worker.id, state="came")

@@ -19,10 +19,11 @@ _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 @dataclass(frozen=True, slots=True)
 class OpenedState:
-    """The ledger of a state directory and its marker."""
+    """The ledger of a state directory, its marker, and the era of the ledger that begins."""
 
     ledger: LedgerWriter
     marker: Marker
+    era: str
 
 
 def open_state(
@@ -48,4 +49,4 @@ def open_state(
     ledger = stack.enter_context(
         LedgerWriter.open(paths, attempts=settings.attempts, lease=settings.lease)
     )
-    return OpenedState(ledger, marker)
+    return OpenedState(ledger, marker, ledger.begin_era())

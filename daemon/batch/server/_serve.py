@@ -175,6 +175,7 @@ class _Daemon:
             stop=stop,
             troubles=self._troubles,
             marker=opened.marker,
+            era=opened.era,
             search_trouble=self._search_trouble,
             starting=self._starting,
         )

@@ -135,7 +135,7 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
             raise Refused(f"{chunk.run!r} is not the id of a run")
         self._sweep()
-        expected = reader.expected_upload(chunk.run, chunk.token)
+        expected = reader.expected_upload(chunk.run, chunk.token, chunk.era)
         whole = self._whole(chunk.run, chunk.token, chunk.sha256)
         if not expected.wanted or whole.exists():
             return UploadProgress(chunk.size, complete=True)

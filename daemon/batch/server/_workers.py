@@ -105,6 +105,12 @@ class WorkerRegistry:
                 if entry.away_since is not None:
                     entry.away_since += seconds
 
+    def notices(self) -> tuple[str, ...]:
+        """Return what workers that are here want people to know."""
+        with self._lock:
+            here = (entry.info for entry in self._entries.values() if entry.away_since is None)
+            return tuple(f"worker {info.id}: {info.notice}" for info in here if info.notice)
+
     def absent(self, now: float) -> frozenset[str]:
         """The ids of workers that are away for so long that nothing but leases keeps them."""
         with self._lock:

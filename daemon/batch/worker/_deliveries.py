@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 from daemon.batch.errors import (
     DaemonError,
     Failed,
+    OtherLedger,
     Refused,
     Rejected,
     Unavailable,
@@ -35,7 +37,8 @@ _LONGEST_PROBLEM: Final = 1000
 class Deliveries:
     """Results and leases on their way from ``worker`` to its daemon.
 
-    ``trouble`` is what keeps results from being taken.
+    ``trouble`` is what keeps results from being taken. Results of another ledger than that of the
+    daemon wait, without keeping others from being delivered.
     """
 
     def __init__(
@@ -57,11 +60,24 @@ class Deliveries:
         self.trouble = trouble
         self.finished: list[Attempt] = []
         self.releases: list[ReleaseRequest] = []
+        self._foreign: list[Attempt] = []
 
     @property
     def pending(self) -> bool:
         """Whether something was not taken yet."""
         return bool(self.finished or self.releases)
+
+    @property
+    def foreign_words(self) -> str:
+        """What waits for another ledger, in words; empty when nothing does."""
+        count = len(self._foreign)
+        words = f"{count} finished runs wait for another ledger than this daemon's"
+        return f"{words}: start the daemon that keeps it" if count else ""
+
+    def offer_again(self) -> None:
+        """Deliver what has waited for another ledger: that one may have returned."""
+        self.finished += self._foreign
+        self._foreign.clear()
 
     def adopt(self, left: AdoptedWork) -> None:
         """Take over what dead workers left."""
@@ -73,7 +89,7 @@ class Deliveries:
     def give_back(self, lease: Lease, why: str, *, blame: bool = False, damaged: str = "") -> None:
         """Give a lease back; ``damaged`` is the digest of the scene or file that was no good."""
         release = ReleaseRequest(
-            self._worker, lease.run, lease.token, why, blame=blame, damaged=damaged
+            self._worker, lease.run, lease.token, why, blame, damaged, lease.era
         )
         self.releases.append(release)
 
@@ -93,27 +109,26 @@ class Deliveries:
     def send_results(self) -> None:
         """Deliver the results that are not on their way; after trouble one tries."""
         for attempt in self.finished[: 1 if self.trouble.words else None]:
-            token = attempt.lease.token
-            if token not in self._asks:
-                self._asks.start(token, partial(self._uploader.deliver, attempt))
+            if attempt.folder not in self._asks:
+                self._asks.start(attempt.folder, partial(self._uploader.deliver, attempt))
 
     def take_release_answer(self, release: ReleaseRequest, answer: Future[Any]) -> None:
         """Forget a lease that was taken back; raises :class:`Unreachable`."""
         try:
             answer.result()
-        except (Refused, Failed) as error:
+        except (Refused, Failed, OtherLedger) as error:
             # Of somebody else by now, or forgotten. A daemon that fails at it must not keep this
             # worker from renewing and delivering: a lease that nobody renews lapses.
             self._log(f"{release.run}: not given back, {error}")
         if release in self.releases:  # else it was sent twice, while something was fetched
             self.releases.remove(release)
 
-    def take_result_answer(self, token: int, answer: Future[Any]) -> None:
+    def take_result_answer(self, folder: Path, answer: Future[Any]) -> None:
         """Forget an attempt whose result was taken or rejected; keep it after any other error.
 
         Raises :class:`Unreachable` when nobody answered.
         """
-        attempt = next((one for one in self.finished if one.lease.token == token), None)
+        attempt = next((one for one in self.finished if one.folder == folder), None)
         if attempt is None:
             return
         try:
@@ -123,6 +138,10 @@ class Deliveries:
             # The next execution would give the same again; nothing else is the doing of the run.
             blame = error.rejection is Rejection.TOO_LARGE
             self.give_back_attempt(attempt, f"the result was not taken: {error}", blame=blame)
+        except OtherLedger as error:
+            self.finished.remove(attempt)
+            self._foreign.append(attempt)
+            self._log(f"{attempt.lease.run}: kept in {attempt.folder}, {error}")
         except (DaemonError, OSError, ValueError) as error:
             if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
                 raise

@@ -13,6 +13,8 @@ What becomes of a lease here:
        └─ no disk, no process, no scene: released, not blamed
 
 While the daemon cannot be reached everything goes on; afterwards it says what is still wanted.
+Another ledger may answer in its place. Then what runs here ends and stays in the spool, and the
+worker begins anew with that ledger.
 """
 
 from __future__ import annotations
@@ -24,9 +26,16 @@ from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import wait
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
+from daemon.batch.errors import (
+    DaemonError,
+    OtherLedger,
+    Refused,
+    Unavailable,
+    Unreachable,
+)
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
 from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import (
@@ -57,6 +66,8 @@ _RETRY_UNREACHABLE: Final = 0.5
 """Seconds to the next try when nobody answers: Zenoh itself connects again within 0.1 to 2 s."""
 _LOOK_AT_DISK: Final = 3.0
 """Seconds between two looks whether a full disk has room again: that costs nothing."""
+_LOOK_AT_LEDGER: Final = 2.0
+"""Seconds between two looks whether the ledger has returned that granted what runs here."""
 _LAST_WORDS: Final = 3.0
 """Seconds a worker that is ended takes to tell the daemon."""
 _MOST_LEASED: Final = 1024
@@ -114,22 +125,29 @@ class WorkerLoop:
         self._leave_by = 0.0
         self._moved = 0
         self._refusal = ""
+        self._elsewhere = False
         self._preparing = ""
         # Kinds of systems under test that are not installed here: no run of them is leased again.
         self._missing_suts: dict[str, str] = {}
         self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
 
-    def run(self) -> None:
-        """Work until told to leave, then finish or give back what is under way."""
+    def run(self) -> bool:
+        """Work until told to leave, then finish or give back what is under way.
+
+        Returns whether it ended because another ledger answers instead, of which it has nothing.
+        """
         try:
             while not self._signals.abort:
                 self._collect_results()
                 self._start_leased()
                 self._talk_to_daemon()
                 if self._signals.drain and not self._executions and self._may_leave():
-                    return
+                    return False
+                if self._elsewhere and not self._executions:
+                    return True
                 self._wait()
             self._give_up()
+            return False
         finally:
             self._asks.close()
 
@@ -217,6 +235,9 @@ class WorkerLoop:
                 if len(self._asks) or self._deliveries.releases:
                     return
                 self._renew()
+        except OtherLedger as error:
+            self._leave_ledger(error)
+            return
         except (Unavailable, Refused) as error:
             # The daemon is there: it may take results all the same.
             self._log_refusal(error)
@@ -252,10 +273,20 @@ class WorkerLoop:
             self._take_grants(answer)
         elif isinstance(key, ReleaseRequest):
             self._deliveries.take_release_answer(key, answer)
-        elif isinstance(key, int):
+        elif isinstance(key, Path):
             self._deliveries.take_result_answer(key, answer)
 
+    def _leave_ledger(self, error: OtherLedger) -> None:
+        """Begin and deliver nothing more: another ledger answers."""
+        self._log_refusal(error)
+        self._elsewhere = True
+        self._leased.clear()
+        self._silent_until = self._renew_at = time.monotonic() + _LOOK_AT_LEDGER
+
     def _not_answered(self, error: DaemonError) -> None:
+        if isinstance(error, OtherLedger):
+            self._leave_ledger(error)
+            return
         self._log_refusal(error)
         if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
             self._silent_until = time.monotonic() + _RETRY_UNREACHABLE
@@ -279,7 +310,8 @@ class WorkerLoop:
         # A run that is leased and waits for machine code has a slot as well.
         held = len(self._executions) + len(self._leased)
         info = self._info(min(held, max(self._backend.slots, len(self._executions))))
-        return replace(info, trouble=trouble, preparing=self._preparing)
+        notice = self._deliveries.foreign_words
+        return replace(info, trouble=trouble, preparing=self._preparing, notice=notice)
 
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
@@ -291,6 +323,9 @@ class WorkerLoop:
         simulated = tuple(self._live.simulated(hold.run) for hold in going)
         reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds, simulated))
         self._renew_at = time.monotonic() + self._renew_period
+        if self._elsewhere:
+            self._elsewhere = False
+            self._deliveries.offer_again()
         gone = {hold.token for hold in reply.gone}
         self._leased = deque(lease for lease in self._leased if lease.token not in gone)
         for execution in tuple(self._executions):

@@ -1,8 +1,8 @@
 """Delivering results: the trace goes where it belongs, then the ledger is told.
 
-On the daemon's own file system the worker puts it there. From any other machine it travels over the
-bus, part by part between the worker's other duties, and goes on where it was after whatever broke in
-between.
+On the daemon's own file system the worker puts it there. From any other machine it travels over
+the bus, part by part between the worker's other duties. It goes on where it was after whatever
+broke in between.
 """
 
 from __future__ import annotations
@@ -111,8 +111,8 @@ class ResultUploader:
         self._paths = paths
         self._log = log
         self._turn = turn
-        # By the tokens of leases: a run that is leased again is another delivery.
-        self._sending: dict[int, _BusUpload] = {}
+        # By folder: another ledger may have granted the same tokens.
+        self._sending: dict[Path, _BusUpload] = {}
         self._counting = threading.Lock()
         self.moved = 0
 
@@ -137,7 +137,7 @@ class ResultUploader:
     ) -> LedgerAnswer:
         lease = attempt.lease
         ours = (self._worker, lease.run, lease.attempt, lease.token)
-        completion = Completion(*ours, result, uploaded)
+        completion = Completion(*ours, result, uploaded, lease.era)
         return self._daemon.ask(COMPLETE, completion).answer
 
     def _moved(self, count: int) -> None:
@@ -157,10 +157,9 @@ class ResultUploader:
             placement.withdraw()
 
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
-        token = attempt.lease.token
-        if token not in self._sending:
-            self._sending[token] = _BusUpload(_checked_trace(attempt, result))
-        sending, until = self._sending[token], time.monotonic() + self._turn
+        if attempt.folder not in self._sending:
+            self._sending[attempt.folder] = _BusUpload(_checked_trace(attempt, result))
+        sending, until = self._sending[attempt.folder], time.monotonic() + self._turn
         try:
             while not sending.complete:
                 self._send(attempt, result, sending)
@@ -171,12 +170,12 @@ class ResultUploader:
             raise
         # Missing: the parts are gone from the daemon's folder since it acknowledged the last one.
         if self._complete(attempt, result, uploaded=True) is LedgerAnswer.MISSING:
-            self._sending[token] = _BusUpload(sending.path, again=True)
+            self._sending[attempt.folder] = _BusUpload(sending.path, again=True)
             if sending.again:
                 raise OSError(f"the daemon does not find the trace of {attempt.lease.run}")
             return False
         self._tell(attempt, result, sending.begun, "sent")
-        del self._sending[token]
+        del self._sending[attempt.folder]
         return True
 
     def _send(self, attempt: Attempt, result: RunResult, sending: _BusUpload) -> None:
@@ -185,7 +184,7 @@ class ResultUploader:
         ours = (self._worker, lease.run, lease.token, trace.sha256, trace.size)
 
         def ask(offset: int, text: str, digest: str) -> UploadProgress:
-            chunk = TraceUploadChunk(*ours, offset, text, digest)
+            chunk = TraceUploadChunk(*ours, offset, text, digest, lease.era)
             return self._daemon.ask(UPLOAD, chunk)
 
         self._moved(sending.send_next(ask))

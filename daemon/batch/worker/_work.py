@@ -6,10 +6,12 @@ import sys
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime
+from multiprocessing.connection import wait
 from pathlib import Path
+from typing import Final
 
 from daemon.batch import bus
-from daemon.batch.errors import WorkerBroken
+from daemon.batch.errors import Unreachable, WorkerBroken
 from daemon.batch.paths import StatePaths, is_encrypted
 from daemon.batch.security import find_credentials
 from daemon.batch.tether import exit_when_stdin_closes
@@ -29,9 +31,12 @@ from daemon.model.execution import (
     available_cores,
     decide_on_commands,
 )
-from daemon.model.messages import ALIVE, WORK
+from daemon.model.messages import ALIVE, WORK, WelcomeReply
 from daemon.model.verbs import Role
 from grammars.text.terminal_text import printable
+
+_ASK_AGAIN: Final = 1.0
+"""Seconds between two questions for work while no daemon answers any more."""
 
 
 def work(
@@ -73,7 +78,6 @@ def work(
         lower_session_priority(nice)
     # Before anything is forked that inherits it.
     decide_on_commands(commands, elsewhere=is_encrypted(connect))
-    me = describe_worker()
     with ExitStack() as stack:
         signals = WorkerSignals(parent=parent)
         stack.callback(signals.close)
@@ -84,11 +88,29 @@ def work(
         holder = find_credentials(Role.WORKER, keys) if is_encrypted(connect) else None
         session = stack.enter_context(bus.open_client(connect, holder))
         daemon = DaemonConnection(session, connect, holder)
-        welcome = daemon.ask_welcome(me)
+        welcome: WelcomeReply | None = daemon.ask_welcome(describe_worker())
+        while welcome is not None and _serve(daemon, welcome, state, backend, signals, limits):
+            welcome = _ask_again(daemon, signals)
+
+
+def _serve(
+    daemon: DaemonConnection,
+    welcome: WelcomeReply,
+    state: Path | None,
+    backend: Backend,
+    signals: WorkerSignals,
+    limits: RunLimits | None,
+) -> bool:
+    """Execute runs of one ledger; returns whether another ledger answers now."""
+    # Of another name for each ledger: its part of the spool is nobody's when it has ended.
+    me = replace(describe_worker(), era=welcome.era)
+    with ExitStack() as stack:
         paths = choose_paths(state, welcome)
-        spool = _open_spool(paths.state, me.id, holder.name if holder else "")
+        holder = daemon.holder.name if daemon.holder else ""
+        spool = _open_spool(paths.state, me.id, holder)
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
+        session = daemon.session
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{daemon.name}/{me.id}"))
         stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.wake()))
         loop = WorkerLoop(
@@ -102,9 +124,23 @@ def work(
             renew=welcome.renew,
             log=_log,
         )
-        _log(f"{me.id} works for {connect} with {backend.slots} slots in {paths.state.state}")
-        loop.run()
+        _log(
+            f"{me.id} works for {daemon.endpoint} with {backend.slots} slots in {paths.state.state}"
+        )
+        elsewhere = loop.run()
         _log(f"{me.id} leaves")
+    return elsewhere
+
+
+def _ask_again(daemon: DaemonConnection, signals: WorkerSignals) -> WelcomeReply | None:
+    """Ask whichever daemon answers for work, until told to leave."""
+    while not signals.drain:
+        try:
+            return daemon.ask_welcome(describe_worker())
+        except Unreachable:
+            wait([signals.receiver], _ASK_AGAIN)
+            signals.take_wakeups()
+    return None
 
 
 def _open_spool(paths: StatePaths, worker: str, holder: str) -> Spool:

@@ -7,6 +7,7 @@ import hashlib
 import json
 import signal
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,7 @@ from daemon.model.messages import (
     TraceDownloadRequest,
     TraceUploadChunk,
     WelcomeReply,
+    WorkerInfo,
 )
 from daemon.model.run_state import RunState
 from tests.chaos.links import relay
@@ -150,6 +152,8 @@ def ask(client, request):
 
 
 def test_hostile_uploads_are_refused_and_leave_nothing(remote, client):
+    me = WorkerInfo("w", "host", 1, version("scenario-tui"), 1, 0)
+    era = client.ask(verbs.WELCOME, me).era
     hostile = [
         TraceUploadChunk("w", "c.0", 1_000_000, "0" * 64, 10),
         TraceUploadChunk("w", "c.77", 1, "0" * 64, 10),
@@ -160,7 +164,7 @@ def test_hostile_uploads_are_refused_and_leave_nothing(remote, client):
     ]
     for chunk in hostile:
         with pytest.raises(Refused):
-            ask(client, chunk)
+            ask(client, replace(chunk, era=era))
     assert list((remote.state / "incoming").iterdir()) == []
     assert client.overview().done == 5
 

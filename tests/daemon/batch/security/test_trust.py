@@ -3,6 +3,7 @@
 import socket
 import ssl
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 
@@ -66,6 +67,7 @@ class Holder:
         self.me = WorkerInfo(
             f"of-{key.name.replace('.', '-')}", "h", 1, version("scenario-tui"), 4, 0
         )
+        self.me = replace(self.me, era=self.ask(verbs.WELCOME, self.me).era)
 
     def ask(self, verb, request):
         return bus.ask(self.session, self.daemon.endpoint, verb, request, 60.0, self.key)
@@ -78,7 +80,8 @@ class Holder:
         trace.parent.mkdir(parents=True, exist_ok=True)
         trace.write_bytes(self.key.name.encode())
         result = make_result(grant.spec, margin=margin)
-        done = Completion(self.me.id, grant.run, grant.attempt, grant.token, result)
+        ours = (self.me.id, grant.run, grant.attempt, grant.token)
+        done = Completion(*ours, result, era=grant.era)
         return self.ask(verbs.COMPLETE, done).answer
 
 

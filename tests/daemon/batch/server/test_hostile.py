@@ -10,6 +10,7 @@ import json
 import pickle
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -66,7 +67,8 @@ class Target:
         self.daemon = daemon
         self.session = session
         client.submit(make_submission("camp", 3))
-        lease = self.ask(verbs.LEASE, LeaseRequest(ME, 2))
+        self.me = replace(ME, era=self.ask(verbs.WELCOME, ME).era)
+        lease = self.ask(verbs.LEASE, LeaseRequest(self.me, 2))
         self.done, self.leased = lease.grants
         trace = StatePaths(daemon.state).trace(self.done.trace)
         trace.parent.mkdir(parents=True)
@@ -76,7 +78,7 @@ class Target:
         assert answer is LedgerAnswer.RECORDED
         tokens = (self.leased.token, 9, 2**53)
         holds = tuple(LeaseRef(self.leased.run, token) for token in tokens)
-        gone = self.ask(verbs.RENEW, RenewRequest(ME, holds)).gone
+        gone = self.ask(verbs.RENEW, RenewRequest(self.me, holds)).gone
         assert {hold.token for hold in gone} == {9, 2**53}
 
     def ask(self, verb, request):
@@ -122,7 +124,11 @@ class Target:
 
 def completion_of(grant):
     result = make_result(grant.spec, trace=INFO)
-    return Completion(ME.id, grant.run, grant.attempt, grant.token, result)
+    return Completion(ME.id, grant.run, grant.attempt, grant.token, result, era=grant.era)
+
+
+def release_of(lease, token, reason):
+    return ReleaseRequest(ME.id, lease.run, token, reason, blame=True, era=lease.era)
 
 
 @pytest.fixture(scope="module")
@@ -198,8 +204,9 @@ WRONG = (
 
 def valid(target):
     """A request of each verb that has fields; sent as they are, these would do something."""
-    chunk = TraceUploadChunk(ME.id, target.leased.run, target.leased.token, "0" * 64, 4, 0, "", "")
-    release = ReleaseRequest(ME.id, target.leased.run, target.leased.token, "why", blame=True)
+    lease = target.leased
+    chunk = TraceUploadChunk(ME.id, lease.run, lease.token, "0" * 64, 4, 0, "", "", lease.era)
+    release = release_of(lease, lease.token, "why")
     return {
         verbs.CAMPAIGNS: CampaignQuery("camp"),
         verbs.RUNS: RunQuery("camp"),
@@ -223,8 +230,8 @@ def valid(target):
         verbs.PROGRESS: SearchProgress("sought", "explore", "so far"),
         verbs.BUNDLE: IdRequest("sought"),
         verbs.WELCOME: ME,
-        verbs.LEASE: LeaseRequest(ME, 1),
-        verbs.RENEW: RenewRequest(ME, ()),
+        verbs.LEASE: LeaseRequest(target.me, 1),
+        verbs.RENEW: RenewRequest(target.me, ()),
         verbs.COMPLETE: completion_of(target.leased),
         verbs.RELEASE: release,
         verbs.UPLOAD: chunk,
@@ -337,14 +344,11 @@ def test_what_is_stale_or_said_twice_changes_nothing(target):
     other = again | {"result": leased["result"]}
     assert "specification differs" in target.complaint(verbs.COMPLETE, dumped(other))
     for token in (0, target.leased.token + 1):
-        release = ReleaseRequest(ME.id, target.leased.run, token, "mine", blame=True)
+        release = release_of(target.leased, token, "mine")
         words = target.complaint(verbs.RELEASE, codec.to_json(release))
         assert "never leased" in words
-    for run, token in (
-        (target.done.run, target.done.token),
-        (target.leased.run, target.done.token),
-    ):
-        over = ReleaseRequest(ME.id, run, token, "mine", blame=True)
+    for lease in (target.done, target.leased):
+        over = release_of(lease, target.done.token, "mine")
         assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
 
 

@@ -45,7 +45,8 @@ class Site:
 
     def chunk(self, offset, part, **changes):
         sha256 = hashlib.sha256(TRACE).hexdigest()
-        made = TraceUploadChunk("w", self.grant.run, self.grant.token, sha256, len(TRACE), offset)
+        ours = ("w", self.grant.run, self.grant.token, sha256, len(TRACE))
+        made = TraceUploadChunk(*ours, offset, era=self.grant.era)
         text, digest = encode_chunk(part)
         return replace(made, **({"data": text, "digest": digest} | changes))
 
@@ -80,6 +81,7 @@ def site(tmp_path):
     places.make_folders()
     journal = EventLog(places.log)
     with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
+        book.begin_era()
         book.submit(make_submission("c", 1), NOW)
         (grant,) = book.lease("w", 1, NOW)
         yield Site(places, book, reader, TraceUploads(places, journal), journal, grant)
