@@ -28,12 +28,6 @@ from daemon.analysis.report._svg import text_element
 from daemon.model.proposals import ProposalRow
 from daemon.model.search_answer import SearchRow
 from daemon.model.verdicts import Outcome
-from daemon.search.page._boundary import (
-    CELL_ENDS,
-    balanced,
-    coloured_cells,
-    line_of_zero,
-)
 from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
 
@@ -325,22 +319,10 @@ def draw_regions(searches):
 
 
 def _draw_region(axes, search, *, words):
-    """Draw the margin of a search over two ranges, and what its runs did, explained in words."""
+    """Draw what the runs of a search over two ranges did, explained in words."""
     x, y = search.row.task.parameters
     rows = [r for r in search.rows if r.proposal.phase == "explore" and _margin(r) is not None]
     places = np.array([_place((x, y), row.proposal.values) for row in rows])
-    margins = balanced(np.array([_margin(row) for row in rows], float))
-    ends = CELL_ENDS
-    for colour, cells in coloured_cells(places, margins):
-        rings = [
-            [(ends[a], ends[j]), (ends[b], ends[j]), (ends[b], ends[j + 1]), (ends[a], ends[j + 1])]
-            for a, b, j in cells
-        ]
-        axes.shapes([_on_axes(x, y, ring) for ring in rings], fill=colour, edge=colour, width=0.2)
-    line = line_of_zero(places, margins)
-    if len(line):
-        across, up = np.transpose(_on_axes(x, y, line))
-        axes.line(across, up, _MARK, 1.4)
     _draw_marks(axes, search, rows, places, words=words)
 
 

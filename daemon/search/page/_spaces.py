@@ -134,13 +134,11 @@ def draw_marks(
     points: Sequence[DrawnPoint],
     x: Sequence[float],
     y: Sequence[float],
-    passing: str = "line",
-    failing: str = "bad",
 ) -> None:
     """Draw points that pass as dots and those that fail as crosses, each at its ``x`` and ``y``."""
     fails = np.array([point.result.fails for point in points], bool)
     xs, ys = np.array(x, float), np.array(y, float)
     if not fails.all():
-        axes.dots(xs[~fails], ys[~fails], passing, 3.2, alpha=0.8, label="passes")
+        axes.dots(xs[~fails], ys[~fails], "line", 3.2, alpha=0.8, label="passes")
     if fails.any():
-        axes.crosses(xs[fails], ys[fails], failing, 4.4, label="fails")
+        axes.crosses(xs[fails], ys[fails], "bad", 4.4, label="fails")

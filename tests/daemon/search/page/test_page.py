@@ -13,7 +13,7 @@ from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
 from daemon.search.page import search_figures, search_headline, search_page
-from daemon.search.page._boundary import RAMP, balanced, estimate, ramp_levels, zero_lines
+from daemon.search.page._boundary import RAMP, balanced, ramp_levels
 from daemon.search.page._points import drawn_points, smallest_so_far
 from daemon.search.program import run_search
 from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
@@ -207,14 +207,6 @@ def test_any_of_several_oracles_is_told_as_a_share():
     assert "as a share of its scale" in svg
 
 
-def test_estimates_are_the_margins_where_there_are_runs():
-    runs = np.array([(0.1, 0.2), (0.8, 0.3), (0.5, 0.9)])
-    margins = np.array([-0.2, 0.1, 0.4])
-    assert estimate(runs, margins, runs) == pytest.approx(margins)
-    between = estimate(runs, margins, np.random.default_rng(1).random((50, 2)))
-    assert margins.min() <= between.min() <= between.max() <= margins.max()
-
-
 def test_colours_change_where_margins_do():
     margins = np.array([-0.05, -0.0001, 0.0, 0.0001, 0.1])
     shares = balanced(margins)
@@ -226,13 +218,3 @@ def test_colours_change_where_margins_do():
     assert levels == sorted(levels)
     half = len(RAMP) // 2
     assert [level < half for level in levels] == [True, True, False, False, False]
-
-
-def test_the_line_at_zero_parts_what_passes_from_what_fails():
-    corners = np.linspace(-0.35, 0.65, 11)[:, None] + np.zeros((1, 6))
-    lines = zero_lines(corners)
-    assert len(lines) == 5
-    assert lines[..., 0] == pytest.approx(3.5)
-    assert zero_lines(np.ones((4, 4))).shape == (0, 2, 2)
-    saddle = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    assert len(zero_lines(saddle)) == 2
