@@ -268,7 +268,7 @@ class SearchText(StrictModel):
     """first failure, so many failures (5 failures), when settled: when nothing better is found any
     more, or budget: not before that is spent."""
     method: str = Field(default="auto", min_length=1)
-    """auto, halton, random, tpe, cma, boundary, or one that plugs in. auto: 16 runs of a scrambled
+    """auto, halton, random, tpe, cma or boundary. auto: 16 runs of a scrambled
     Halton sequence, then TPE, and CMA-ES from 150 runs on."""
     confirm: Annotated[str, _checked(read_confirm), _counted("repeats")] = "5 repeats"
     """How often a failure that is told is run again with other noise."""

@@ -107,7 +107,7 @@ def search(
         typer.Option(
             "--method",
             metavar="NAME",
-            help="auto, halton, random, tpe, cma, boundary, or one that plugs in.",
+            help="auto, halton, random, tpe, cma or boundary.",
             autocompletion=completion.one_of("auto", "halton", "random", "tpe", "cma", "boundary"),
         ),
     ] = "",

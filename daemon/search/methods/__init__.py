@@ -5,7 +5,6 @@ from daemon.search.methods._make import (
     METHODS,
     make_method,
     method_misfit,
-    method_names,
     method_problem,
     missing_library,
 )
@@ -18,7 +17,6 @@ __all__ = [
     "SearchMethod",
     "make_method",
     "method_misfit",
-    "method_names",
     "method_problem",
     "missing_library",
 ]

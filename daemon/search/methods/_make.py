@@ -1,4 +1,4 @@
-"""Methods by name: those that ship, and those of others; and why one cannot be used here."""
+"""Methods by name, and why one cannot be used here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from daemon.model.search import SPACE_FILLING, SearchParameter, SearchTask
 from daemon.search.methods._boundary import MOST_PARAMETERS, BoundaryStage
 from daemon.search.methods._cma import CmaStage
 from daemon.search.methods._history import SearchHistory
-from daemon.search.methods._plugins import PluginMethod, plugin_factory, plugin_methods
 from daemon.search.methods._protocol import SearchMethod
 from daemon.search.methods._stages import HaltonStage, RandomStage, Stage, StagedMethod
 from daemon.search.methods._tpe import TpeStage
@@ -18,7 +17,6 @@ from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 METHODS: Final = ("auto", "halton", "random", "tpe", "cma", "boundary")
-"""The methods that ship."""
 COVARIANCE_FROM: Final = 150
 """Proposals after which ``auto`` goes on with the method cma, where all parameters are ranges."""
 
@@ -31,14 +29,7 @@ def make_method(task: SearchTask, space: SearchSpace) -> SearchMethod:
     problem = method_problem(task)
     if problem:
         raise InputError(Diagnostic(Where(f'search "{task.name}"'), problem))
-    if task.method not in METHODS:
-        return PluginMethod(task, space)
     return StagedMethod(SearchHistory(space, task.seed, task.window), _stages(task))
-
-
-def method_names() -> tuple[str, ...]:
-    """Return the names of all methods, those that ship first."""
-    return (*METHODS, *(name for name in plugin_methods() if name not in METHODS))
 
 
 def method_problem(task: SearchTask) -> str:
@@ -49,7 +40,7 @@ def method_problem(task: SearchTask) -> str:
 def method_misfit(task: SearchTask) -> str:
     """Return why a method does not fit a search, on any machine; empty when it does."""
     if task.method not in METHODS:
-        return _plugin_problem(task.method)
+        return f'there is no method "{task.method}"; {did_you_mean(task.method, METHODS)}'
     lists = [parameter.name for parameter in task.parameters if parameter.choices]
     if task.method == "boundary":
         return _boundary_problem(task.parameters, lists)
@@ -69,16 +60,6 @@ def missing_library(task: SearchTask) -> str:
             f"the method {task.method} takes the library {missing[0]}, which is not installed; "
             f"{install}, or write method: halton, which works without"
         )
-    return ""
-
-
-def _plugin_problem(name: str) -> str:
-    try:
-        factory = plugin_factory(name)
-    except ValueError as error:
-        return str(error)
-    if factory is None:
-        return f'there is no method "{name}"; {did_you_mean(name, method_names())}'
     return ""
 
 
