@@ -1,8 +1,6 @@
 """GlobalPlanner and navfn over the same drive of scenario S1, plan by plan side by side.
 
-Starts, goals and costs as in :mod:`.bench_navfn`, with costs that change around the robot. Kinds
-that plan every time with a whole wave are timed for every fiftieth plan only. A* finds no plan
-from many positions, as in the original; from cell to cell it does.
+Starts, goals and costs as in :mod:`.bench_navfn`, with costs that change around the robot.
 """
 
 import time
@@ -15,18 +13,16 @@ from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParame
 from daemon.stacks.ros1.global_planner import warm_up as warm_up_global_planner
 from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
 from daemon.stacks.ros1.quirks import FIXED
-from tests.benchmarks.bench_navfn import COMPARED, STEP, disturb
+from tests.benchmarks.bench_navfn import STEP, disturb
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
 
 KINDS = {
-    "navfn": (None, True),
-    "GlobalPlanner": (GlobalPlannerParameters(), True),
-    "  old_navfn_behavior": (GlobalPlannerParameters(old_navfn_behavior=True), True),
-    "  use_quadratic: false": (GlobalPlannerParameters(use_quadratic=False), False),
-    "  A*, use_grid_path": (GlobalPlannerParameters(use_dijkstra=False, use_grid_path=True), False),
+    "navfn": None,
+    "GlobalPlanner": GlobalPlannerParameters(),
+    "  old_navfn_behavior": GlobalPlannerParameters(old_navfn_behavior=True),
 }
-"""Parameters, none for navfn, and whether to time every plan."""
+"""Parameters, none for navfn."""
 
 
 def measure():
@@ -42,22 +38,21 @@ def measure():
         name: Navfn(NavfnParameters(), FIXED)
         if parameters is None
         else GlobalPlanner(parameters, FIXED)
-        for name, (parameters, _) in KINDS.items()
+        for name, parameters in KINDS.items()
     }
     taken = {name: [] for name in KINDS}
     found = dict.fromkeys(KINDS, 0)
     noise = CostGrid(original.resolution, original.x, original.y, cells)
-    for k, (start, goal) in enumerate(trips):
+    for start, goal in trips:
         here = original.cell(start.x, start.y)
         assert here is not None
         window = disturb(random, noise, original, here)
-        for name, (_, always) in KINDS.items():
+        for name in KINDS:
             grids[name].touch(window)
-            if always or k % COMPARED == 0:
-                begin = time.process_time()
-                plan = planners[name].plan(grids[name], start, goal)
-                taken[name].append(time.process_time() - begin)
-                found[name] += plan is not None
+            begin = time.process_time()
+            plan = planners[name].plan(grids[name], start, goal)
+            taken[name].append(time.process_time() - begin)
+            found[name] += plan is not None
     rows, columns = cells.shape
     base = Reference("navfn", np.mean(taken["navfn"]).item() * 1e3)
     for name, times in taken.items():

@@ -10,12 +10,12 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
@@ -93,6 +93,17 @@ def read_section(
         if len(report.fatal) == errors:
             report.fatal += [_at_odds(issue, path, values, moved) for issue in error.errors()]
     return model()
+
+
+def refuse(values: Collection[Any], message: str) -> BeforeValidator:
+    """Return the check of a field that refuses some ``values`` that ROS takes, in these words."""
+
+    def check(value: Any) -> Any:
+        if value in values:
+            raise ValueError(message)
+        return value
+
+    return BeforeValidator(check)
 
 
 def at_odds(names: Iterable[str], text: str) -> PydanticCustomError:

@@ -52,20 +52,10 @@ class Quirks:
     navfn_corner_coordinates: bool = True
     """Path points stand at cell corners, half a cell low in x and y (navfn ``mapToWorld``)."""
     global_planner_costs_wrap: bool = True
-    """A* and the cells around the goal take costmap value plus ``neutral_cost`` as one byte: from
-    256 on it starts at 0 again, so the cells next to walls are the cheapest (GlobalPlanner)."""
-    global_planner_misses_start: bool = True
-    """A path traced back has to come within half a cell of the robot's exact position, or into
-    the cell that this is cut off to. A*, and Dijkstra with ``use_grid_path``, may lead to a cell
-    beside it: then there is no plan, on a free map for 254 of 400 random trips with A* along the
-    gradient and 171 with Dijkstra from cell to cell (GlobalPlanner, "Failed to get a plan from
-    potential when a legal potential was found")."""
+    """The cells around the goal take costmap value plus ``neutral_cost`` as one byte: from 256 on
+    it starts at 0 again, so the cells next to walls are the cheapest (GlobalPlanner)."""
     global_planner_repeats_goal: bool = True
     """With ``old_navfn_behavior`` the goal stands twice at the end of the plan (GlobalPlanner)."""
-    orientation_blend_overshoots: bool = True
-    """With ``orientation_mode`` 3 the turn towards the goal's yaw is counted from the start of
-    the plan instead of the last straight: it goes too far, and the robot stops with another yaw
-    than asked for (GlobalPlanner ``OrientationFilter::interpolate``)."""
     dispatcher_clears_square: bool = True
     """Every make_plan request of the dispatcher clears a square of twice ``clearing_radius``
     around the robot in both costmaps (move_base ``planService``)."""

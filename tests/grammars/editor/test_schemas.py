@@ -149,7 +149,7 @@ parameters:
     robot_radius: 0.3
     DWAPlannerROS: {sim_time: 2, controller_frequency: null}
     TrajectoryPlannerROS: {holonomic_robot: false}
-    GlobalPlanner: {use_dijkstra: false}
+    GlobalPlanner: {use_dijkstra: true}
     local_costmap:
       plugins: [{name: seen, type: "costmap_2d::VoxelLayer"}]
       seen: {observation_sources: front, front: {data_type: LaserScan}, z_voxels: 8}
@@ -177,8 +177,8 @@ def test_parameters_of_ros_are_known_by_section():
         ("marking: true", "marking: 3", "$.parameters.costmap_common.scan.marking"),
         ("remap: {/a: /b}", "remaps: {}", "$.parameters.topics"),
         (
+            "use_dijkstra: true",
             "use_dijkstra: false",
-            "use_dijkstra: 1",
             "$.parameters.move_base.GlobalPlanner.use_dijkstra",
         ),
         (

@@ -1,12 +1,12 @@
 """GlobalPlanner, the other global planner of ROS Noetic (``global_planner/GlobalPlanner``).
 
-A potential is expanded from the robot over the global costmap, by Dijkstra in waves like those of
-navfn or by A* towards the goal; the path is traced back from the goal, and a filter gives its
-points their yaws. Update for update as in the original (David V. Lu, Eitan Marder-Eppstein),
-because its result depends on the order.
+As most robots configure it: Dijkstra expands a potential from the robot over the global costmap
+with the wave of navfn, a path is traced back from the goal along the gradient, and its points look
+forward. Update for update as in the original (David V. Lu, Eitan Marder-Eppstein), because its
+result depends on the order. A*, plain potentials, paths from cell to cell and other orientations
+are refused.
 
-With Dijkstra, the quadratic potential and gradient paths, waves towards a goal that repeats are
-restricted as those of navfn are, and checked in the same way.
+Waves towards a goal that repeats are restricted as those of navfn are, and checked in the same way.
 
 Where the original looks off its arrays (at the border of a map without outline, or around a goal
 there) its result is undefined; here there is nothing to be found: see :mod:`.expansion`.

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import Finite
+from daemon.stacks.ros1.parameters import Finite, refuse
 
 _Byte: TypeAlias = Annotated[int, Field(ge=1, le=255)]
+
+FORWARD: Final = 1
+"""The orientation mode in which points look along the path."""
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
@@ -22,26 +25,33 @@ class GlobalPlannerParameters:
 
     old_navfn_behavior: bool = False
     """Start and goal are the corners of their cells, as in navfn; otherwise they are exact."""
-    use_quadratic: bool = True
-    """Interpolate potentials between two neighbours; otherwise a cell adds its cost to the
-    lowest of four."""
-    use_dijkstra: bool = True
-    """Expand in all directions until the goal is reached; otherwise A* towards it."""
-    use_grid_path: bool = False
-    """Trace the path back from cell to cell; otherwise along the gradient, half a cell a step."""
+    use_quadratic: Annotated[
+        Literal[True], refuse((False,), "plain potentials are not built in: write true")
+    ] = True
+    """Interpolate potentials between two neighbours."""
+    use_dijkstra: Annotated[Literal[True], refuse((False,), "A* is not built in: write true")] = (
+        True
+    )
+    """Expand in all directions until the goal is reached."""
+    use_grid_path: Annotated[
+        Literal[False], refuse((True,), "paths from cell to cell are not built in: write false")
+    ] = False
+    """Trace the path back along the gradient, half a cell a step."""
     allow_unknown: bool = True
     """Whether a path may lead through cells that are unknown in the global costmap."""
     outline_map: bool = True
     """Plan as if the outermost cells of the costmap were obstacles."""
-    lethal_cost: _Byte = 253
-    """A* does not enter cells of this cost or more, Dijkstra of this cost less one or more."""
+    lethal_cost: Annotated[int, Field(ge=2, le=255)] = 253
+    """Cells of this cost less one or more are not entered; 1 would leave none."""
     neutral_cost: _Byte = 50
     """Cost of crossing a free cell."""
     cost_factor: Annotated[float, Field(ge=0.01, le=5.0, allow_inf_nan=False)] = 3.0
-    """By which Dijkstra multiplies the costs of the costmap; A* does not know it."""
-    orientation_mode: Annotated[int, Field(ge=0, le=6)] = 1
-    """Yaw of the plan's points: 0 none, 1 forward, 2 interpolated between start and goal, 3
-    forward and on the last straight interpolated, 4 backward, 5 leftward, 6 rightward."""
+    """By which the costs of the costmap are multiplied."""
+    orientation_mode: Annotated[
+        Literal[0, 1],
+        refuse((2, 3, 4, 5, 6), "only 0 (no yaws) and 1 (points look forward) are built in"),
+    ] = FORWARD
+    """Yaw of the plan's points: 0 none, 1 forward."""
     orientation_window_size: _Byte = 1
     """Points before and after, whose line is the direction of the path at a point."""
     default_tolerance: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0

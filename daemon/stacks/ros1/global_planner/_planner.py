@@ -5,33 +5,35 @@ What the planner sees of one costmap, its potential and its path are kept from p
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, CostGrid
-from daemon.stacks.ros1.global_planner._parameters import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.astar import search_astar
+from daemon.stacks.ros1.global_planner._parameters import FORWARD, GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.descent import (
-    descend_cells,
     descend_gradient,
     goal_is_doubtful,
+    look_forward,
 )
 from daemon.stacks.ros1.global_planner.expansion import (
     MARGIN,
-    VALUE,
     copy_window,
     cost_tables,
     fill_around_goal,
     guide_table,
-    propagate_wave,
     seed_wave,
 )
-from daemon.stacks.ros1.global_planner.orientation import orient
 from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
-from daemon.stacks.ros1.navfn.propagation import BUFFER, UNREACHED, path_to_poses, reset_potentials
+from daemon.stacks.ros1.navfn.propagation import (
+    BUFFER,
+    UNREACHED,
+    VALUE,
+    path_to_poses,
+    propagate_wave,
+    reset_potentials,
+)
 from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2
@@ -55,13 +57,7 @@ class _Field(GuidedField):
         worthwhile: int | None = None,
     ) -> None:
         rows, columns = grid.cells.shape
-        guided = (
-            parameters.use_dijkstra
-            and parameters.use_quadratic
-            and not parameters.use_grid_path
-            and parameters.outline_map
-            and parameters.neutral_cost in _NEUTRAL_COSTS
-        )
+        guided = parameters.outline_map and parameters.neutral_cost in _NEUTRAL_COSTS
         super().__init__(
             (rows + 2 * MARGIN) * columns,
             columns,
@@ -72,23 +68,16 @@ class _Field(GuidedField):
         self.grid, self._parameters = grid, parameters
         self._area = int(rows * columns)
         self._wrap = quirks.global_planner_costs_wrap
-        # Dijkstra along the gradient always comes to the exact start, and so does what rounds it.
-        exact = parameters.use_dijkstra and not parameters.use_grid_path
-        sure = exact or parameters.old_navfn_behavior
-        self._lenient = not (sure or quirks.global_planner_misses_start)
         self._states = self._flags = np.full(self.size, LETHAL, dtype=np.uint16)
-        # A* enters cells up to the lethal cost, Dijkstra only to one less.
         self._table, self._gains = cost_tables(
-            parameters.lethal_cost + (0 if parameters.use_dijkstra else 1),
+            parameters.lethal_cost,
             parameters.neutral_cost,
             parameters.cost_factor,
             allow_unknown=parameters.allow_unknown,
         )
         self._guide_table = guide_table(self._table, self._gains)
         self._costs[MARGIN * columns : -MARGIN * columns] = self._guide_table[LETHAL]
-        heap = 0 if parameters.use_dijkstra else self._area + 1
-        self._heap, self._totals = np.empty(heap, np.int32), np.empty(heap, np.float32)
-        self._buffers = np.empty((3, BUFFER if parameters.use_dijkstra else 0), dtype=np.int32)
+        self._buffers = np.empty((3, BUFFER), dtype=np.int32)
         self._make_room(8 * (rows + columns))
         self._length = 0
         self._boxed_in = False
@@ -160,7 +149,7 @@ class _Field(GuidedField):
 
     def _seeds(self, start: int) -> tuple[int, ...]:
         """Return the cells that have a potential before the wave spreads."""
-        if self._parameters.old_navfn_behavior or not self._parameters.use_dijkstra:
+        if self._parameters.old_navfn_behavior:
             return (start,)
         return start, start + 1, start + self.columns, start + self.columns + 1
 
@@ -182,23 +171,14 @@ class _Field(GuidedField):
         return int(waiting)
 
     def _spread(self, start: int, goal: int) -> int:
-        parameters, fill = self._parameters, 0
         self.whole += 1
-        if parameters.use_dijkstra:
-            waiting = self._seed(start)
-            self._count, fill = propagate_wave(
-                self._states, self._potentials, self._table, self._gains,
-                parameters.use_quadratic, parameters.lethal_cost, self.columns, goal,
-                self._cycles, self._buffers, waiting, self._log, self._count,
-            )  # fmt: skip
-            return int(fill)
-        reset_potentials(self._potentials, self._log, self._count)
-        self._count = search_astar(
-            self._states, self._potentials, parameters.use_quadratic, parameters.allow_unknown,
-            parameters.lethal_cost, parameters.neutral_cost, self._wrap, self.columns,
-            self._area, start, goal, self._heap, self._totals, self._log,
+        waiting = self._seed(start)
+        self._count, fill, _ = propagate_wave(
+            self._states, self._potentials, self._table, self._gains, self.columns, goal,
+            np.float32(self._parameters.lethal_cost), self._cycles, UNREACHED, self._buffers,
+            waiting, self._log, self._count,
         )  # fmt: skip
-        return fill
+        return int(fill)
 
     def _spread_towards(
         self, start: int, goal: int, bound: np.float32
@@ -228,29 +208,21 @@ class _Field(GuidedField):
     def _descend(self, start: int, goal: int) -> int:
         parameters = self._parameters
         # A robot boxed in goes nowhere, not even to a goal in its own cell.
-        if parameters.use_dijkstra and self._boxed_in:
+        if self._boxed_in:
             return 0
         if not parameters.old_navfn_behavior:
             self._count = fill_around_goal(
-                self._states, self._potentials, parameters.use_quadratic, parameters.neutral_cost,
-                self._wrap, self.columns, self._area, self._entry(self._goal_cell), self._log,
-                self._count,
+                self._states, self._potentials, parameters.neutral_cost, self._wrap, self.columns,
+                self._area, self._entry(self._goal_cell), self._log, self._count,
             )  # fmt: skip
         while True:
-            length = self._trace()
-            if length >= 0:
-                return length
-            self._make_room(4 * len(self._path))
-
-    def _trace(self) -> int:
-        ends = self._start, self._goal, self._lenient
-        if self._parameters.use_grid_path:
-            length = descend_cells(self._potentials, self.columns, self._area, *ends, self._path)
-        else:
             length = descend_gradient(
-                self._potentials, self.columns, self._area, *ends, self._path, self._cells
-            )
-        return int(length)
+                self._potentials, self.columns, self._area, self._start, self._goal, self._path,
+                self._cells,
+            )  # fmt: skip
+            if length >= 0:
+                return int(length)
+            self._make_room(4 * len(self._path))
 
 
 class GlobalPlanner:
@@ -280,7 +252,7 @@ class GlobalPlanner:
         path = self._field_of(grid).path(begin, end, there, freed)
         if len(path) == 0:
             return None
-        return self._poses(grid, path, start.yaw, goal)
+        return self._poses(grid, path, goal)
 
     def _free_in_costmap(self, grid: CostGrid, column: int, row: int) -> bool:
         """Set the robot's cell free for good, where that oddity is kept."""
@@ -302,7 +274,7 @@ class GlobalPlanner:
             field = self._field = _Field(grid, self._parameters, self._quirks)
         return field
 
-    def _poses(self, grid: CostGrid, path: Singles, start_yaw: float, goal: Pose2) -> Floats:
+    def _poses(self, grid: CostGrid, path: Singles, goal: Pose2) -> Floats:
         """Turn a path from the goal, in cells, round and into the grid's frame, with yaws."""
         parameters, quirks = self._parameters, self._quirks
         old = parameters.old_navfn_behavior
@@ -310,23 +282,16 @@ class GlobalPlanner:
         poses = np.empty((count + (2 if old and quirks.global_planner_repeats_goal else 1), 3))
         path_to_poses(path, 0.0 if old else 0.5, grid.resolution, grid.x, grid.y, poses)
         poses[count:] = goal.x, goal.y, goal.yaw
-        orient(
-            poses,
-            start_yaw,
-            parameters.orientation_mode,
-            parameters.orientation_window_size,
-            quirks.orientation_blend_overshoots,
-        )
+        if parameters.orientation_mode == FORWARD:
+            look_forward(poses, parameters.orientation_window_size)
         return poses
 
 
 def warm_up() -> None:
-    """Plan across a small costmap in every mode, and restricted while its costs change."""
+    """Plan across a small costmap, and restricted while its costs change."""
     cells = np.zeros((80, 80), dtype=np.uint8)
-    for dijkstra, grid_path, old in product((False, True), repeat=3):
-        parameters = GlobalPlannerParameters(
-            use_dijkstra=dijkstra, use_grid_path=grid_path, old_navfn_behavior=old
-        )
+    for old in (False, True):
+        parameters = GlobalPlannerParameters(old_navfn_behavior=old)
         grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
         GlobalPlanner(parameters, FAST).plan(grid, Pose2(0.28, 0.28), Pose2(1.28, 0.78))
     grid = CostGrid(0.05, 0.0, 0.0, cells.copy())

@@ -1,8 +1,7 @@
-"""The path from the goal down a potential to the robot: along the gradient, or cell by cell.
+"""The path from the goal down a potential to the robot, and the yaws of its points.
 
-``GradientPath`` and ``GridPath`` of global_planner, step for step. Both write (n, 2) columns and
-rows, float32, from the goal, and return the length: 0 when there is no path, -1 when the array
-is too short. ``lenient`` ones have arrived less than a cell from the start in columns and rows.
+``GradientPath`` of global_planner, step for step, and ``OrientationFilter`` as far as it looks
+forward.
 """
 
 from __future__ import annotations
@@ -13,14 +12,17 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
-from daemon.stacks.ros1.global_planner.expansion import MARGIN, States
+from daemon.stacks.ros1.global_planner.expansion import MARGIN
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     DOUBTFUL,
     UNREACHED,
+    States,
     at_edge,
     interpolate_rounded,
+    lowest_around,
 )
+from grammars.model.geometry import Floats
 
 HALF_CELL = np.float32(0.5)
 
@@ -58,37 +60,25 @@ def _length(x: np.float32, y: np.float32) -> np.float32:
 
 
 @kernel
-def _lowest(potentials: Singles, n: int, columns: int) -> int:
-    """Return the lowest of a cell and its eight neighbours; the lowest so far is rounded to 0."""
-    best, value = n, int(potentials[n])
-    for row in range(-1, 2):
-        for column in range(-1, 2):
-            m = n + row * columns + column
-            if m != n and potentials[m] < value:
-                best, value = m, int(potentials[m])
-    return best
-
-
-@kernel
 def descend_gradient(
     potentials: Singles,
     columns: int,
     size: int,
     start: tuple[float, float],
     goal: tuple[float, float],
-    lenient: bool,
     path: Singles,
     cells: Integers,
 ) -> int:
     """Follow the gradient from ``goal`` to ``start`` (column, row), half a cell at a time.
 
-    ``cells``, as long as ``path``, takes the entry that each point was reckoned from.
+    Writes (n, 2) columns and rows, float32, from the goal, and returns the length: 0 if there is no
+    path, -1 if the array is too short. ``cells``, as long as ``path``, takes the entry that each
+    point was reckoned from.
     """
     begin = MARGIN * columns
     n = begin + int(goal[0]) + int(goal[1]) * columns
     dx, dy = np.float32(goal[0] - int(goal[0])), np.float32(goal[1] - int(goal[1]))
     one = np.float32(1.0)
-    near = 1.0 if lenient else 0.5
     before, edge = -1, False
     ax, ay, bx, by = dx, dx, dx, dx
     cx, cy, ex, ey = dx, dx, dx, dx
@@ -98,7 +88,7 @@ def descend_gradient(
     for count in range(4 * size):
         cell = n - begin
         x, y = np.float32(cell % columns) + dx, np.float32(cell // columns) + dy
-        arrived = abs(np.float64(x) - start[0]) < near and abs(np.float64(y) - start[1]) < near
+        arrived = abs(np.float64(x) - start[0]) < 0.5 and abs(np.float64(y) - start[1]) < 0.5
         if not arrived and (cell < columns or cell > size - columns):
             return 0
         if count >= path.shape[0]:
@@ -122,7 +112,7 @@ def descend_gradient(
                 cx, cy = _gradient(potentials, n + columns, columns, size)
                 ex, ey = _gradient(potentials, n + columns + 1, columns, size)
         if swinging or edge:
-            n = _lowest(potentials, n, columns)
+            n = lowest_around(potentials, n, columns)
             dx, dy = np.float32(0.0), np.float32(0.0)
             if potentials[n] >= UNREACHED:
                 return 0
@@ -163,55 +153,6 @@ def _same_points(path: Singles, first: int, second: int) -> bool:
 
 
 @kernel
-def descend_cells(
-    potentials: Singles,
-    columns: int,
-    size: int,
-    start: tuple[float, float],
-    goal: tuple[float, float],
-    lenient: bool,
-    path: Singles,
-) -> int:
-    """Go from ``goal`` to the lowest of eight neighbours until in the cell of ``start``.
-
-    The first point is the goal itself, the others are cells. Cell (0, 0) is never gone to: the
-    original takes it for the lack of a lowest one.
-    """
-    begin = MARGIN * columns
-    target = int(start[0]) + int(start[1]) * columns
-    x, y = np.float32(goal[0]), np.float32(goal[1])
-    # A step depends on the cell alone: the same one as at a power of two, and it never ends
-    # (Brent); the original goes round 4 * size times before it says so.
-    seen_x, seen_y = np.float32(math.nan), np.float32(math.nan)
-    for count in range(4 * size + 2):
-        if count >= path.shape[0]:
-            return -1
-        path[count, 0], path[count, 1] = x, y
-        near = abs(np.float64(x) - start[0]) < 1.0 and abs(np.float64(y) - start[1]) < 1.0
-        if int(x) + int(y) * columns == target or (lenient and near):
-            return count + 1
-        if x == seen_x and y == seen_y:
-            return 0
-        if count > 0 and count & (count - 1) == 0:
-            seen_x, seen_y = x, y
-        lowest = UNREACHED
-        best_x, best_y = 0, 0
-        for i in range(-1, 2):
-            for j in range(-1, 2):
-                if i == 0 and j == 0:
-                    continue
-                # Rounded to 0, which right of column 0 and above row 0 alone is a matter.
-                u, v = int(x + np.float32(i)), int(y + np.float32(j))
-                value = potentials[begin + u + v * columns]
-                if value < lowest:
-                    lowest, best_x, best_y = value, u, v
-        if best_x == 0 and best_y == 0:
-            return 0
-        x, y = np.float32(best_x), np.float32(best_y)
-    return 0
-
-
-@kernel
 def goal_is_doubtful(
     states: States,
     costs: States,
@@ -234,3 +175,24 @@ def goal_is_doubtful(
             if missing and latest < ahead[n] < UNREACHED:
                 return True
     return False
+
+
+@kernel
+def _through_quaternion(yaw: float) -> float:
+    """Return a yaw as it is read back from a quaternion (tf2 ``setRPY``, ``getYaw``)."""
+    z, w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    return math.atan2(2.0 * (w * z), w * w - z * z)
+
+
+@kernel
+def look_forward(poses: Floats, window: int) -> None:
+    """Set the yaw of ``poses`` (n, 3) but the last, the goal, along the path at each point.
+
+    That is the direction from ``window`` points before it to as many behind it. It goes through a
+    quaternion as in the original, because a half turn may fall to either side by the last bit.
+    """
+    last = poses.shape[0] - 1
+    for i in range(last):
+        a, b = max(0, i - window), min(last, i + window)
+        dx, dy = poses[b, 0] - poses[a, 0], poses[b, 1] - poses[a, 1]
+        poses[i, 2] = _through_quaternion(math.atan2(dy, dx))

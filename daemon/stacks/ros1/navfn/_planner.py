@@ -118,10 +118,12 @@ class PotentialField(GuidedField):
         return changed
 
     def _spread(self, start: int, goal: int) -> int:
-        reset_potentials(self._potentials, self._log, self._count)
+        costs, potentials = self._costs, self._potentials
+        reset_potentials(potentials, self._log, self._count)
+        waiting = seed_wave(costs, potentials, self.columns, start, self._buffers[0], self._log)
         self._count, fill, _ = propagate_wave(
-            self._costs, self._potentials, GAINS, self.columns, start, goal, self._cycles,
-            UNREACHED, self._buffers, self._log,
+            costs, potentials, None, GAINS, self.columns, goal, _FIRST_THRESHOLD, self._cycles,
+            UNREACHED, self._buffers, waiting, self._log, 1,
         )  # fmt: skip
         self.whole += 1
         return int(fill)

@@ -98,31 +98,33 @@ def seed_wave(
 
 @kernel
 def propagate_wave(
-    costs: States,
+    states: States,
     potentials: Singles,
+    table: Singles | None,
     gains: Singles,
     columns: int,
-    start: int,
     goal: int,
+    threshold: np.float32,
     cycles: int,
     limit: np.float32,
     buffers: Integers,
+    waiting: int,
     reached: Integers,
+    count: int,
 ) -> tuple[int, int, bool]:
     """Spread the wave until ``goal`` has a potential, or the threshold passes ``limit``.
 
-    ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
-    shape (3, size) is scratch. The cells reached stand in ``reached``, so that
-    :func:`reset_potentials` need not look at others. ``goal`` -1 is never reached. Returns how many
-    cells were reached, the fill, which is the largest number of cells that ever waited in one
-    buffer, and whether nothing was left to do.
+    It begins with the ``waiting`` cells of the first of ``buffers``, shape (3, size). ``states``
+    and ``potentials`` are flat. What a cell costs stands in its state, or in a ``table`` if there
+    is one. The first ``count`` cells of ``reached`` have a potential already; all others are
+    ``UNREACHED``, and join them as the wave reaches them, for :func:`reset_potentials`. ``goal`` -1
+    is never reached. Returns how many cells were reached, the fill, which is the largest number of
+    cells that ever waited in one buffer, and whether nothing was left to do.
     """
     # Event for event the original's loop: its order is the result, so it stays in one piece.
     capacity = buffers.shape[1]
     a, b, c = 0, 1, 2
-    now, later, over = seed_wave(costs, potentials, columns, start, buffers[a], reached), 0, 0
-    count, fill = 1, 0
-    threshold = np.float32(BLOCKED)
+    now, later, over, fill = waiting, 0, 0, 0
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)
     for _ in range(cycles):
@@ -130,15 +132,18 @@ def propagate_wave(
             break
         current, following, postponed = buffers[a], buffers[b], buffers[c]
         for i in range(now):
-            costs[current[i]] &= PENDING - 1
+            states[current[i]] &= PENDING - 1
         for i in range(now):
             n = np.uintp(current[i])
             left, right = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
             across = left if left < right else right
             along = up if up < down else down
-            # A cell in the queue again is pending, its cost stands below the flag.
-            p = interpolate_potential(across, along, np.float32(costs[n] & (PENDING - 1)))
+            # A cell in the queue again is pending, its value stands below the flag. The type of
+            # the table says which it is: numba compiles only that.
+            value = states[n] & np.uint16(VALUE)
+            cost = np.float32(value) if table is None else table[value]
+            p = interpolate_potential(across, along, cost)
             old = potentials[n]
             if p >= old:
                 continue
@@ -149,25 +154,25 @@ def propagate_wave(
             soon = p < threshold
             for k in range(4):
                 if k == 0:
-                    m, value = n - one, left
+                    m, known = n - one, left
                 elif k == 1:
-                    m, value = n + one, right
+                    m, known = n + one, right
                 elif k == 2:
-                    m, value = n - line, up
+                    m, known = n - line, up
                 else:
-                    m, value = n + line, down
-                cost = costs[m]
-                if value <= p + gains[cost]:
+                    m, known = n + line, down
+                state = states[m]
+                if known <= p + gains[state]:
                     continue
                 if soon:
                     if later < capacity:
                         following[later] = m
                         later += 1
-                        costs[m] = cost | PENDING
+                        states[m] = state | PENDING
                 elif over < capacity:
                     postponed[over] = m
                     over += 1
-                    costs[m] = cost | PENDING
+                    states[m] = state | PENDING
         a, b = b, a
         fill = max(fill, later, over)
         now, later = later, 0
@@ -180,9 +185,9 @@ def propagate_wave(
         if goal >= 0 and potentials[goal] < UNREACHED:
             break
     for i in range(now):
-        costs[buffers[a, i]] &= PENDING - 1
+        states[buffers[a, i]] &= PENDING - 1
     for i in range(over):
-        costs[buffers[c, i]] &= PENDING - 1
+        states[buffers[c, i]] &= PENDING - 1
     return count, fill, now == 0
 
 
@@ -233,7 +238,7 @@ def at_edge(potentials: Singles, n: int, columns: int) -> bool:
 
 
 @kernel
-def _lowest(potentials: Singles, n: int, columns: int) -> int:
+def lowest_around(potentials: Singles, n: int, columns: int) -> int:
     """Return the lowest of a cell and its eight neighbours; potentials compare as integers."""
     best, value = n, int(potentials[n])
     for row in range(-1, 2):
@@ -310,7 +315,7 @@ def descend_gradient(
                 cx, cy = _gradient(potentials, n + columns, columns)
                 ex, ey = _gradient(potentials, n + columns + 1, columns)
         if swinging or edge:
-            n = _lowest(potentials, n, columns)
+            n = lowest_around(potentials, n, columns)
             column, row = n % columns, n // columns
             dx, dy = np.float32(0.0), np.float32(0.0)
             continue

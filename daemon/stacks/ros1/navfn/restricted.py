@@ -28,6 +28,7 @@ from daemon.stacks.ros1.navfn.propagation import (
     at_edge,
     interpolate_potential,
     propagate_wave,
+    seed_wave,
 )
 
 COST_CAP: Final = 80
@@ -112,9 +113,13 @@ class CostToGo:
         np.copyto(self._floor, BLOCKED, where=costs >= BLOCKED)
         self.ahead[:] = UNREACHED
         # What waits beyond the threshold when a block is done may still lower it: two blocks more.
+        waiting = seed_wave(
+            self._floor, self.ahead, self._columns, goal, self._buffers[0], self._queue
+        )
         _, fill, ended = propagate_wave(
-            self._floor, self.ahead, GAINS, self._columns, goal, _NO_GOAL, costs.size,
-            np.float32(limit + 2.0 * THRESHOLD_STEP), self._buffers, self._queue,
+            self._floor, self.ahead, None, GAINS, self._columns, _NO_GOAL, np.float32(BLOCKED),
+            costs.size, np.float32(limit + 2.0 * THRESHOLD_STEP), self._buffers, waiting,
+            self._queue, 1,
         )  # fmt: skip
         self.whole = bool(ended)
         if fill >= BUFFER:

@@ -237,15 +237,17 @@ def test_only_the_planners_that_are_chosen_are_read_strictly():
     read = read_ros(
         tree(
             move_base={"base_global_planner": "global_planner/GlobalPlanner"},
-            GlobalPlanner={"use_dijkstra": False},
+            GlobalPlanner={"use_dijkstra": True, "neutral_cost": 60},
             NavfnROS={"default_tolerance": "far"},
         )
     )
-    assert read.global_planner == GlobalPlannerParameters(use_dijkstra=False)
+    assert read.global_planner == GlobalPlannerParameters(neutral_cost=60)
     assert [str(f.path[-1]) for f in read.findings.without_effect] == ["default_tolerance"]
     found = fatal(tree(move_base={"base_global_planner": "global_planner/GlobalPlanner"},
-                       GlobalPlanner={"use_dijkstra": 1}))  # fmt: skip
-    assert "GlobalPlanner/use_dijkstra: must be true or false" in found[0]
+                       GlobalPlanner={"use_dijkstra": False}))  # fmt: skip
+    assert found == [
+        "move_base/GlobalPlanner/use_dijkstra: A* is not built in: write true (given: False)"
+    ]
 
 
 def test_of_two_names_of_a_limit_the_turn_on_the_spot_takes_the_newer_one():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import heapq
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -54,13 +52,11 @@ class Map:
         cost = self.cells[n] + self.parameters.neutral_cost
         return cost % 256 if wrap else min(cost, 255)
 
-    def updated(self, n, cost, before=None):
-        """The potential that its neighbours, or the one ``before``, give a cell."""
+    def updated(self, n, cost):
+        """The potential that its neighbours give a cell."""
         left, right = self.potential(n - 1), self.potential(n + 1)
         up, down = self.potential(n - self.columns), self.potential(n + self.columns)
         across, along, hf = min(left, right), min(up, down), F(cost)
-        if not self.parameters.use_quadratic:
-            return F((min(across, along) if before is None else before) + hf)
         low, difference = min(across, along), abs(F(across - along))
         if difference >= hf:
             return F(low + hf)
@@ -117,35 +113,6 @@ def dijkstra(area, start, goal, buffer=BUFFER):
     return False
 
 
-@dataclass(order=True)
-class Candidate:
-    total: F
-    cell: int = field(compare=False)
-
-
-def astar(area, start, goal, *, wrap):
-    """Each cell once; heapq breaks ties as libstdc++ does."""
-    p, columns = area.parameters, area.columns
-    end = area.index(goal)
-    area.set(area.index(start), 0.0)
-    waiting = [Candidate(F(0), area.index(start))]
-    while waiting:
-        n = heapq.heappop(waiting).cell
-        if n == end:
-            return True
-        for m in (n + 1, n - 1, n + columns, n - columns):
-            if not 0 <= m < area.size or m in area.found:
-                continue
-            blocked = area.cells[m] >= p.lethal_cost
-            if blocked and not (p.allow_unknown and area.cells[m] == 255):
-                continue
-            area.set(m, float(area.updated(m, area.byte(m, wrap=wrap), area.potential(n))))
-            away = abs(end % columns - m % columns) + abs(end // columns - m // columns)
-            total = F(area.potential(m) + F(F(away) * F(p.neutral_cost)))
-            heapq.heappush(waiting, Candidate(total, m))
-    return False
-
-
 def fill_around(area, cell, *, wrap):
     for i in range(-2, 3):
         for j in range(-2, 3):
@@ -183,13 +150,13 @@ def within(distance, point, start):
     return all(abs(float(a) - b) < distance for a, b in zip(point, start, strict=True))
 
 
-def along_gradient(area, start, goal, *, lenient):
+def along_gradient(area, start, goal):
     columns, n = area.columns, area.index(goal)
     dx, dy = (F(c - int(c)) for c in goal)
     points = []
     for _ in range(4 * area.size):
         x, y = F(F(n % columns) + dx), F(F(n // columns) + dy)
-        if within(1.0 if lenient else 0.5, (x, y), start):
+        if within(0.5, (x, y), start):
             return [*points, (F(start[0]), F(start[1]))]
         if n < columns or n > area.size - columns:
             return []
@@ -222,39 +189,12 @@ def along_gradient(area, start, goal, *, lenient):
     return []
 
 
-def along_cells(area, start, goal, *, lenient):
-    x, y = F(goal[0]), F(goal[1])
-    points = [(x, y)]
-    while int(x) + int(y) * area.columns != area.index(start):
-        if lenient and within(1.0, (x, y), start):
-            break
-        lowest, best = HIGH, (0, 0)
-        for i in (-1, 0, 1):
-            for j in (-1, 0, 1):
-                u, v = int(F(x + F(i))), int(F(y + F(j)))
-                value = area.potential(u + v * area.columns)
-                if (i, j) != (0, 0) and value < lowest:
-                    lowest, best = value, (u, v)
-        if best == (0, 0) or len(points) > 4 * area.size + 1:
-            return []
-        x, y = F(best[0]), F(best[1])
-        points.append((x, y))
-    return points
-
-
-def wrapped(angle):
-    rest = math.fmod(angle + math.pi, 2 * math.pi)
-    return rest + math.pi if rest <= 0 else rest - math.pi
-
-
 def read_back(yaw):
     z, w = math.sin(yaw / 2), math.cos(yaw / 2)
     return math.atan2(2 * (w * z), w * w - z * z)
 
 
-def oriented(
-    points, start, end, mode, window,
-    *, overshoot):  # fmt: skip
+def oriented(points, end, mode, window):
     """Yaws of the points, the last of which is the goal."""
     last = len(points) - 1
     if mode == 0:
@@ -262,25 +202,8 @@ def oriented(
     yaws = []
     for i in range(last):
         (x0, y0), (x1, y1) = points[max(0, i - window)], points[min(last, i + window)]
-        yaw = read_back(math.atan2(y1 - y0, x1 - x0))
-        turn = {4: math.pi, 5: -math.pi / 2, 6: math.pi / 2}.get(mode)
-        yaws.append(yaw if turn is None else read_back(wrapped(yaw + turn)))
-    yaws.append(end)
-    if mode not in (2, 3):
-        return yaws
-    first = 0
-    if mode == 3:
-        first = max(0, last - 2)
-        straight = yaws[first]
-        while first > 0 and abs(wrapped(straight - yaws[first - 1])) <= 0.35:
-            first -= 1
-    yaws[0] = read_back(start)
-    begin = yaws[first]
-    step = wrapped(read_back(end) - begin) / (last - first)
-    base = 0 if overshoot else first
-    for i in range(first, last + 1):
-        yaws[i] = read_back(begin + step * (i - base))
-    return yaws
+        yaws.append(read_back(math.atan2(y1 - y0, x1 - x0)))
+    return [*yaws, end]
 
 
 def plan(grid, start, goal, parameters, quirks):
@@ -299,18 +222,11 @@ def plan(grid, start, goal, parameters, quirks):
         for cell, pose in ((here, start), (there, goal))
     )
     with np.errstate(over="ignore"):
-        if parameters.use_dijkstra:
-            found = dijkstra(area, begin, end)
-        else:
-            found = astar(area, begin, end, wrap=wrap)
-        if not found:
+        if not dijkstra(area, begin, end):
             return None
         if not old:
             fill_around(area, there, wrap=wrap)
-        trace = along_cells if parameters.use_grid_path else along_gradient
-        may_miss = not old and (parameters.use_grid_path or not parameters.use_dijkstra)
-        lenient = may_miss and not quirks.global_planner_misses_start
-        path = trace(area, begin, end, lenient=lenient)
+        path = along_gradient(area, begin, end)
     if not path:
         return None
     shift = 0.0 if old else 0.5
@@ -323,10 +239,8 @@ def plan(grid, start, goal, parameters, quirks):
     ]
     ends = 2 if old and quirks.global_planner_repeats_goal else 1
     points += [(goal.x, goal.y)] * ends
-    yaws = oriented(
-        points, start.yaw, goal.yaw, parameters.orientation_mode,
-        parameters.orientation_window_size, overshoot=quirks.orientation_blend_overshoots,
-    )  # fmt: skip
+    mode, window = parameters.orientation_mode, parameters.orientation_window_size
+    yaws = oriented(points, goal.yaw, mode, window)
     if ends == 2 and parameters.orientation_mode == 0:
         yaws[-2] = goal.yaw
     return np.column_stack((np.array(points), yaws))

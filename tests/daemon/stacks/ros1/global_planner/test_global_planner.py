@@ -11,20 +11,18 @@ from daemon.stacks.ros1.global_planner import (
     GlobalPlannerParameters,
     warm_up,
 )
-from daemon.stacks.ros1.global_planner.astar import search_astar
 from daemon.stacks.ros1.global_planner.descent import (
-    descend_cells,
     descend_gradient,
     goal_is_doubtful,
+    look_forward,
 )
 from daemon.stacks.ros1.global_planner.expansion import (
     copy_window,
     cost_tables,
     fill_around_goal,
-    propagate_wave,
     seed_wave,
 )
-from daemon.stacks.ros1.global_planner.orientation import orient
+from daemon.stacks.ros1.navfn.propagation import propagate_wave
 from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
@@ -63,42 +61,17 @@ def test_costs_are_whole_numbers_and_gains_exact():
     assert gains[1] == pytest.approx(0.707106781 * 66.55, rel=1e-6)
 
 
-@pytest.mark.parametrize("quadratic", [True, False])
-@pytest.mark.parametrize("dijkstra", [True, False])
-@pytest.mark.parametrize("grid_path", [True, False])
 @pytest.mark.parametrize("old", [True, False])
-def test_every_mode_leads_straight_along_a_free_row(quadratic, dijkstra, grid_path, old):
+def test_a_plan_leads_straight_along_a_free_row(old):
     grid = a_grid(x=-1.0, y=2.0)
-    # Half a centimetre beyond the centre: before it, A* and paths from cell to cell miss the start.
     start, goal = Pose2(-0.72, 2.53, 0.3), Pose2(0.53, 2.53, 1.5)
-    found = plan(
-        grid, start, goal, use_quadratic=quadratic, use_dijkstra=dijkstra,
-        use_grid_path=grid_path, old_navfn_behavior=old,
-    )  # fmt: skip
+    found = plan(grid, start, goal, old_navfn_behavior=old)
     assert found is not None
-    at_start = (-0.75, 2.5) if old else (-0.725, 2.525) if grid_path else (start.x, start.y)
+    at_start = (-0.75, 2.5) if old else (start.x, start.y)
     assert found[0, :2].tolist() == pytest.approx(at_start)
     assert found[-1].tolist() == [goal.x, goal.y, goal.yaw]
     assert length_of(found) == pytest.approx(1.25, abs=0.06)
     assert np.abs(found[:, 1] - start.y).max() <= 0.03 + 1e-6
-
-
-@pytest.mark.parametrize(
-    "given_parameters",
-    [{"use_dijkstra": False}, {"use_grid_path": True}],
-    ids=["A* along the gradient", "Dijkstra from cell to cell"],
-)
-def test_whether_the_start_is_met_depends_on_where_in_its_cell_the_robot_is(given_parameters):
-    grid = a_grid()
-    goal, missed = Pose2(1.53, 0.53), 0
-    for x in np.arange(0.25, 0.3, 0.005).tolist():
-        for y in np.arange(0.5, 0.55, 0.005).tolist():
-            parameters = GlobalPlannerParameters(**given_parameters)
-            start = Pose2(x + 0.001, y + 0.001)
-            found = GlobalPlanner(parameters, FAST).plan(grid, start, goal)
-            missed += found is None
-            assert GlobalPlanner(parameters, FIXED).plan(grid, start, goal) is not None
-    assert missed > 0
 
 
 def test_a_plan_starts_where_the_robot_is_inside_its_cell():
@@ -112,36 +85,13 @@ def test_a_plan_starts_where_the_robot_is_inside_its_cell():
     assert steps == pytest.approx(0.025, abs=1e-5)
 
 
-def test_dijkstra_and_a_star_agree_on_the_cost_where_the_way_is_one_cell_wide():
-    grid = a_grid()
-    grid.cells[:] = 254
-    grid.cells[10, 3:31] = grid.cells[10:18, 30] = 0
-    found = [
-        plan(
-            grid, centre(grid, 5, 10), centre(grid, 30, 16), use_dijkstra=dijkstra,
-            use_quadratic=False, use_grid_path=True, old_navfn_behavior=True,
-        )
-        for dijkstra in (True, False)
-    ]  # fmt: skip
-    assert found[0] is not None
-    assert found[1] is not None
-    assert np.array_equal(found[0], found[1])
-
-
-def test_dijkstra_avoids_costs_that_a_star_takes_for_cheap():
+def test_a_plan_avoids_costs():
     grid = a_grid()
     grid.cells[9:12, 8:28] = 230
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
     around = plan(grid, start, goal)
     assert around is not None
     assert np.abs(around[:, 1] - start.y).max() > 0.1
-    parameters = GlobalPlannerParameters(use_dijkstra=False, use_quadratic=False)
-    through = GlobalPlanner(parameters, FAST).plan(grid, start, goal)
-    assert through is not None
-    assert np.abs(through[:, 1] - start.y).max() < 0.05
-    sane = GlobalPlanner(parameters, FIXED).plan(grid, start, goal)
-    assert sane is not None
-    assert np.abs(sane[:, 1] - start.y).max() > 0.05
 
 
 def test_the_start_cell_is_freed_in_the_costmap_for_good():
@@ -159,7 +109,7 @@ def test_the_start_cell_is_freed_in_the_costmap_for_good():
 def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_planner():
     grid = a_grid()
     grid.cells[:, 20] = 254
-    planner = GlobalPlanner(GlobalPlannerParameters(use_dijkstra=False), FIXED)
+    planner = GlobalPlanner(GlobalPlannerParameters(old_navfn_behavior=True), FIXED)
     goal = centre(grid, 30, 10)
     assert planner.plan(grid, centre(grid, 20, 10), goal) is not None
     assert planner.plan(grid, centre(grid, 5, 10), goal) is None
@@ -173,16 +123,14 @@ def test_no_plan_to_what_cannot_be_reached():
     assert plan(grid, centre(grid, -1, 10), goal) is None
     assert plan(grid, start, centre(grid, 39, 10)) is None
     grid.cells[:, 20] = 254
-    for dijkstra in (True, False):
-        assert plan(grid, start, goal, use_dijkstra=dijkstra) is None
+    assert plan(grid, start, goal) is None
 
 
-@pytest.mark.parametrize("dijkstra", [True, False])
-def test_a_blocked_goal_has_no_plan_whatever_the_tolerance(dijkstra):
+def test_a_blocked_goal_has_no_plan_whatever_the_tolerance():
     grid = a_grid()
     grid.cells[9:12, 29:32] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
-    assert plan(grid, start, goal, use_dijkstra=dijkstra, default_tolerance=0.5) is None
+    assert plan(grid, start, goal, default_tolerance=0.5) is None
 
 
 def test_a_robot_with_all_cells_around_it_blocked_is_boxed_in():
@@ -195,9 +143,8 @@ def test_unknown_cells_are_dear_or_blocked():
     grid = a_grid()
     grid.cells[:, 20] = 255
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
-    for dijkstra in (True, False):
-        assert plan(grid, start, goal, use_dijkstra=dijkstra) is not None
-        assert plan(grid, start, goal, use_dijkstra=dijkstra, allow_unknown=False) is None
+    assert plan(grid, start, goal) is not None
+    assert plan(grid, start, goal, allow_unknown=False) is None
 
 
 def test_the_lethal_cost_decides_what_is_blocked():
@@ -207,8 +154,6 @@ def test_the_lethal_cost_decides_what_is_blocked():
     assert plan(grid, start, goal) is not None
     assert plan(grid, start, goal, lethal_cost=121) is None
     assert plan(grid, start, goal, lethal_cost=122) is not None
-    assert plan(grid, start, goal, lethal_cost=121, use_dijkstra=False) is not None
-    assert plan(grid, start, goal, lethal_cost=120, use_dijkstra=False) is None
 
 
 def test_the_outline_closes_the_border_for_this_planner_only():
@@ -246,15 +191,10 @@ def test_as_navfn_the_goal_stands_twice_at_the_end():
 
 def test_near_the_border_of_a_map_without_outline_nothing_lies_beyond():
     grid = a_grid(6, 8)
-    for dijkstra in (True, False):
-        for grid_path in (True, False):
-            for column, row in ((0, 0), (7, 0), (0, 5), (7, 5), (3, 5), (3, 0)):
-                for start, goal in (((3, 3), (column, row)), ((column, row), (3, 3))):
-                    found = plan(
-                        grid, centre(grid, *start), centre(grid, *goal), outline_map=False,
-                        use_dijkstra=dijkstra, use_grid_path=grid_path,
-                    )  # fmt: skip
-                    assert found is None or np.isfinite(found).all()
+    for column, row in ((0, 0), (7, 0), (0, 5), (7, 5), (3, 5), (3, 0)):
+        for start, goal in (((3, 3), (column, row)), ((column, row), (3, 3))):
+            found = plan(grid, centre(grid, *start), centre(grid, *goal), outline_map=False)
+            assert found is None or np.isfinite(found).all()
 
 
 def test_what_did_not_change_is_not_planned_again(monkeypatch):
@@ -306,25 +246,62 @@ def test_parameters_are_those_of_noetic_and_checked():
     assert (defaults.lethal_cost, defaults.neutral_cost, defaults.cost_factor) == (253, 50, 3.0)
     assert (defaults.orientation_mode, defaults.orientation_window_size) == (1, 1)
     assert "default_tolerance" in WITHOUT_EFFECT
-    for wrong in ({"lethal_cost": 256}, {"neutral_cost": 0}, {"cost_factor": 6.0}):
+    for wrong in ({"lethal_cost": 256}, {"lethal_cost": 1}, {"cost_factor": 6.0}):
         with pytest.raises(ValidationError):
             GlobalPlannerParameters(**wrong)
     with pytest.raises(ValidationError):
         GlobalPlannerParameters(orientation_mode=7)
 
 
+@pytest.mark.parametrize(
+    ("refused", "words"),
+    [
+        ({"use_dijkstra": False}, r"A\* is not built in: write true"),
+        ({"use_quadratic": False}, "plain potentials are not built in: write true"),
+        ({"use_grid_path": True}, "paths from cell to cell are not built in: write false"),
+        ({"orientation_mode": 3}, "only 0 .* and 1 .* are built in"),
+    ],
+)
+def test_a_way_of_planning_that_is_not_built_in_is_refused(refused, words):
+    with pytest.raises(ValidationError, match=words):
+        GlobalPlannerParameters(**refused)
+
+
 def test_everything_is_compiled_by_the_warm_up_and_only_once():
     warm_up()
     kernels = (
-        copy_window, seed_wave, propagate_wave, goal_is_doubtful,
-        fill_around_goal, search_astar, descend_gradient, descend_cells, orient,
+        copy_window, seed_wave, goal_is_doubtful, fill_around_goal, descend_gradient, look_forward,
     )  # fmt: skip
     grid = a_grid()
-    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
-    for dijkstra in (True, False):
-        for grid_path in (True, False):
-            plan(grid, start, goal, use_dijkstra=dijkstra, use_grid_path=grid_path)
+    plan(grid, centre(grid, 5, 10), centre(grid, 30, 10))
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
     # navfn has no table of costs: of either kind there is one.
-    tables = [str(types[2]) for types in spread_towards.signatures]
-    assert len([table for table in tables if table != "none"]) == 1
+    for wave in (propagate_wave, spread_towards):
+        tables = [str(types[2]) for types in wave.signatures]
+        assert len([table for table in tables if table != "none"]) == 1
+
+
+def yaws_of_a_corner(window):
+    """Ten points east, ten points north, the goal at the end with yaw 2."""
+    east = [(0.1 * k, 0.0, 0.0) for k in range(10)]
+    north = [(1.0, 0.1 * k, 0.0) for k in range(10)]
+    poses = np.array([*east, *north, (1.0, 1.0, 2.0)])
+    look_forward(poses, window)
+    return poses[:, 2]
+
+
+def test_points_look_along_the_path():
+    yaws = yaws_of_a_corner(1)
+    assert yaws[[3, 10, 15, -1]] == pytest.approx([0.0, np.pi / 4, np.pi / 2, 2.0])
+
+
+def test_a_wider_window_smooths_the_corner():
+    narrow, wide = yaws_of_a_corner(1), yaws_of_a_corner(5)
+    assert np.abs(np.diff(wide[:-1])).max() < np.abs(np.diff(narrow[:-1])).max()
+
+
+def test_without_an_orientation_only_the_goal_has_a_yaw():
+    grid = a_grid()
+    found = plan(grid, Pose2(0.4, 0.3), Pose2(1.4, 0.6, 1.0), orientation_mode=0)
+    assert found is not None
+    assert found[:, 2].tolist() == [0.0] * (len(found) - 1) + [1.0]

@@ -92,13 +92,10 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
 @pytest.mark.parametrize(
     "given_parameters",
     [
-        GlobalPlannerParameters(use_dijkstra=False),
-        GlobalPlannerParameters(use_quadratic=False),
-        GlobalPlannerParameters(use_grid_path=True),
         GlobalPlannerParameters(outline_map=False),
         GlobalPlannerParameters(neutral_cost=200),
     ],
-    ids=["A*", "plain potential", "grid path", "no outline", "dear free cells"],
+    ids=["no outline", "dear free cells"],
 )
 def test_what_the_margins_are_not_made_for_is_planned_with_whole_waves(given_parameters):
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((130, 130), dtype=np.uint8))

@@ -11,6 +11,7 @@ from daemon.stacks.ros1.navfn.propagation import (
     GAINS,
     UNREACHED,
     propagate_wave,
+    seed_wave,
     translate_costs,
     translation_table,
 )
@@ -90,7 +91,11 @@ def test_what_does_not_fit_into_a_buffer_is_lost(size):
     potentials = np.full(1600, UNREACHED, dtype=np.float32)
     buffers, reached = np.empty((3, size), dtype=np.int32), np.empty(1601, dtype=np.int32)
     start, goal = 20 * 40 + 20, 35 * 40 + 37
-    propagate_wave(costs, potentials, GAINS, 40, start, goal, 80, UNREACHED, buffers, reached)
+    waiting = seed_wave(costs, potentials, 40, start, buffers[0], reached)
+    propagate_wave(
+        costs, potentials, None, GAINS, 40, goal, np.float32(254), 80, UNREACHED, buffers, waiting,
+        reached, 1,
+    )  # fmt: skip
     expected = plain.wave(plain.costs_of(cells), 40, start, goal, size)
     assert np.array_equal(potentials, expected)
 

@@ -147,13 +147,14 @@ def test_parameters_are_those_of_noetic_and_checked():
 def test_everything_is_compiled_by_the_warm_up_and_only_once():
     warm_up()
     kernels = (
-        translate_costs, propagate_wave, seed_wave, descent_is_doubtful, clear_doubts,
-        descend_gradient, reset_potentials, path_to_poses, relax_lowered_costs,
+        translate_costs, seed_wave, descent_is_doubtful, clear_doubts, descend_gradient,
+        reset_potentials, path_to_poses, relax_lowered_costs,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
     # GlobalPlanner has a table of costs: of either kind there is one.
-    tables = [str(types[2]) for types in spread_towards.signatures]
-    assert tables.count("none") == 1
-    assert len(tables) == len(set(tables))
+    for wave in (propagate_wave, spread_towards):
+        tables = [str(types[2]) for types in wave.signatures]
+        assert tables.count("none") == 1
+        assert len(tables) == len(set(tables))
