@@ -14,13 +14,12 @@ import numpy as np
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.amcl.distance_field import distance_field
-from daemon.stacks.ros1.amcl.laser_model import map_range
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.amcl.plain import PlainAmcl
-from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
+from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, see
 
 UPDATES = 120
 BLOCK = 20
@@ -28,27 +27,14 @@ STEP = 0.11
 
 
 def corridor():
-    """Two thick walls with a niche's end every 2.25 m."""
+    """Two thick walls with a niche's end every 2.25 m: the map, and its walls as boxes [m]."""
     cells = np.full((1730, 1700), FREE, dtype=np.int8)
     cells[860:865], cells[905:910] = OCCUPIED, OCCUPIED
+    walls = [(-42.5, -0.25, 42.5, 0.0), (-42.5, 2.0, 42.5, 2.25)]
     for column in range(0, 1700, 45):
         cells[865:880, column : column + 4] = OCCUPIED
-    return OccupancyGrid(0.05, -42.5, -43.25, cells)
-
-
-def see(grid, pose):
-    """Return the scan at ``pose`` as the map shows it, float32."""
-    sensor, blocked = pose @ LASER.mount, (grid.cells != FREE).view(np.uint8)
-    angles = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays).tolist()
-    reach = LASER.range_max
-    ranges = np.array([
-        map_range(
-            blocked, grid.x, grid.y, grid.resolution, 0.0, sensor.x, sensor.y, sensor.yaw + a, reach
-        )
-        for a in angles
-    ])  # fmt: skip
-    ranges[ranges >= reach] = np.inf
-    return ranges.astype(np.float32)
+        walls.append((-42.5 + 0.05 * column, 0.0, -42.3 + 0.05 * column, 0.75))
+    return OccupancyGrid(0.05, -42.5, -43.25, cells), walls
 
 
 def _timed(work):
@@ -61,9 +47,9 @@ def _timed(work):
 def measure():
     """Yield an update and the building of a filter."""
     warm_up()
-    grid = corridor()
+    grid, walls = corridor()
     poses = [Pose2(STEP * k, 0.9, 0.0) for k in range(UPDATES)]
-    scans = [see(grid, pose) for pose in poses]
+    scans = [see(walls, pose) for pose in poses]
 
     def build():
         return Amcl(PUBLISHED, FAST, grid, (LASER,), poses[0], np.random.SeedSequence(1))

@@ -125,10 +125,8 @@ class Amcl:
             or abs(wrap_angle(after.yaw - before.yaw)) > p.update_min_a
         )
 
-    def _publish(self, time: float, odom: Pose2) -> AmclPose | None:
+    def _publish(self, time: float, odom: Pose2) -> AmclPose:
         summary = self._filter.summary
-        if summary is None:
-            return None
         self._map_to_odom = summary.pose @ odom.inverse()
         return AmclPose(time, summary.pose, summary.covariance, summary.mean, self._filter.count)
 
@@ -141,8 +139,7 @@ def warm_up() -> None:
     laser = Laser(Pose2(), 0.3, -math.pi / 2, math.pi / 2, 7, 0.05, 5.0, 10.0, 0.01, 0.0)
     few = AmclParameters(min_particles=4, max_particles=8, resample_interval=1)
     omni = replace(few, odom_model_type="omni-corrected")
-    beam = replace(few, laser_model_type="beam")
-    for parameters, quirks in ((few, FAST), (omni, FAST), (beam, FAST), (few, FIXED)):
+    for parameters, quirks in ((few, FAST), (omni, FAST), (few, FIXED)):
         seed = np.random.SeedSequence(0)
         amcl = Amcl(parameters, quirks, grid, (laser,), Pose2(1.0, 1.0), seed)
         for k, r in enumerate((0.8, math.inf)):

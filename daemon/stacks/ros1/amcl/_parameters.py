@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import NotNegative, Positive, at_odds
+from daemon.stacks.ros1.parameters import NotNegative, Positive, at_odds, refuse
 
 _Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 _Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
@@ -37,8 +37,11 @@ class AmclParameters:
     """[rad] Or turned more than this."""
     resample_interval: Annotated[int, Field(ge=1, le=1000)] = 2
     """Updates from one resampling to the next; poses are published upon resampling."""
-    selective_resampling: bool = False
-    """Resample only when fewer than half of the particles are effective."""
+    selective_resampling: Annotated[
+        Literal[False],
+        refuse((True,), "selective resampling is not built in: write false"),
+    ] = False
+    """Resample whether or not enough particles are effective."""
     transform_tolerance: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     """[s] How far ahead of the scan the transform map->odom is stamped."""
     recovery_alpha_slow: _Share = 0.001
@@ -57,32 +60,22 @@ class AmclParameters:
     """[m] Returns from here on are ignored; not positive: what the scanner says."""
     laser_max_beams: Annotated[int, Field(ge=2, le=100_000)] = 30
     """Beams used of each scan, evenly spread."""
-    laser_model_type: Literal["beam", "likelihood_field", "likelihood_field_prob"] = (
-        "likelihood_field"
-    )
+    laser_model_type: Annotated[
+        Literal["likelihood_field"],
+        refuse(
+            ("beam", "likelihood_field_prob"),
+            "this sensor model is not built in: write likelihood_field",
+        ),
+    ] = "likelihood_field"
     """How a scan weighs a particle."""
     laser_z_hit: NotNegative = 0.95
     """Share of returns from what the map shows."""
-    laser_z_short: NotNegative = 0.1
-    """Share of returns from something before it (beam only)."""
-    laser_z_max: NotNegative = 0.05
-    """Share of rays without return (beam only)."""
     laser_z_rand: NotNegative = 0.05
     """Share of returns from anywhere."""
     laser_sigma_hit: Positive = 0.2
     """[m] Standard deviation of a return from what the map shows."""
-    laser_lambda_short: NotNegative = 0.1
-    """[1/m] Decay of returns from before it (beam only)."""
     laser_likelihood_max_dist: _Reach = 2.0
     """[m] Distances to obstacles are capped here."""
-    do_beamskip: bool = False
-    """Leave out beams most particles disagree with, once converged (likelihood_field_prob)."""
-    beam_skip_distance: NotNegative = 0.5
-    """[m] A beam agrees with the map when it ends nearer than this to an obstacle."""
-    beam_skip_threshold: _Share = 0.3
-    """A beam counts when it agrees with the map for more than this share of particles."""
-    beam_skip_error_threshold: _Share = 0.9
-    """When at least this share of beams would be left out, all of them count."""
     odom_model_type: Literal["diff", "omni", "diff-corrected", "omni-corrected"] = "diff"
     """How odometry spreads the particles; the models that are not corrected take variances for
     standard deviations (ros-planning/navigation #20)."""
@@ -117,6 +110,8 @@ _START = "the start pose of the mission is the initial pose, as the launch files
 _RVIZ = "nothing is drawn while running: look at the trace"
 _RECONFIGURE = "parameters hold for the whole run"
 _ONE_MAP = "there is one map, known from the start"
+_BEAM = "only the sensor model beam reads it"
+_BEAM_SKIPPING = "only the sensor model likelihood_field_prob reads it"
 
 WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "base_frame_id": _FRAME,
@@ -133,7 +128,14 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "tf_broadcast": "the navigation stack needs map->odom, so it is always there",
     "bag_scan_period": "scans come from the simulator, not from a bag",
     "restore_defaults": _RECONFIGURE,
-    "beam_skip_error_threshold_": "an old spelling: write beam_skip_error_threshold",
+    "laser_z_short": _BEAM,
+    "laser_z_max": _BEAM,
+    "laser_lambda_short": _BEAM,
+    "do_beamskip": _BEAM_SKIPPING,
+    "beam_skip_distance": _BEAM_SKIPPING,
+    "beam_skip_threshold": _BEAM_SKIPPING,
+    "beam_skip_error_threshold": _BEAM_SKIPPING,
+    "beam_skip_error_threshold_": _BEAM_SKIPPING,
     "std_warn_level_x": "only for the node's diagnostics",
     "std_warn_level_y": "only for the node's diagnostics",
     "std_warn_level_yaw": "only for the node's diagnostics",

@@ -40,13 +40,12 @@ def summarise(
     clusters: int,
     sums: Floats,
     result: Floats,
-) -> bool:
+) -> None:
     """Write estimate (3), mean of all (3) and covariance of all: xx, xy, yy, yaw (4).
 
     The estimate is the weighted mean of the cluster with the largest weight (of the first one
     when several have it), headings averaged on the circle; ``-2 ln R`` is the variance of
-    headings with mean resultant length R. ``sums`` (clusters, 5) is scratch. Returns whether
-    there is an estimate at all: not when no particle weighs anything.
+    headings with mean resultant length R. ``sums`` (clusters, 5) is scratch.
     """
     sums[:clusters] = 0.0
     total = x_sum = y_sum = c_sum = s_sum = xx = xy = yy = 0.0
@@ -72,8 +71,6 @@ def summarise(
         if sums[k, 0] > sums[best, 0]:
             best = k
     weight = sums[best, 0]
-    if not weight > 0.0:
-        return False
     result[0], result[1] = sums[best, 1] / weight, sums[best, 2] / weight
     result[2] = math.atan2(sums[best, 4], sums[best, 3])
     mx, my = x_sum / total, y_sum / total
@@ -84,11 +81,8 @@ def summarise(
     length = math.hypot(c_sum, s_sum)
     # Rounding may lengthen the resultant of equal headings beyond 1.
     result[9] = max(0.0, -2.0 * math.log(length)) if length > 0.0 else math.inf
-    return True
 
 
-_CONVERGED = 0.5
-"""[m] The cloud has converged when no particle is farther from its mean along x or y."""
 _NO_CELLS = np.empty(0, dtype=np.int32)
 
 
@@ -124,8 +118,6 @@ class ParticleFilter:
         self._cumulative, self._guide = np.empty(most + 1), np.empty(most, dtype=np.int32)
         self._labels, self._stack = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
         self._sums, self._result = np.empty((most, 5)), np.empty(10)
-        self._summary: CloudSummary | None = None
-        self._converged = False
         self._spread(start)
 
     @property
@@ -143,11 +135,6 @@ class ParticleFilter:
         """Their weights, shape (n,), sum 1: a view that the next update changes."""
         return self._weights[: self._count]
 
-    @property
-    def summary(self) -> CloudSummary | None:
-        """What the particles said when they were last drawn, before they moved or were weighed."""
-        return self._summary
-
     def move(self, motion: OdometryMotion) -> None:
         """Move every particle by what odometry says, with noise."""
         count = self._count
@@ -160,14 +147,8 @@ class ParticleFilter:
     def weigh(self, sensor: LaserModel, ranges: Singles) -> None:
         """Multiply weights by the likelihood of a scan and normalise them."""
         p, count, weights = self._parameters, self._count, self._weights
-        total = sensor.weigh(
-            ranges, self._poses, self._directions, count, weights, converged=self._converged
-        )
-        # No particle explains the scan: the original starts over with equal weights and leaves the
-        # running averages as they are (``pf_update_sensor``).
-        if not total > 0.0:
-            weights[:count] = 1.0 / count
-            return
+        # Above 0, since the likelihood of a scan is 1 or more.
+        total = sensor.weigh(ranges, self._poses, self._directions, count, weights)
         weights[:count] /= total
         average = total / count
         # 0 stands for "never set": the first average is taken as it is.
@@ -176,10 +157,6 @@ class ParticleFilter:
 
     def resample(self) -> None:
         """Draw a new set of equally weighted particles, as many as KLD asks for."""
-        weights = self._weights[: self._count]
-        if self._parameters.selective_resampling and weights @ weights < 2.0 / self._count:
-            self._rebin()
-            return
         grid, bins, most = self._grid, self._bins, self._parameters.max_particles
         injection = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
         free = self._free_cells if injection else _NO_CELLS
@@ -198,7 +175,6 @@ class ParticleFilter:
         # Injected once, judged anew: otherwise particles would be scattered at every scan.
         if injection:
             self._slow = self._fast = 0.0
-        self._converged = self._has_converged()
         self._summarise()
 
     def _spread(self, start: Pose2) -> None:
@@ -211,39 +187,23 @@ class ParticleFilter:
         ):
             self._poses[axis] = mean + math.sqrt(variance) * normals[axis]
         self._directions[0], self._directions[1] = np.cos(self._poses[2]), np.sin(self._poses[2])
-        self._converged = self._has_converged()
-        self._rebin()
-
-    def _rebin(self) -> None:
-        """Sort the particles as they are into bins, and say what they say."""
         bins = self._bins
-        clear_bins(bins.slots, bins.places, self._used)
         self._used = fill_bins(
             bins.slots, bins.keys, bins.places, bins.of, self._poses, self._count
         )
         self._summarise()
 
     def _summarise(self) -> None:
+        """Keep what the particles say as they were drawn, before they move or are weighed."""
         bins, result = self._bins, self._result
         clusters = label_clusters(bins.slots, bins.keys, self._used, self._labels, self._stack)
-        known = summarise(
+        summarise(
             self._poses, self._directions, self._weights, self._count, bins.of, self._labels,
             clusters, self._sums, result,
         )  # fmt: skip
-        if not known:
-            self._summary = None
-            return
         x, y, yaw, mean_x, mean_y, mean_yaw, xx, xy, yy, turn = result.tolist()
         covariance = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, turn]])
-        self._summary = CloudSummary(Pose2(x, y, yaw), Pose2(mean_x, mean_y, mean_yaw), covariance)
-
-    def _has_converged(self) -> bool:
-        """Tell whether particles just drawn lie close together, where anybody asks."""
-        if not self._parameters.do_beamskip:
-            return False
-        positions = self._poses[:2, : self._count]
-        away = np.abs(positions - positions.mean(axis=1, keepdims=True))
-        return bool(away.max() <= _CONVERGED)
+        self.summary = CloudSummary(Pose2(x, y, yaw), Pose2(mean_x, mean_y, mean_yaw), covariance)
 
     @cached_property
     def _free_cells(self) -> Integers:

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from grammars.model.geometry import Pose2, wrap_angle
-from grammars.model.grid import FREE, OCCUPIED
+from grammars.model.geometry import wrap_angle
+from grammars.model.grid import OCCUPIED
 
 Bin = tuple[int, int, int]
 Cell = tuple[int, int]
@@ -139,52 +139,6 @@ def likelihood(
     indices = beams(laser, parameters.laser_max_beams)
     away = distances_at_ends(parameters, grid, field, laser, poses, ranges, indices)
     return 1.0 + (pz(parameters, laser, away) ** 3).sum(axis=1)
-
-
-def map_range(grid, x, y, angle, reach):
-    """Walk Bresenham's line from cell to cell until something is not free."""
-    (j0, j1), (i0, i1) = cell_of(
-        grid,
-        np.array([x, x + reach * math.cos(angle)]),
-        np.array([y, y + reach * math.sin(angle)]),
-    )
-    steep = abs(j1 - j0) > abs(i1 - i0)
-    (a0, b0), (a1, b1) = ((j0, i0), (j1, i1)) if steep else ((i0, j0), (i1, j1))
-    a, b, error = a0, b0, 0
-    a_step, b_step = 1 if a0 < a1 else -1, 1 if b0 < b1 else -1
-    while True:
-        row, column = (a, b) if steep else (b, a)
-        rows, columns = grid.cells.shape
-        if not (0 <= row < rows and 0 <= column < columns) or grid.cells[row, column] != FREE:
-            return math.sqrt((a - a0) ** 2 + (b - b0) ** 2) * grid.resolution
-        if a == a1 + a_step:
-            return reach
-        a += a_step
-        error += abs(b1 - b0)
-        if 2 * error >= abs(a1 - a0):
-            b += b_step
-            error -= abs(a1 - a0)
-
-
-def beam_likelihood(p, grid, laser, pose, ranges):
-    """The mixture of Probabilistic Robotics, table 6.1, beams combined as 1 + sum pz^3."""
-    bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
-    most = single(laser.range_max)
-    sensor = Pose2(*pose.tolist()) @ laser.mount
-    total = 1.0
-    for k in beams(laser, p.laser_max_beams):
-        r = float(ranges[k])
-        if r <= single(laser.range_min):
-            r = most
-        if math.isnan(r) or r > most:
-            continue
-        z = r - map_range(grid, sensor.x, sensor.y, sensor.yaw + bearings[k], most)
-        q = p.laser_z_hit * math.exp(-(z**2) / (2.0 * p.laser_sigma_hit**2))
-        if z < 0.0:
-            q += p.laser_z_short * p.laser_lambda_short * math.exp(-p.laser_lambda_short * r)
-        q += p.laser_z_max if r == most else p.laser_z_rand / most
-        total += q**3
-    return total
 
 
 def moved(p, poses, before, after, normals):

@@ -17,12 +17,7 @@ def test_defaults_are_those_of_noetic():
     assert (p.laser_max_beams, p.laser_model_type, p.odom_model_type) == (
         30, "likelihood_field", "diff",
     )  # fmt: skip
-    assert (p.laser_z_hit, p.laser_z_short, p.laser_z_max, p.laser_z_rand) == (
-        0.95,
-        0.1,
-        0.05,
-        0.05,
-    )
+    assert (p.laser_z_hit, p.laser_z_rand) == (0.95, 0.05)
     assert {getattr(p, f"odom_alpha{k}") for k in range(1, 6)} == {0.2}
     assert (p.recovery_alpha_slow, p.recovery_alpha_fast) == (0.001, 0.1)
     assert (p.initial_cov_xx, p.initial_cov_yy) == (0.25, 0.25)
@@ -41,7 +36,6 @@ def test_defaults_are_those_of_noetic():
         ("laser_sigma_hit", 0.0),
         ("odom_alpha1", math.nan),
         ("recovery_alpha_fast", 1.5),
-        ("do_beamskip", "yes"),
     ],
 )
 def test_a_value_out_of_range_is_refused(name, value):
@@ -50,10 +44,23 @@ def test_a_value_out_of_range_is_refused(name, value):
 
 
 def test_an_unknown_model_is_answered_with_the_known_ones():
-    with pytest.raises(ValidationError, match="likelihood_field_prob"):
+    with pytest.raises(ValidationError, match="likelihood_field"):
         AmclParameters(laser_model_type="likelihood")
     with pytest.raises(ValidationError, match="omni-corrected"):
         AmclParameters(odom_model_type="ackermann")
+
+
+@pytest.mark.parametrize(
+    ("refused", "words"),
+    [
+        ({"laser_model_type": "beam"}, "not built in: write likelihood_field"),
+        ({"laser_model_type": "likelihood_field_prob"}, "not built in: write likelihood_field"),
+        ({"selective_resampling": True}, "not built in: write false"),
+    ],
+)
+def test_what_is_not_built_in_is_refused(refused, words):
+    with pytest.raises(ValidationError, match=words):
+        AmclParameters(**refused)
 
 
 def test_more_particles_at_least_than_at_most_are_refused():

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.amcl.laser_model import LaserModel, beam_indices, map_range
+from daemon.stacks.ros1.amcl.laser_model import LaserModel, beam_indices
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
@@ -21,7 +21,7 @@ NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
 
 def weigh(
     p, ranges, poses, *, grid=GRID,
-    converged=False, laser=LASER, original=True):  # fmt: skip
+    laser=LASER, original=True):  # fmt: skip
     """Weights of poses (n, 3) that all weighed 1 before."""
     p = replace(p, max_particles=max(len(poses), p.min_particles))
     sensor = LaserModel(p, FAST if original else FIXED, grid, laser)
@@ -29,9 +29,8 @@ def weigh(
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     columns = np.ascontiguousarray(poses.T)
     total = sensor.weigh(
-        np.asarray(ranges, dtype=np.float32), columns, directions, len(poses), weights,
-        converged=converged,
-    )  # fmt: skip
+        np.asarray(ranges, dtype=np.float32), columns, directions, len(poses), weights
+    )
     assert total == pytest.approx(weights.sum())
     return weights
 
@@ -45,17 +44,9 @@ def test_every_fifth_of_150_rays_is_used():
     np.testing.assert_array_equal(beam_indices(PUBLISHED, 150), np.arange(0, 146, 5))
 
 
-@pytest.mark.parametrize(
-    ("model", "rays", "beams", "step"),
-    [
-        ("likelihood_field", 10, 30, 1),
-        ("likelihood_field", 1, 30, 1),
-        ("likelihood_field", 181, 60, 3),
-        ("likelihood_field_prob", 151, 30, 6),
-    ],
-)
-def test_beams_are_so_many_rays_apart(model, rays, beams, step):
-    p = replace(PUBLISHED, laser_model_type=model, laser_max_beams=beams)
+@pytest.mark.parametrize(("rays", "beams", "step"), [(10, 30, 1), (1, 30, 1), (181, 60, 3)])
+def test_beams_are_so_many_rays_apart(rays, beams, step):
+    p = replace(PUBLISHED, laser_max_beams=beams)
     np.testing.assert_array_equal(beam_indices(p, rays), np.arange(0, rays, step))
 
 
@@ -69,11 +60,9 @@ def test_weights_are_one_plus_the_sum_of_cubes():
 
 
 @pytest.mark.parametrize("value", [np.inf, np.nan, 5.6, 7.0, 0.05, 0.0, -np.inf])
-@pytest.mark.parametrize("model", ["likelihood_field", "likelihood_field_prob"])
-def test_rays_without_a_usable_return_tell_nothing(model, value):
-    p = replace(PUBLISHED, laser_model_type=model)
+def test_rays_without_a_usable_return_tell_nothing(value):
     ranges = np.full(LASER.rays, value, dtype=np.float32)
-    np.testing.assert_array_equal(weigh(p, ranges, around(TRUTH, 5)), 1.0)
+    np.testing.assert_array_equal(weigh(PUBLISHED, ranges, around(TRUTH, 5)), 1.0)
 
 
 def test_parameters_narrow_what_the_scanner_says():
@@ -127,57 +116,9 @@ def test_thick_walls_let_the_estimate_slide_along_the_view(thickness, slides):
     assert (weights[-1] > 0.99 * weights[0]) is np.bool_(slides)
 
 
-def test_the_probabilistic_field_multiplies_beams():
-    p = replace(PUBLISHED, laser_model_type="likelihood_field_prob")
-    ranges, poses = see(WALLS, TRUTH), around(TRUTH, 200, 0.1)
-    away = plain.distances_at_ends(p, GRID, FIELD, LASER, poses, ranges, range(0, 150, 5))
-    expected = plain.pz(p, LASER, away).prod(axis=1)
-    np.testing.assert_allclose(weigh(p, ranges, poses), expected, rtol=1e-9)
-
-
-def test_beams_most_particles_disagree_with_are_skipped_once_converged():
-    p = replace(
-        PUBLISHED, laser_model_type="likelihood_field_prob", do_beamskip=True,
-        beam_skip_distance=0.3,
-    )  # fmt: skip
-    ranges, poses = see(WALLS, TRUTH), around(TRUTH, 200, 0.02)
-    ranges[60:90] = 0.5  # somebody stands before the robot
-    away = plain.distances_at_ends(p, GRID, FIELD, LASER, poses, ranges, range(0, 150, 5))
-    agree = (away < 0.3).mean(axis=0) > p.beam_skip_threshold
-    assert 0 < np.count_nonzero(~agree) < 10
-    kept = plain.pz(p, LASER, away[:, agree]).prod(axis=1)
-    everything = plain.pz(p, LASER, away).prod(axis=1)
-    np.testing.assert_allclose(weigh(p, ranges, poses, converged=True), kept, rtol=1e-9)
-    np.testing.assert_allclose(weigh(p, ranges, poses, converged=False), everything, rtol=1e-9)
-    sure = replace(p, beam_skip_error_threshold=0.1)
-    np.testing.assert_allclose(weigh(sure, ranges, poses, converged=True), everything, rtol=1e-9)
-
-
-def test_ranges_on_the_map_are_those_of_the_plain_walk():
-    blocked = (GRID.cells != FREE).view(np.uint8)
-    random = np.random.default_rng(1)
-    for _ in range(300):
-        x, y = random.uniform(-0.3, 4.8), random.uniform(-0.3, 3.8)
-        angle, reach = random.uniform(-4.0, 4.0), random.uniform(0.2, 6.0)
-        got = map_range(blocked, GRID.x, GRID.y, 0.05, 0.5, x, y, angle, reach)
-        assert got == pytest.approx(plain.map_range(GRID, x, y, angle, reach), abs=1e-12)
-
-
-def test_the_beam_model_mixes_four_ways_to_measure():
-    p = replace(PUBLISHED, laser_model_type="beam")
-    ranges = see(WALLS, TRUTH, np.random.default_rng(0))
-    ranges[10], ranges[20], ranges[30], ranges[40] = np.inf, np.nan, 0.01, 5.6
-    ranges[50:60] = 0.4
-    poses = around(TRUTH, 30)
-    expected = [plain.beam_likelihood(p, GRID, LASER, pose, ranges) for pose in poses]
-    np.testing.assert_allclose(weigh(p, ranges, poses), expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("model", ["beam", "likelihood_field", "likelihood_field_prob"])
-def test_every_model_prefers_the_true_pose(model):
-    p = replace(PUBLISHED, laser_model_type=model)
+def test_the_true_pose_is_preferred():
     off = TRUTH @ Pose2(0.1, -0.4, 0.3)
     poses = np.array([[q.x, q.y, q.yaw] for q in (TRUTH, off)])
-    right, wrong = weigh(p, see(WALLS, TRUTH), poses)
+    right, wrong = weigh(PUBLISHED, see(WALLS, TRUTH), poses)
     assert right > 1.2 * wrong
     assert math.isfinite(right)
