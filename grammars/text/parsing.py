@@ -22,7 +22,6 @@ from grammars.text.diagnostics import (
     Where,
     in_source_order,
 )
-from grammars.text.grammar_trees import read_before
 
 _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40
@@ -43,7 +42,7 @@ def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool
     """
     from textx import metamodel_from_file
 
-    with _TEXTX_LOCK, read_before(grammar):
+    with _TEXTX_LOCK:
         return metamodel_from_file(str(grammar), classes=list(classes), autokwd=autokwd)
 
 

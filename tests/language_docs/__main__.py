@@ -1,7 +1,6 @@
 """Write the made parts of the documentation anew.
 
-``python -m tests.language_docs`` writes grammars and tables, and the trees of the grammars that are
-read in place of them (:mod:`grammars.text.grammar_trees`); with ``--messages`` also what is said
+``python -m tests.language_docs`` writes grammars and tables; with ``--messages`` also what is said
 of each example that is wrong. Look at the difference: it is what people will read.
 """
 
@@ -9,8 +8,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import grammars
-from grammars.text.grammar_trees import tree_file, tree_text
 from tests.language_docs import examples, regions
 from tests.language_docs.markdown import LANGUAGES
 
@@ -36,8 +33,6 @@ def _with_messages(page):
     return "\n".join((*lines, ""))
 
 
-for grammar in sorted(Path(grammars.__file__).parent.rglob("*.tx")):
-    _write(tree_file(grammar), tree_text(grammar))
 for made, text in regions.made_pages():
     _write(made, text)
 if "--messages" in sys.argv:
