@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, Final, TypeAlias, get_args
 
 from grammars.scenery._events import EventNode, RobotIsNearNode
@@ -31,6 +30,7 @@ from grammars.scenery.model import (
     Walks,
 )
 from grammars.text.diagnostics import InputError, SyntaxNode, TypedNode
+from grammars.text.quantity import parse_quantity
 
 _SPEEDS = ("angular speed", "speed")
 _EFFORTS = ("torque", "force")
@@ -332,14 +332,14 @@ def _probability(reader: NodeReader, option: Any) -> float:
     if option is None:
         return 0.5
     share = option.value
-    if share.unit not in ("", "%", None):
+    quantity = parse_quantity(f"{share.number} {share.unit or ''}", reader.where(share))
+    if quantity.dimension != "ratio":
         raise InputError.at(reader.where(share), f"a probability has no unit, {share.unit} is one")
-    value = float(share.number) * (0.01 if share.unit == "%" else 1.0)
-    if not (math.isfinite(value) and 0.0 <= value <= 1.0):
+    if not 0.0 <= quantity.value <= 1.0:
         raise InputError.at(
             reader.where(share), "a probability lies between 0 and 1 (0 % and 100 %)"
         )
-    return value
+    return quantity.value
 
 
 def _motion(reader: NodeReader, by: Any) -> MotionAs:

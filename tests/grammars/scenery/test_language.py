@@ -11,6 +11,13 @@ from grammars.text.diagnostics import InputError, Where
 from tests.grammars.scenery.samples import BEHAVIOUR, DOOR, EVERYTHING, LIFT, PLACED, SLIDER
 
 
+@pytest.mark.parametrize(("share", "value"), [("35 %", 0.35), ("7 %", 0.07), ("0.35", 0.35)])
+def test_a_share_in_percent_is_the_number_one_would_write(share, value):
+    text = f"d toggles between a and b every 3 s with probability {share}"
+    (toggles,) = parse_scenery(text, "d.scenery").sentences
+    assert toggles.probability == value
+
+
 def test_an_object_model_has_links_joints_and_states():
     model = parse_scenery(DOOR, "doors.scenery").models[0]
     post, leaf = model.links
