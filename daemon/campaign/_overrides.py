@@ -23,7 +23,7 @@ from grammars.text.diagnostics import Where
 from grammars.text.documents import KeyPath, QuantityField, YamlDocument
 from grammars.text.overrides import item_names
 from grammars.text.quantity import read_quantity
-from grammars.text.unit_table import SI_UNITS
+from grammars.text.units import SI_UNITS
 
 _LISTS: Final = {"objects": "objects", "behaviours": "behaviours", "sut": "suts"}
 """Slots that hold several layers, by the key people write."""

@@ -29,28 +29,28 @@ from pydantic import BaseModel, TypeAdapter
 from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalDeclaration, custom_oracle_names
 from grammars.text.diagnostics import with_article
 from grammars.text.quantity import unit_of
+from grammars.text.units import ANGLE, FORCE, LENGTH, MASS, RATIO, TIME, words_of
 
 _NUMBER: Final = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_PREFIX: Final = "(?:milli|centi|kilo|[mck])?"
-_LENGTH: Final = rf"{_PREFIX}(?:metres?|meters?|m)"
-_ANGLE: Final = rf"(?:{_PREFIX}(?:radians?|rads?|degrees?|degs?)|°)"
-_FORCE: Final = rf"{_PREFIX}(?:newtons?|N)"
+_LENGTH: Final = words_of(LENGTH)
+_ANGLE: Final = words_of(ANGLE)
+_FORCE: Final = words_of(FORCE)
 _ROOT: Final = r"\^0?\.5"
 _PER: Final = r"\s*/\s*"
 _TIMES: Final = r"(?:\s*\*\s*|\s+)"
-_FACTOR: Final = r"[A-Za-z°]+(?:\^[0-9.]+)?"
+_FACTOR: Final = r"[A-Za-z°]+(?:\^[0-9.]+|[²³])?"
 _LONG_PRODUCT: Final = rf"{_FACTOR}(?:(?:{_PER}|{_TIMES}){_FACTOR}){{2,5}}"
 """Three factors or more: spelled out in base units, which only the reader can judge."""
 
 _SPELLINGS: Final = {
     "m": _LENGTH,
     "rad": _ANGLE,
-    "s": rf"{_PREFIX}(?:seconds?|s|minutes?|mins?|hours?|h)",
-    "kg": rf"{_PREFIX}(?:grams?|g)",
-    "Hz": rf"{_PREFIX}(?:hertzs?|Hz)",
+    "s": words_of(TIME),
+    "kg": words_of(MASS),
+    "Hz": words_of(RATIO / TIME),
     "N": _FORCE,
     "/": _PER,
-    "^2": r"\^2",
+    "^2": r"(?:\^2|²)",
     "^0.5": _ROOT,
 }
 """How the parts of SI units, and other units of the same, may be spelled."""
@@ -76,7 +76,7 @@ QUANTITY_EXAMPLES: Final = {
 """One usual value of each dimension."""
 
 _UNUSUAL: Final = {
-    "ratio": "(?:%|percents?|pcts?)?",
+    "ratio": f"{words_of(RATIO)}?",
     "torque": f"(?:{_FORCE}{_TIMES}{_LENGTH}|{_LENGTH}{_TIMES}{_FORCE})",
     "noise per root length": f"{_LENGTH}(?:{_PER}{_LENGTH})?{_ROOT}",
     "noise per root angle": f"{_ANGLE}(?:{_PER}{_ANGLE})?{_ROOT}",

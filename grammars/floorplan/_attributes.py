@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import (
     DiagnosticCollector,
@@ -14,11 +14,15 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.quantity import PLAN_UNITS, PlanDimension
+from grammars.text.units import NAMES, read_unit, to_si
 
 LARGEST: Final = 1e6
 """Greatest number of metres or radians in a plan."""
-_UNIT_ADVICE: Final = {"length": "lengths are in metres: m", "angle": "angles are in deg or rad"}
+_UNIT_ADVICE: Final = {
+    "length": "write a length, in m, cm or mm",
+    "angle": "write an angle, in deg or rad",
+}
+PlanDimension: TypeAlias = Literal["length", "angle"]
 
 
 class ElementReader(DiagnosticCollector):
@@ -34,6 +38,10 @@ class ElementReader(DiagnosticCollector):
         self._given = given
         for variable in variables:
             self._variables.setdefault(variable.name, []).append(variable)
+        for variable in variables:
+            if kind_of(variable.unit) not in _UNIT_ADVICE:
+                message = f'variable "{variable.name}" is in {variable.unit}'
+                self.error(variable, message, "a plan has lengths and angles alone")
         for name, nodes in self._variables.items():
             for node in nodes[1:]:
                 first = self.source.at(nodes[0]).line
@@ -55,16 +63,15 @@ class ElementReader(DiagnosticCollector):
 
     def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: PlanDimension) -> float | None:
         unit = node.unit or ("m" if kind == "length" else "rad")
-        factor, given = PLAN_UNITS[unit]
-        if given != kind:
+        if kind_of(unit) != kind:
             self.error(
                 place,
                 f'expected {with_article(kind)}, not "{node.number} {unit}"',
                 _UNIT_ADVICE[kind],
             )
             return None
-        number = float(node.number)
-        if abs(number) > LARGEST:
+        number, value = float(node.number), to_si(float(node.number), unit)
+        if abs(value) > LARGEST:
             self.error(place, f"{node.number} is too large", "the limit is 1000 km")
             return None
         if kind == "angle" and not node.unit and abs(number) > math.tau:
@@ -73,7 +80,7 @@ class ElementReader(DiagnosticCollector):
                 f"{node.number} without a unit means radians",
                 f'write "{node.number} deg" for degrees',
             )
-        return number * factor
+        return value
 
     def _variable(self, node: SyntaxNode, kind: PlanDimension) -> float | None:
         name = node.variable
@@ -87,7 +94,7 @@ class ElementReader(DiagnosticCollector):
             self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
             return None
         variable = known[0]
-        if PLAN_UNITS[variable.unit][1] != kind:
+        if kind_of(variable.unit) != kind:
             self.error(
                 node,
                 f'expected {with_article(kind)}, but variable "{name}" is in {variable.unit}',
@@ -95,6 +102,11 @@ class ElementReader(DiagnosticCollector):
             )
             return None
         return self._given[name] if name in self._given else self._literal(variable, node, kind)
+
+
+def kind_of(unit: str) -> str:
+    """Return the dimension of a unit, such as ``length``; the unit itself where it has none."""
+    return NAMES.get(read_unit(unit)[1], unit)
 
 
 _ALLOWED: Final = {

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from grammars.floorplan._attributes import LARGEST
+from grammars.floorplan._attributes import LARGEST, kind_of
 from grammars.floorplan._compile import compile_plan
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan
@@ -19,8 +19,9 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.quantity import PLAN_UNITS, PlanDimension, parse_quantity
+from grammars.text.quantity import parse_quantity
 from grammars.text.sources import read_text
+from grammars.text.units import to_si
 
 
 def load_floorplan(path: str | Path) -> FloorPlan:
@@ -37,7 +38,7 @@ class PlanVariable:
 
     name: str
     value: float
-    dimension: PlanDimension
+    dimension: str
     text: str
     where: Where
 
@@ -70,8 +71,8 @@ class ParsedFloorPlan:
         return tuple(
             PlanVariable(
                 node.name,
-                float(node.number) * PLAN_UNITS[node.unit][0],
-                PLAN_UNITS[node.unit][1],
+                to_si(float(node.number), node.unit),
+                kind_of(node.unit),
                 f"{node.number} {node.unit}",
                 self.source.at(node),
             )
@@ -116,7 +117,7 @@ def _read_values(
         except InputError as error:
             faults.extend(error.diagnostics)
             continue
-        kind = PLAN_UNITS[variable.unit][1]
+        kind = kind_of(variable.unit)
         if quantity.dimension != kind:
             message = f"{name} is {with_article(kind)}, not {value}"
             faults.append(Diagnostic(where, message, example))

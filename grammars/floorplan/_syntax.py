@@ -21,7 +21,7 @@ _WORDS: Final = {
     "ID": "a name",
     "REAL": "a number",
     "INDEX": "a wall index (a whole number)",
-    "UNIT": "a unit (m, rad or deg)",
+    "UNIT": "a unit (such as m, cm or deg)",
     "AXIS": "an axis (x, y or z)",
     "PLAN": '"Floor plan"',
     "NOT_ALIGNED": '"not aligned"',
@@ -50,9 +50,7 @@ _HINTS: Final = {
     "#": "comments start with //",
     "/": "comments start with // and end with the line",
 }
-_UNITS: Final = re.compile(
-    r"(?:[munckd]?m|meters?|metres?|in|inch|inches|ft|feet|degrees?|radians?|rads?|°)$"
-)
+_UNITS: Final = re.compile(r"(?:in|inch|inches|ft|feet|yards?|miles?|[A-Za-z]?m|rads|degs)$")
 
 
 class _FloorPlanLanguage(Language):
@@ -81,7 +79,7 @@ class _FloorPlanLanguage(Language):
         if re.search(r"\d,?$", done) and re.match(r"\d" if done[-1] == "," else r",\d", rest):
             return "decimals are written with a point: 1.5"
         if re.search(r"[\d.]$", done) and _UNITS.match(word):
-            return "lengths are in metres (m), angles in deg or rad"
+            return "lengths are in m, cm or mm, angles in deg or rad"
         if re.match(r"[+-]?[\d.]+[^\W\d]", word):
             return "write a blank between a number and its unit: 4.0 m"
         if re.match(r"[-+*/]", word) and re.search(r"\w$", done):

@@ -47,7 +47,7 @@ from grammars.oracle._signals import (
     custom_signal_names,
     signal_declaration,
 )
-from grammars.text.quantity import Dimension
+from grammars.text.units import Dimension
 
 __all__ = [
     "OBJECT_SIGNALS",

@@ -35,7 +35,7 @@ from grammars.oracle._signals import (
     signal_names,
 )
 from grammars.text.diagnostics import Diagnostic, closest, did_you_mean
-from grammars.text.quantity import LENGTH, RATIO, TIME, Dimension
+from grammars.text.units import LENGTH, RATIO, TIME, Dimension
 
 Kind: TypeAlias = Dimension | None
 """What an expression is measured in; ``None``: true or false."""

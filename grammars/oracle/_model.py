@@ -11,16 +11,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Where
-from grammars.text.quantity import DIMENSIONS, Dimension
-
-
-def dimension(name: str) -> Dimension:
-    """Return the dimension of signals and numbers by its name; ``ValueError`` if there are none."""
-    found = DIMENSIONS.get(name)
-    if found is None:
-        raise ValueError(f"a {name} is not something a signal can have")
-    return found
-
+from grammars.text.units import Dimension
 
 ROBOT: Final = "robot"
 """What oracles and recorded contacts call the robot."""

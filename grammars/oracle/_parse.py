@@ -29,7 +29,6 @@ from grammars.oracle._model import (
     Statistic,
     Temporal,
     Until,
-    dimension,
     shift_place,
 )
 from grammars.oracle._signals import custom_oracle_names
@@ -37,6 +36,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where,
 from grammars.text.documents import YamlDocument, load_yaml
 from grammars.text.parsing import Language, SyntaxFault
 from grammars.text.quantity import parse_quantity
+from grammars.text.units import DIMENSIONS
 
 _OPERATORS: Final = (
     *("always", "never", "eventually", "fraction", "time", "longest", "count"),
@@ -162,11 +162,8 @@ class _OracleBuilder:
         column = node._tx_position
         place = shift_place(self._where, self._text, column)
         quantity = parse_quantity(node.text, place)
-        try:
-            kind = dimension(quantity.dimension)
-        except ValueError as error:
-            raise InputError.at(place, str(error)) from error
-        # 95 % is 0.9500000000000001 in binary; fifteen digits are what people write.
+        kind = DIMENSIONS[quantity.dimension]
+        # Fifteen digits are what people write, binary fractions have more.
         return Number(float(f"{quantity.value:.15g}"), kind, node.text, column)
 
     def expression(self, node: Any) -> Expression:

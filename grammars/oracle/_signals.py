@@ -16,17 +16,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
-from grammars.oracle._model import dimension
 from grammars.text.plugins import load_plugin, plugin_names
-from grammars.text.quantity import (
+from grammars.text.quantity import read_quantity
+from grammars.text.units import (
     ANGLE,
     ANGULAR_SPEED,
+    DIMENSIONS,
     LENGTH,
     RATIO,
     SPEED,
     TIME,
     Dimension,
-    read_quantity,
 )
 
 SIGNAL_GROUP: Final = "scenario.signals"
@@ -132,7 +132,7 @@ def dimension_of(unit: str) -> Dimension | None:
     quantity = read_quantity("1" if unit == "1" else f"1 {unit}")
     if quantity.value != 1.0:
         raise ValueError(f'"{unit}" is not an SI unit: values are kept in {quantity.unit}')
-    return dimension(quantity.dimension)
+    return DIMENSIONS[quantity.dimension]
 
 
 Sort: TypeAlias = Literal["object", "space"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ from grammars.scenery._instances import INSTANCE_RULES
 from grammars.scenery._objects import OBJECT_RULES
 from grammars.scenery._reader import RULES
 from grammars.scenery._sentences import SENTENCE_RULES
-from grammars.scenery.measure import NUMBER, UNIT
+from grammars.scenery.measure import NUMBER
 from grammars.text.diagnostics import (
     Diagnostic,
     InputError,
@@ -24,6 +25,7 @@ from grammars.text.diagnostics import (
 )
 from grammars.text.parsing import Language, SyntaxFault, listed
 from grammars.text.quantity import parse_quantity
+from grammars.text.units import UNIT
 
 _STARTERS: Final = (
     "object",
@@ -43,13 +45,9 @@ _NUMBER: Final = re.compile(rf"(?<![\w.^])(?<!\d,)(?<!\[)({NUMBER})(?!\.)")
 _UNIT: Final = re.compile(rf"[ \t]*({UNIT})")
 _DECIMAL_COMMA: Final = re.compile(r",\d")
 _WORD: Final = re.compile(r"[ \t]*([^\W\d_]+|°)(?!\w)")
-_KEYWORDS: Final = """
-    x y at turned from to mass and friction closer damped between along until every with up late in
-    by is when again of starts frozen hinge sliding opening on recessed seen stays moves toggles
-    goes except within probability are start stay move toggle go their its walks walk accelerating
-    once back pausing facing yielding not round after deviation every begins
-"""
-_NOT_UNITS: Final = frozenset(_KEYWORDS.split())
+_GRAMMAR: Final = Path(__file__).with_name("scenery.tx")
+_KEYWORD: Final = re.compile(r"'([^'\n]+)'|/((?:\\.|[^/\\\n])+)/")
+"""A word in quotes, or a pattern, of the grammar."""
 _VERBS: Final = r"\b(?:walks?|moves?|toggles?|goes|go|stays?|starts?|is)\b"
 _EXPECTED_UNITS: Final = tuple(
     (re.compile(rf"{before}\s*$", re.DOTALL), units)
@@ -138,7 +136,15 @@ def _quoted(word: str) -> str:
     return f"'{word}'" if word == '"' else f'"{word}"'
 
 
-_LANGUAGE: Final = _SceneryLanguage(Path(__file__).with_name("scenery.tx"), autokwd=True)
+_LANGUAGE: Final = _SceneryLanguage(_GRAMMAR, autokwd=True)
+
+
+@functools.cache
+def _keywords() -> frozenset[str]:
+    """Return the words of the grammar: what follows a number and is one of them is no unit."""
+    texts = _KEYWORD.findall(_GRAMMAR.read_text(encoding="utf-8"))
+    quoted = (word for word, _ in texts if word.isalpha())
+    return frozenset(quoted).union(*(re.findall(r"[a-z]{2,}", pattern) for _, pattern in texts))
 
 
 def parse_tree(source: SourceText) -> SyntaxNode:
@@ -182,7 +188,7 @@ def _blank(pattern: re.Pattern[str], text: str) -> str:
 
 
 def _without_unit(number: str, word: re.Match[str] | None, before: str, where: Where) -> Diagnostic:
-    if word is not None and word[1] not in _NOT_UNITS:
+    if word is not None and word[1] not in _keywords():
         return Diagnostic(where, f'"{word[1]}" is not a unit known here', _unit_hint(word[1]))
     units = next((units for words, units in _EXPECTED_UNITS if words.search(before)), ())
     hint = f"write {number} m, {number} rad, {number} s, … as is meant"

@@ -9,16 +9,6 @@ from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.quantity import parse_quantity, unit_of
 
 NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-# The unit pattern of scenery.tx has the same words: a grammar cannot refer to Python.
-_WORDS: Final = (
-    "m cm mm km metre metres meter meters rad deg radian radians degree degrees "
-    "s ms min h second seconds minute minutes hour hours kg g N kN newton Hz"
-)
-_WORD: Final = (
-    "(?:" + "|".join(sorted(_WORDS.split(), key=len, reverse=True)) + r")(?!\w)(?:\^[2-4])?"
-)
-UNIT: Final = rf"(?:{_WORD}(?:[ \t]*[/*][ \t]*{_WORD}|[ \t]+{_WORD})*|%)"
-"""A product of unit words, such as ``N m s/rad``; it ends before the next word of a sentence."""
 LARGEST: Final = 1e6
 """No quantity of a scenery is larger than this, in SI units."""
 

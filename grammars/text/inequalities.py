@@ -13,13 +13,13 @@ from typing import Final, TypeAlias
 
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.quantity import Quantity, read_quantity, unit_of
+from grammars.text.units import WRITTEN_UNIT
 
 LONGEST: Final = 1000
 """Characters of an inequality."""
 _COMPARISON: Final = re.compile(r"<=|>=|<|>")
 _OPERATOR: Final = re.compile(r"\s*([+-])\s*")
-_UNIT: Final = r"(?:[A-Za-z%°]+(?:\^\d)?(?:\s*[/*]\s*[A-Za-z%°]+(?:\^\d)?)*)"
-_QUANTITY: Final = re.compile(rf"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?:\s*{_UNIT})?")
+_QUANTITY: Final = re.compile(rf"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?:\s*{WRITTEN_UNIT})?")
 _NAME: Final = re.compile(r"[^\s+<>=-]+")
 _TOLERANCE: Final = 1e-9
 """Relative to the largest of the summands: 0.1 + 0.2 is not more than 0.3."""

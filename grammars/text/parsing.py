@@ -22,6 +22,7 @@ from grammars.text.diagnostics import (
     Where,
     in_source_order,
 )
+from grammars.text.units import FACTOR, UNIT
 
 _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40
@@ -38,12 +39,17 @@ _TEXTX_LOCK: Final = threading.Lock()
 def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool = False) -> Any:
     """Return textX's metamodel of a language; safe from any thread.
 
-    ``classes`` are made for the nodes of the rules they are named after.
+    ``classes`` are made for the nodes of the rules they are named after. In a pattern of the
+    grammar ``{unit}`` stands for a product of units and ``{factor}`` for one of its factors: all
+    languages know the units of :mod:`grammars.text.units`.
     """
-    from textx import metamodel_from_file
+    from textx import metamodel_from_str
 
+    text = grammar.read_text(encoding="utf-8")
+    for name, pattern in (("{unit}", UNIT), ("{factor}", FACTOR)):
+        text = text.replace(name, f"(?:{pattern})".replace("/", r"\/"))
     with _TEXTX_LOCK:
-        return metamodel_from_file(str(grammar), classes=list(classes), autokwd=autokwd)
+        return metamodel_from_str(text, classes=list(classes), autokwd=autokwd)
 
 
 def without_comments(text: str) -> str:

@@ -17,9 +17,8 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension
+from grammars.text.units import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension, read_unit, to_si
 from grammars.variation._expressions import (
-    UNITS,
     Constant,
     Expression,
     NamedDraw,
@@ -200,8 +199,8 @@ class ExpressionReader:
         if number > _LARGEST:
             self.findings.error(node, f"{node.number} is too large")
             return None
-        factor, dimension = UNITS[node.unit] if node.unit else (1.0, RATIO)
-        return Constant(number * factor), dimension
+        unit = node.unit or ""
+        return Constant(to_si(number, unit)), read_unit(unit)[1]
 
     def _call(self, node: CallNode) -> Typed | None:
         if node.function == "distance":

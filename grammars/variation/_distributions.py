@@ -14,8 +14,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from grammars.text.diagnostics import DiagnosticCollector, SyntaxNode, did_you_mean
-from grammars.text.quantity import ANGLE, LENGTH
-from grammars.variation._expressions import UNITS
+from grammars.text.units import ANGLE, LENGTH, read_unit
 from grammars.variation._syntax import DiscreteNode, DistributionNode, NormalNode, UniformNode
 
 if TYPE_CHECKING:
@@ -217,8 +216,8 @@ class DistributionReader:
             self.findings.error(node, message, "write the unit once, it holds for every number")
             return None
         unit = units[0] if units else ""
-        if unit and UNITS[unit][1] not in (LENGTH, ANGLE):
-            self.findings.error(node, f"nothing in a plan is in {unit}", "m, rad or deg")
+        if unit and read_unit(unit)[1] not in (LENGTH, ANGLE):
+            self.findings.error(node, f"nothing in a plan is in {unit}", "lengths and angles are")
             return None
         found = self._one(node)
         if found is not None and any(abs(v) > _LARGEST for v in numbers_of(found)):

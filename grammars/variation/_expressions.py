@@ -13,16 +13,10 @@ from typing import Any, Final, Literal, Protocol, TypeAlias
 
 from grammars.floorplan import Feature, FloorPlan, Opening, Space
 from grammars.text.diagnostics import Where
-from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, PLAN_UNITS, RATIO, Dimension
+from grammars.text.units import ANGLE, LENGTH, RATIO, Dimension
 from grammars.variation.plan_text import PlanElement, Slot
 
 AREA: Final = LENGTH * LENGTH
-UNITS: Final = {
-    **{unit: (factor, DIMENSIONS[name]) for unit, (factor, name) in PLAN_UNITS.items()},
-    "m^2": (1.0, AREA),
-    "m²": (1.0, AREA),
-}
-"""What may be written behind a number: factor to SI and dimension."""
 _TOLERANCE: Final = 1e-9
 
 
@@ -170,8 +164,8 @@ def dimension_name(dimension: Dimension) -> str:
     known = {RATIO: "a plain number", LENGTH: "a length", AREA: "an area", ANGLE: "an angle"}
     if dimension in known:
         return known[dimension]
-    powers = zip(("m", "rad"), dimension.exponents, strict=False)
-    return " ".join(u if p == 1 else f"{u}^{p}" for u, p in powers if p)
+    powers = zip(("m", "rad", "s", "kg"), dimension.exponents, strict=True)
+    return " ".join(u if p == 1 else f"{u}^{p:g}" for u, p in powers if p)
 
 
 Part: TypeAlias = Space | Feature | Opening

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
-from grammars.text.quantity import DIMENSIONS, RATIO, parse_quantity
+from grammars.text.quantity import parse_quantity
+from grammars.text.units import DIMENSIONS, RATIO, from_si, read_unit
 from grammars.variation._distributions import Fixed
-from grammars.variation._expressions import UNITS
 from grammars.variation._load import Variation, VariationDraw
 
 
@@ -65,12 +65,11 @@ def _number(value: Any, unit: str, name: str, where: Where) -> float:
         message = f"{name} is one value, not {value}"
         raise InputError.at(where, message, f"write {name}: 1 {unit}".rstrip())
     quantity = parse_quantity(str(value), where)
-    factor, dimension = UNITS[unit] if unit else (1.0, RATIO)
-    given = DIMENSIONS.get(quantity.dimension)
+    given = DIMENSIONS[quantity.dimension]
     if given == RATIO:
         return quantity.value
-    if given != dimension:
+    if given != read_unit(unit)[1]:
         wanted = f"in {unit}" if unit else "a plain number"
         message = f"{name} is {wanted}, not {with_article(quantity.dimension)}"
         raise InputError.at(where, message, f"write {name}: 1 {unit}".rstrip())
-    return quantity.value / factor
+    return from_si(quantity.value, unit)

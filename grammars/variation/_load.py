@@ -18,11 +18,10 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.quantity import ANGLE, DIMENSIONS, RATIO, Dimension
+from grammars.text.units import ANGLE, DIMENSIONS, RATIO, Dimension, read_unit
 from grammars.variation._arithmetic import ExpressionReader, PlanResolver, joined_dimension
 from grammars.variation._distributions import Distribution, DistributionReader
 from grammars.variation._expressions import (
-    UNITS,
     Constant,
     Expression,
     NamedDraw,
@@ -246,7 +245,7 @@ class _VariationReader:
             return
         read = DistributionReader(self.findings).read(node.value)
         unit = "" if read is None else read[1]
-        self._shared[name] = UNITS[unit][1] if unit else RATIO
+        self._shared[name] = read_unit(unit)[1]
         if read is not None:
             self.draws.append(VariationDraw(name, *read, self.source.at(node)))
             self.reported.append(name)
@@ -290,7 +289,7 @@ class _VariationReader:
         if read is None or slot is None:
             return
         distribution, unit = read
-        dimension = UNITS[unit][1] if unit else RATIO
+        dimension = read_unit(unit)[1]
         if self._fits(node, slot, dimension, False):
             self.draws.append(VariationDraw(slot.name, distribution, unit, where))
             self.assignments.append(Assignment(slot, slot.name, dimension, where))

@@ -103,7 +103,7 @@ class LiteralNode(TypedNode):
     """``0.8 m``."""
 
     number: str
-    unit: str
+    unit: str | None
 
 
 class ReferenceNode(TypedNode):
@@ -134,7 +134,7 @@ _WORDS: Final = {
     "ID": "a name",
     "REAL": "a number",
     "UNSIGNED": "a number",
-    "UNIT": "a unit (m, rad or deg)",
+    "UNIT": "a unit (such as m, cm or deg)",
     "QUOTED": "a file name in quotes",
     "COMPARISON": "a comparison (<=, <, >=, > or ==)",
     "LET": '"let"',
@@ -203,7 +203,7 @@ class _VariationLanguage(Language):
         if word == "," and "," not in keys and done.endswith(")"):
             return "statements and attributes are not separated by commas"
         if re.search(r"[\d.]$", done) and re.match(r"[^\W\d]", word) and "UNIT" in keys:
-            return "lengths are in metres (m), angles in deg or rad"
+            return "lengths are in m, cm or mm, angles in deg or rad"
         if re.match(r"[+-]?[\d.]+[^\W\d]", word):
             return "write a blank between a number and its unit: 4.0 m"
         if re.search(r"uniform\s*\(\s*[^\[\s][^\n]*$", done):

@@ -12,13 +12,13 @@ from typing import Final, Literal
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.files import write_atomically
-from grammars.text.quantity import RATIO, Dimension
 from grammars.text.terminal_text import printable
+from grammars.text.units import RATIO, Dimension, from_si, to_si
 from grammars.variation._expressions import Expression, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
 from grammars.variation._soundness import Defect, check_soundness, defects
 from grammars.variation.designs import Method
-from grammars.variation.plan_text import TO_SI, Slot, SlotValue, inserted_lines, rewrite
+from grammars.variation.plan_text import Slot, SlotValue, inserted_lines, rewrite
 
 _HEADER_LINES: Final = 2
 """Lines above the text of the plan: where a variant comes from, and its seed."""
@@ -154,7 +154,7 @@ class SampledPoint:
         if isinstance(source, str):
             return SlotValue(slot, self._numbers[source], self._units[source])
         value = evaluate(source, self)
-        number = value if dimension == RATIO else value / TO_SI[slot.unit]
+        number = value if dimension == RATIO else from_si(value, slot.unit)
         return SlotValue(slot, round(number, _DECIMALS) if math.isfinite(number) else number)
 
     def values(self) -> tuple[VariantValue, ...]:
@@ -170,13 +170,13 @@ class SampledPoint:
 
     def shared(self, name: str) -> float:
         """Return a named draw [m, rad or plain]."""
-        return self._numbers[name] * TO_SI.get(self._units[name], 1.0)
+        return to_si(self._numbers[name], self._units[name])
 
     def attribute(self, slot: Slot) -> float:
         """Return what the sampled plan says at a place [m or rad]."""
         setting = self._by_key.get(slot.key)
         if setting is not None:
-            return setting.number * TO_SI[setting.unit or slot.unit]
+            return to_si(setting.number, setting.unit or slot.unit)
         if isinstance(slot.value, float):
             return slot.value
         variable = self._variation.plan_text.variables[slot.value.variable]

@@ -6,21 +6,20 @@ Values are written into the text itself: comments, order and layout stay as they
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from grammars.floorplan import CircleNode, RectangleNode, parse_syntax
 from grammars.text.diagnostics import SourceText, SyntaxNode
 from grammars.text.parsing import without_comments
-from grammars.text.quantity import PLAN_UNITS, PlanDimension
+from grammars.text.units import NAMES, read_unit, to_si
 
 Span: TypeAlias = tuple[int, int]
 
-TO_SI: Final = {unit: factor for unit, (factor, _) in PLAN_UNITS.items()}
 _REAL: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _STEP: Final = "    "
-_DEFAULT_UNIT: Final[Mapping[PlanDimension, str]] = {"length": "m", "angle": "rad"}
+_DEFAULT_UNIT: Final = {"length": "m", "angle": "rad"}
 _WALL: Final = {"defaults.wall.thickness": "thickness", "defaults.wall.height": "height"}
 _AXES: Final = {
     "floor": {"translation": "xy", "rotation": "z"},
@@ -60,7 +59,7 @@ class Slot:
     """
 
     name: str
-    kind: PlanDimension
+    kind: str
     unit: str
     value: float | VariableReference
     number: Span | None = None
@@ -159,9 +158,10 @@ class PlanText:
         found = _REAL.search(self.bare, sign)
         assert found is not None
         end = node._tx_position_end
-        value = float(node.number) * TO_SI[node.unit]
+        value = to_si(float(node.number), node.unit)
         unit_at = (end - len(node.unit), end)
-        return Slot(node.name, PLAN_UNITS[node.unit][1], node.unit, value, found.span(), unit_at)
+        kind = NAMES[read_unit(node.unit)[1]]
+        return Slot(node.name, kind, node.unit, value, found.span(), unit_at)
 
     def slot(
         self, element: PlanElement, path: str, *, shared_defaults: bool = False
@@ -181,7 +181,7 @@ class PlanText:
         node = element.node.height if path == "height" else _sizes(element.node.shape)[path[6:]]
         return self._quantity(name, node, "length")
 
-    def _quantity(self, name: str, node: SyntaxNode, kind: PlanDimension) -> Slot:
+    def _quantity(self, name: str, node: SyntaxNode, kind: str) -> Slot:
         start, end = node._tx_position, node._tx_position_end
         if node.variable:
             unit = self.variables[node.variable].unit
@@ -191,10 +191,10 @@ class PlanText:
         assert found is not None
         unit = node.unit or _DEFAULT_UNIT[kind]
         unit_at = (end - len(node.unit), end) if node.unit else None
-        return Slot(name, kind, unit, float(node.number) * TO_SI[unit], found.span(), unit_at)
+        return Slot(name, kind, unit, to_si(float(node.number), unit), found.span(), unit_at)
 
     def _component_slot(self, element: PlanElement, name: str, part: str, axis: str) -> Slot:
-        kind: PlanDimension = "length" if part == "translation" else "angle"
+        kind = "length" if part == "translation" else "angle"
         parts = {node.key: node for node in element.node.parts}
         vector = parts.get(part)
         for component in vector.components if vector else ():

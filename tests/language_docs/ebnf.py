@@ -20,9 +20,11 @@ _WHOLE_WORDS = ("scenery", "oracle")
 _WIDTH = 96
 _IN_WORDS = {
     ("scenery", "NameText"): "? letters, digits and _, not a digit first, none of Reserved ?",
+    ("floorplan", "UNIT"): "? a unit such as m, cm, deg ?",
+    ("variation", "UNIT"): "? a unit such as m, cm, deg ?",
     ("scenery", "UnitText"): "? a unit such as m, deg, s, kg, N m, m/s^2; or % ?",
     ("oracle", "Name"): "? letters, digits, _ and -, in parts with a dot between ?",
-    ("oracle", "QuantityText"): "? a number, and a unit without blanks such as m/s^2 or % ?",
+    ("oracle", "QuantityText"): "? a number, and a unit such as m/s^2, N m or % ?",
 }
 """Tokens whose expression would tell nobody anything."""
 _EVERYWHERE = ("Comment",)

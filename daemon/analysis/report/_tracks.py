@@ -24,7 +24,7 @@ from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Joint, SceneObject
 from grammars.oracle import Number, Signal, object_signals
-from grammars.text.quantity import Dimension
+from grammars.text.units import Dimension
 
 if TYPE_CHECKING:
     from daemon.trace import Trace

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from grammars.editor import literals
+from grammars.text.units import UNIT_WORDS
 from tests.grammars.editor.textmate import SYNTAXES, grammar, tokens
 
 COLOURED = ("keyword", "support", "constant.language", "variable.language")
@@ -68,6 +69,22 @@ def test_every_keyword_of_a_language_is_coloured(language, word):
     found = [t for t in tokens(example(language, word), language) if t.text == word]
     assert found, f"{SYNTAXES / language}.tmLanguage.json: {word!r} is no token of its own"
     assert any(scope in found[0] for scope in COLOURED), found[0]
+
+
+PLACES = {
+    "fpm": "var a = 3 {}",
+    "scenery": "parameter a = 3 {}",
+    "variation": "require 3 {} > a",
+    "oracle": "always(a > 3 {})",
+}
+
+
+@pytest.mark.parametrize("language", PLACES)
+@pytest.mark.parametrize("unit", [*UNIT_WORDS, "N m", "m/s^2", "N*m*s/rad", "m²", "°/s"])
+def test_every_unit_is_coloured_in_every_language(language, unit):
+    found = [t for t in tokens(PLACES[language].format(unit), language) if t.text == unit]
+    assert found
+    assert "keyword.other.unit" in found[0]
 
 
 def test_the_words_of_a_grammar_are_read_without_its_comments():

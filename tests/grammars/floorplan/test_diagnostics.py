@@ -55,14 +55,14 @@ def test_all_problems_are_reported_at_once():
 def test_every_element_with_a_syntax_error_is_reported():
     found = refused(
         HEAD
-        + f"Space a: shape: Rectangle width=40 cm, length=2 m {HERE}\n"
+        + f"Space a: shape: Rectangle width=40 ft, length=2 m {HERE}\n"
         + ROOM.replace("a:", "b:")
         + f"Space c: shap: Circle radius=1 m {HERE} // Space x: in a comment\n"
         + f"Space d: {RECT} location: wrt: world of: this spced\n"
     )
     assert [(d.where.line, d.where.column) for d in found] == [(3, 36), (5, 10), (6, 79)]
     assert [d.hint for d in found] == [
-        "lengths are in metres (m), angles in deg or rad",
+        "lengths are in m, cm or mm, angles in deg or rad",
         'did you mean "shape"?',
         'did you mean "spaced"?',
     ]
@@ -75,7 +75,7 @@ def test_every_element_with_a_syntax_error_is_reported():
         (ROOM, '1:1: unexpected "Space"; expected "Floor plan"'),
         ("Floor plan t", '1:12: unexpected "t"; expected ":"'),
         ("Floor plan: t", 'plan "t" has no spaces'),
-        (HEAD + "var v = 3\n" + ROOM, '3:10: expected a unit (m, rad or deg) after "3"'),
+        (HEAD + "var v = 3\n" + ROOM, '3:10: expected a unit (such as m, cm or deg) after "3"'),
         (HEAD + "var v = w", '3:9: unexpected "w"; expected a number'),
         (HEAD + "Space 1a:", '3:7: unexpected "1a"; expected a name'),
         (HEAD + "Space a: shape: Oval", "expected a shape (Rectangle, Circle or Polygon)"),

@@ -2,6 +2,7 @@
 
 import pytest
 
+from grammars.editor import literals
 from grammars.scenery import parse_scenery
 from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import DOOR, SLIDER
@@ -181,3 +182,13 @@ def test_all_missing_units_are_reported_at_once():
 )
 def test_the_unit_that_is_expected_is_the_one_to_write(sentence, hint):
     assert f"\n    {hint}" in told(sentence)
+
+
+WORDS = sorted({w for words in literals("grammars.scenery", "scenery.tx").values() for w in words})
+
+
+@pytest.mark.parametrize("word", [*filter(str.isalpha, WORDS), "back"])
+def test_a_word_of_the_language_is_never_taken_for_a_unit(word):
+    with pytest.raises(InputError) as caught:
+        parse_scenery(f"d moves to open at 5 {word}", "d.scenery")
+    assert "a unit is missing after 5" in str(caught.value)

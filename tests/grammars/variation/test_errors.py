@@ -76,7 +76,7 @@ OTHERWISE = {
     "gap: uniform([1,])": ('unexpected "]"', "no comma"),
     "gap: uniform(1, 2)": ('unexpected ","', "a range uniform(1.0 .. 2.0)"),
     "gap: uniform([1.0m])": ("unexpected", "a blank between a number and its unit"),
-    "gap: uniform([1.0 cm])": ('unexpected "cm"', "lengths are in metres"),
+    "gap: uniform([1.0 ft])": ('unexpected "ft"', "lengths are in m, cm or mm"),
     "gap uniform([1])": ('unexpected "uniform"', ""),
     "gap: uniform([1]), turn: uniform([1])": ('unexpected ","', "not separated by commas"),
     "# gap": ('unexpected "#"', "comments start with //"),

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.floorplan import parse_floorplan
+from grammars.text.units import read_unit
 from grammars.variation import parse_variation, sample
-from grammars.variation.plan_text import TO_SI, PlanText, SlotValue, rewrite
+from grammars.variation.plan_text import PlanText, SlotValue, rewrite
 from tests.grammars.variation.plans import HOUSE, one, vary
 
 FLAT = Path(__file__).parents[3] / "campaigns" / "demo" / "flat.fpm"
@@ -65,7 +66,7 @@ def test_values_arrive_at_their_places_and_nowhere_else(edit):
     for name, slot in slots(after).items():
         setting = settings_.get(name)
         if setting is not None:
-            expected = setting.number * TO_SI[setting.unit or setting.slot.unit]
+            expected = setting.number * read_unit(setting.unit or setting.slot.unit)[0]
         elif isinstance(slot.value, float) and name not in settings_:
             expected = value(plan, before[name])
         else:

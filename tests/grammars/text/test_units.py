@@ -1,0 +1,105 @@
+"""Every language reads the same units, and reads them alike."""
+
+import pytest
+
+from grammars.floorplan import parse_floorplan, read_floorplan
+from grammars.oracle import parse_oracle
+from grammars.scenery import parse_scenery
+from grammars.text.diagnostics import InputError, Where
+from grammars.text.inequalities import read_inequality
+from grammars.text.quantity import read_quantity
+from grammars.text.units import LENGTH, SI_UNITS, UNIT_WORDS, read_unit
+from grammars.variation import parse_variation, sample
+
+SPELLED = ("N m", "N*m/rad", "m/s^2", "m / s", "°/s", "m²", "deg/deg^0.5", "kN m s/rad", "cm/min")
+UNITS = [*UNIT_WORDS, *SPELLED, *(unit for unit in SI_UNITS.values() if unit != "1")]
+
+PLAN = """\
+Floor plan: flat
+Defaults: walls: thickness: 0.1 m height: 2.5 m
+var depth = 3 {unit}
+Space hall:
+    shape: Rectangle width=4 m, length=4 m
+    location: wrt: world of: this
+"""
+
+
+def yaml(unit, folder):
+    return read_quantity(f"3 {unit}").value
+
+
+def scenery(unit, folder):
+    (parameter,) = parse_scenery(f"parameter p = 3 {unit}", "d.scenery").parameters
+    return parameter.value.value
+
+
+def oracle(unit, folder):
+    # Blanks around a slash would divide by a signal.
+    spelled = f"3 {unit.replace(' / ', '/')}"
+    judgement = parse_oracle("o", f"always({spelled} >= {spelled})", Where("o.yaml")).judgement
+    return judgement.predicate.left.value
+
+
+def floorplan(unit, folder):
+    plan = folder / "plan.fpm"
+    plan.write_text(PLAN.replace("{unit}", unit), "utf-8")
+    (variable,) = read_floorplan(plan).variables
+    return variable.value
+
+
+def variation(unit, folder):
+    (folder / "flat.fpm").write_text(PLAN.replace("{unit}", "m"), "utf-8")
+    text = f'import "flat.fpm"\nrequire 3 {unit} > 0\ndepth: uniform([3.0])\n'
+    (required,) = parse_variation(text, "flat.variation", folder).requirements
+    return required.left.value
+
+
+def inequality(unit, folder):
+    (name,) = {quantity.unit for quantity in [read_quantity(f"3 {unit}")]}
+    return -read_inequality(f"x <= 3 {unit}", {"x": name.removeprefix("1")}).constant
+
+
+LANGUAGES = (yaml, scenery, oracle, floorplan, variation, inequality)
+
+
+@pytest.mark.parametrize("read", LANGUAGES)
+@pytest.mark.parametrize("unit", dict.fromkeys(UNITS))
+def test_every_language_reads_every_unit(read, unit, tmp_path):
+    factor, _ = read_unit(" ".join(unit.split()))
+    assert read(unit, tmp_path) == pytest.approx(3 * factor, rel=1e-14)
+
+
+@pytest.mark.parametrize("read", LANGUAGES)
+@pytest.mark.parametrize("unit", ["furlong", "degs", "kmin", "m^9", "feet", "Ns"])
+def test_no_language_reads_what_is_no_unit(read, unit, tmp_path):
+    with pytest.raises((InputError, ValueError)):
+        read(unit, tmp_path)
+
+
+@pytest.mark.parametrize("unit", ["cm", "mm", "km", "millimetres", "mrad", "°", "degree"])
+def test_a_plan_is_measured_in_any_unit_of_its_dimension(unit):
+    factor, dimension = read_unit(unit)
+    value = f"{0.5 / factor!r} {unit}"
+    place = f"translation: x: {value}" if dimension == LENGTH else f"rotation: z: {value}"
+    plan = parse_floorplan(PLAN.replace("{unit}", "m").replace("of: this", f"of: this {place}"))
+    frame = plan.spaces[0].frame
+    assert (frame.x if dimension == LENGTH else frame.yaw) == pytest.approx(0.5)
+
+
+def test_a_plan_has_nothing_but_lengths_and_angles():
+    with pytest.raises(InputError, match='variable "depth" is in kg\n    a plan has lengths'):
+        parse_floorplan(PLAN.replace("{unit}", "kg"))
+    with pytest.raises(InputError, match='expected a length, not "4 s"'):
+        parse_floorplan(PLAN.replace("{unit}", "m").replace("width=4 m", "width=4 s"))
+
+
+def test_draws_in_centimetres_arrive_in_the_plan(tmp_path):
+    (tmp_path / "flat.fpm").write_text(PLAN.replace("{unit}", "m"), "utf-8")
+    text = 'import "flat.fpm"\nlet wide = uniform([70 cm])\n'
+    text += "depth: uniform(80 cm .. 90 cm)\nhall: { shape.width: 2 * wide }\n"
+    (variant,) = sample(parse_variation(text, "flat.variation", tmp_path), 1, seed=3)
+    depth, hall = variant.values[1], variant.plan.spaces[0]
+    assert 80 <= depth.number <= 90
+    assert f"var depth = {depth.number} cm" in variant.text
+    assert "width=1.4 m" in variant.text
+    assert hall.outline[0][0] == pytest.approx(-0.7)
