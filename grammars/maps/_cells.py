@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from grammars.maps._borders import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, Labels
 
@@ -25,85 +26,22 @@ Cells = npt.NDArray[np.bool_]
 
 _OCCUPIED_FROM: Final = 65
 _FREE_TO: Final = 25
+_AROUND: Final = np.ones((3, 3), dtype=np.bool_)
+"""A cell and the eight around it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Groups:
-    """Groups of connected cells: runs of a row that belong to a group each.
+def connected(
+    cells: Cells, *, diagonally: bool = False
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """Return the group number of every cell, and the sizes of the groups [cells].
 
-    ``rows``, ``starts`` and ``ends`` are the runs (ends exclusive), ``group`` the number of each
-    one's group, in the order of their first cell; ``sizes`` are those of the groups [cells].
+    Cells of one group lie side by side, or also corner to corner. Groups are numbered from 1 on;
+    group 0, of size 0, is what belongs to none.
     """
-
-    rows: npt.NDArray[np.int64]
-    starts: npt.NDArray[np.int64]
-    ends: npt.NDArray[np.int64]
-    group: npt.NDArray[np.int64]
-    sizes: npt.NDArray[np.int64]
-    shape: tuple[int, int]
-
-    def cells(self, chosen: npt.NDArray[np.bool_]) -> Cells:
-        """Return the cells of the groups that are chosen, by number."""
-        runs = chosen[self.group] if len(self.group) else np.zeros(0, dtype=np.bool_)
-        change = np.zeros((self.shape[0], self.shape[1] + 1), dtype=np.int8)
-        change[self.rows[runs], self.starts[runs]] = 1
-        change[self.rows[runs], self.ends[runs]] = -1
-        return np.cumsum(change, axis=1, dtype=np.int8)[:, :-1].astype(np.bool_)
-
-    def numbers(self) -> npt.NDArray[np.int32]:
-        """Return the number of every cell's group, -1 for cells of none."""
-        change = np.zeros((self.shape[0], self.shape[1] + 1), dtype=np.int32)
-        change[self.rows, self.starts] += (self.group + 1).astype(np.int32)
-        np.subtract.at(change, (self.rows, self.ends), (self.group + 1).astype(np.int32))
-        return np.cumsum(change, axis=1, dtype=np.int32)[:, :-1] - 1
-
-
-def connected(cells: Cells, *, diagonally: bool = False) -> Groups:
-    """Return the groups of cells that lie side by side, or also corner to corner."""
-    rows, columns = cells.shape
-    stride = columns + 2
-    change = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    row, start = np.nonzero(change == 1)
-    _, end = np.nonzero(change == -1)
-    # In one line of all rows, each with a gap after it: runs beside each other in neighbouring
-    # rows are a stride apart.
-    flat_start, flat_end = row * stride + start, row * stride + end
-    reach = 1 if diagonally else 0
-    first = np.searchsorted(flat_end, flat_start + stride - reach, side="right")
-    after = np.searchsorted(flat_start, flat_end + stride + reach, side="left")
-    count = np.maximum(after - first, 0)
-    upper = np.repeat(np.arange(len(row)), count)
-    offset = np.arange(len(upper)) - np.repeat(np.cumsum(count) - count, count)
-    group = _joined(len(row), upper, np.repeat(first, count) + offset)
-    _, group = np.unique(group, return_inverse=True)
-    sizes = np.bincount(group, weights=end - start).astype(np.int64)
-    return Groups(row, start, end, group, sizes, (rows, columns))
-
-
-def _joined(
-    count: int, one: npt.NDArray[np.int64], other: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:
-    """Return the lowest number that each is joined with, over any number of steps."""
-    lowest = np.arange(count)
-    while True:
-        low = np.minimum(lowest[one], lowest[other])
-        before = lowest.copy()
-        np.minimum.at(lowest, lowest[one], low)
-        np.minimum.at(lowest, lowest[other], low)
-        while (lowest[lowest] != lowest).any():
-            lowest = lowest[lowest]
-        if (lowest == before).all():
-            return lowest
-
-
-def grown(cells: Cells, *, diagonally: bool = False) -> Cells:
-    """Return the cells and those beside them."""
-    wide = np.pad(cells, 1)
-    upright = wide[:-2] | wide[1:-1] | wide[2:]
-    if diagonally:
-        return upright[:, :-2] | upright[:, 1:-1] | upright[:, 2:]
-    level = wide[1:-1]
-    return upright[:, 1:-1] | level[:, :-2] | level[:, 2:]
+    numbers, _ = ndimage.label(cells, _AROUND if diagonally else None)
+    sizes = np.bincount(numbers.ravel())
+    sizes[0] = 0
+    return numbers, sizes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,17 +60,14 @@ def tidied(values: npt.NDArray[np.int8], *, least_room: int, specks: int) -> Tid
     labels[(values >= 0) & (values <= _FREE_TO)] = FREE_CELL
     labels[values >= _OCCUPIED_FROM] = OCCUPIED_CELL
 
-    free = connected(labels == FREE_CELL)
-    small = free.sizes < min(least_room, int(free.sizes.max(initial=0)))
-    pockets = free.cells(small)
+    numbers, sizes = connected(labels == FREE_CELL)
+    pockets = (sizes < min(least_room, int(sizes.max())))[numbers] & (numbers > 0)
     labels[pockets] = UNKNOWN_CELL
 
-    walls = connected(labels == OCCUPIED_CELL, diagonally=True)
-    seen = grown(labels == FREE_CELL, diagonally=True)
-    near = np.zeros(len(walls.sizes), dtype=np.bool_)
-    numbers = walls.numbers()
-    near[numbers[seen & (numbers >= 0)]] = True
-    lost = walls.cells((walls.sizes < specks) & ~near)
+    numbers, sizes = connected(labels == OCCUPIED_CELL, diagonally=True)
+    near = np.zeros(len(sizes), dtype=np.bool_)
+    near[numbers[ndimage.binary_dilation(labels == FREE_CELL, _AROUND)]] = True
+    lost = ((sizes < specks) & ~near)[numbers] & (numbers > 0)
     labels[lost] = UNKNOWN_CELL
 
     filled = _fill(labels, specks)
@@ -141,22 +76,14 @@ def tidied(values: npt.NDArray[np.int8], *, least_room: int, specks: int) -> Tid
 
 def _fill(labels: Labels, specks: int) -> int:
     """Give specks of unknown cells the kind of most cells beside them; return how many cells."""
-    unknown = connected(labels == UNKNOWN_CELL)
-    numbers = np.pad(unknown.numbers(), 1, constant_values=-1)
-    small = np.append(unknown.sizes < specks, False)
+    numbers, sizes = connected(labels == UNKNOWN_CELL)
     around = np.pad(labels, 1, constant_values=UNKNOWN_CELL)
-    votes = np.zeros((2, len(small)), dtype=np.int64)
-    inner = numbers[1:-1, 1:-1]
-    for beside in (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]):
-        for kind, label in enumerate((FREE_CELL, OCCUPIED_CELL)):
-            votes[kind] += np.bincount(inner[beside == label] + 1, minlength=len(small) + 1)[1:][
-                : len(small)
-            ]
-    count = 0
-    for kind, label in enumerate((FREE_CELL, OCCUPIED_CELL)):
-        more = votes[kind] > votes[1 - kind] if kind == 0 else votes[1] >= votes[0]
-        chosen = small & more & (votes.sum(axis=0) > 0)
-        cells = unknown.cells(chosen[:-1])
-        labels[cells] = label
-        count += int(cells.sum())
-    return count
+    sides = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
+    free, occupied = (
+        sum(np.bincount(numbers[side == label], minlength=len(sizes)) for side in sides)
+        for label in (FREE_CELL, OCCUPIED_CELL)
+    )
+    kinds = np.where(free > occupied, FREE_CELL, OCCUPIED_CELL)
+    chosen = ((sizes < specks) & (free + occupied > 0))[numbers] & (numbers > 0)
+    labels[chosen] = kinds[numbers[chosen]]
+    return int(chosen.sum())

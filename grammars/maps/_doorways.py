@@ -215,8 +215,7 @@ def _parting(labels: Labels, gaps: Sequence[MapGap], room: int) -> Iterator[MapG
     free = labels == FREE_CELL
     for gap in gaps:
         free[_cells_in(gap.corners(_IN_THE_WALL, _shut_by(gap)), free.shape)] = False
-    rooms = connected(free)
-    numbers, sizes = rooms.numbers(), rooms.sizes.copy()
+    numbers, sizes = connected(free)
     same = list(range(len(sizes)))
 
     def merged(number: int) -> int:
@@ -266,7 +265,7 @@ def _sides(gap: MapGap, numbers: npt.NDArray[np.int32]) -> tuple[int, int] | Non
             x, y = np.floor(np.array([gap.x, gap.y]) + side * step * across).astype(int)
             if not (0 <= y < numbers.shape[0] and 0 <= x < numbers.shape[1]):
                 break
-            if numbers[y, x] >= 0:
+            if numbers[y, x] > 0:
                 found.append(int(numbers[y, x]))
                 break
     return (found[0], found[1]) if len(found) == 2 else None
