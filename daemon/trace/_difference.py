@@ -83,9 +83,8 @@ def _parting(one: list[ByteArray], other: list[ByteArray]) -> int | None:
     return None
 
 
-def _messages(runs: list[ByteArray]) -> list[bytes]:
-    """Return the messages of a topic by time: older traces have them in another order."""
-    return sorted((row.tobytes() for rows in runs for row in rows), key=_time)
+def _messages(runs: list[ByteArray]) -> Iterator[bytes]:
+    return (row.tobytes() for rows in runs for row in rows)
 
 
 def _time(message: bytes) -> int:

@@ -4,7 +4,6 @@ import hashlib
 import math
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +18,10 @@ from daemon.model.sut import Cloud, Estimate, Odometry, Progress
 from daemon.trace import (
     JointSamples,
     ProgressRecord,
-    TraceDifference,
     TraceError,
     TraceWriter,
     decode_path,
     encode_path,
-    first_difference,
     read_spec,
     read_trace,
 )
@@ -42,9 +39,6 @@ from tests.daemon.trace.recordings import (
     specification,
     twist_at,
 )
-
-BY_BLOCKS = Path(__file__).with_name("by_blocks.mcap")
-"""Three seconds as they were recorded while the messages of a chunk lay channel by channel."""
 
 RELAXED = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -553,37 +547,6 @@ def test_nothing_that_is_not_wanted_is_decompressed(recorded, monkeypatch):
     read_spec(recorded)
     # The first one declares the topics.
     assert len(opened) == 1
-    opened.clear()
-    read_spec(BY_BLOCKS)
-    assert len(opened) == 1
-
-
-def test_traces_from_before_messages_were_in_order_read_the_same(tmp_path, monkeypatch):
-    record(tmp_path / "now.mcap", seconds=3.0)
-    before = read_trace(BY_BLOCKS, scans=True, plans=True)
-    now = read_trace(tmp_path / "now.mcap", scans=True, plans=True)
-    assert before.complete
-    assert before.spec.digest == now.spec.digest
-    assert (before.ended, before.note, before.valid_until) == (now.ended, now.note, 3.0)
-    assert (before.contacts, before.progress, before.events) == (
-        now.contacts,
-        now.progress,
-        now.events,
-    )
-    for one, other in (
-        (before.ground_truth, now.ground_truth),
-        (before.odometry, now.odometry),
-        (before.command, now.command),
-        (before.estimate, now.estimate),
-        (before.joints, now.joints),
-        (before.scans[0] if before.scans else None, now.scans[0] if now.scans else None),
-    ):
-        for name in type(one).__slots__:
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    assert [plan.time for plan in before.plans] == [plan.time for plan in now.plans]
-    assert first_difference(BY_BLOCKS, tmp_path / "now.mcap") == TraceDifference(
-        what="in the bytes around the messages"
-    )
 
 
 def test_an_index_that_leaves_messages_out_or_is_wrong_is_not_believed(recorded, tmp_path):
