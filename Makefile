@@ -29,12 +29,11 @@ thorough: $(VENV)/.installed-test   ## every property with 500 examples instead 
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted
-	$(BIN)/python -m tests.ros2.zenoh_environment
 	$(BIN)/pytest tests/ros2 --numprocesses logical --maxprocesses 4 --dist loadfile
 
 test-ros2-short: $(VENV)/.installed-test ## the most important of these, with one distribution
 	$(BIN)/python -m tests.ros2.environment kilted
-	$(BIN)/pytest tests/ros2 -m short -k "kilted or zenoh" --numprocesses logical --maxprocesses 4
+	$(BIN)/pytest tests/ros2 -m short -k kilted --numprocesses logical --maxprocesses 4
 
 bench: $(VENV)/.installed-test    ## measure, side by side; ends with goal / measured / met
 	$(KEEP_BYTECODE) $(BIN)/python -m tests.benchmarks

@@ -16,6 +16,7 @@ from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_spec, submission_of
+from tests.daemon.stacks.ros2.holder import QUIET_RELAY
 
 EXECUTOR = "tests.chaos.stack_executor:execute"
 MARKER = "SCENARIO_STACK"
@@ -123,7 +124,8 @@ def stacks(folder, *, runs=50, seed=1, every=0.5, limit=120.0, executor=EXECUTOR
         report.fact("runs", runs)
         # What a killed supervisor of a killed run has left, the next stack of this machine ends;
         # what was kept for a worker went with it, or nobody wanted it.
-        StackProcess(Ros2Settings(launch="true"), values={}, key="", relay=None).release(keep=False)
+        last = StackProcess(Ros2Settings(launch="true"), values={}, key="", relay=QUIET_RELAY)
+        last.release(keep=False)
         deadline = time.monotonic() + 30.0
         while scene.left() and time.monotonic() < deadline:
             time.sleep(0.1)

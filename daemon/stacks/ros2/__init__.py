@@ -1,5 +1,5 @@
 """ROS 2 stacks of their users, as they start them, in lock step with the simulation.
 
-What talks to a stack is a link (:mod:`daemon.stacks.ros2.link`): a relay that runs in the stack's
-own ROS 2, or a participant that speaks ``rmw_zenoh``.
+A link (:mod:`daemon.stacks.ros2.link`) talks to a stack by a relay that runs in the stack's own
+ROS 2.
 """

@@ -23,14 +23,12 @@ _ROUNDING: Final = 1e-6
 
 
 def check_settings(parameters: Mapping[str, Any]) -> ParameterFindings:
-    """Return warnings about settings, and what of them has no effect; starts nothing.
+    """Return warnings about settings; starts nothing.
 
     Raises :class:`~daemon.stacks.findings.ParameterError` for settings that cannot be used.
     """
     settings = read_settings(parameters)
-    return ParameterFindings(
-        (*_about_waiting(settings), *_about_starting(settings)), tuple(_without_effect(settings))
-    )
+    return ParameterFindings((*_about_waiting(settings), *_about_starting(settings)))
 
 
 def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
@@ -113,14 +111,3 @@ def _about_starting(settings: Ros2Settings) -> Iterator[ParameterFinding]:
         message = "runs that go on at once on one machine share this domain and hear each other"
         hint = "own gives each run a domain of its own"
         yield ParameterFinding(("environment", "ROS_DOMAIN_ID"), message, hint)
-    container = settings.container
-    if container is not None and container.network == "none" and settings.transport == "zenoh":
-        message = "none: rmw_zenoh reaches its router by TCP"
-        yield ParameterFinding(("container", "network"), message, "write network: host")
-
-
-def _without_effect(settings: Ros2Settings) -> Iterator[ParameterFinding]:
-    if settings.transport == "relay" and settings.distribution is not None:
-        yield ParameterFinding(("distribution",), "the relay finds out itself")
-    if settings.transport == "zenoh" and settings.python != "python3":
-        yield ParameterFinding(("python",), "no relay runs with transport: zenoh")

@@ -136,15 +136,7 @@ class BringUp:
         self._began = wall_clock.monotonic()
         yield "starting the stack"
         values = self._values()
-        if settings.transport == "zenoh":
-            yield from self._connect_by_zenoh(values)
-        else:
-            yield from self._connect_by_relay(values)
-        self.ready_session().link.set_up(link_setup(settings, self._briefing.robot.lasers))
-        self._latched = False
-
-    def _connect_by_relay(self, values: dict[str, str]) -> Iterator[str]:
-        process = StackProcess(self._settings, values=values, key=self._key(), relay=relay_path())
+        process = StackProcess(settings, values=values, key=self._key(), relay=relay_path())
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
         try:
@@ -152,37 +144,13 @@ class BringUp:
         except LinkLost as error:
             process.release(keep=False)
             raise SutFailure(str(error)) from error
-        self.session = StackSession(self._settings, process, link)
+        self.session = StackSession(settings, process, link)
         yield from self._start(process)
         while not link.accept(timeout=0.1):
             self._check_alive(process, "its relay has not come")
             yield f"waiting for the relay in the stack's ROS 2, {self._waited()}"
-
-    def _connect_by_zenoh(self, values: dict[str, str]) -> Iterator[str]:
-        # Nobody who uses the relay pays for the types of this one.
-        from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
-        from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
-
-        settings = self._settings
-        definitions = tuple(Path(folder).expanduser() for folder in settings.definitions)
-        try:
-            router = ZenohRouter.open(
-                distribution=settings.distribution or "", definitions=definitions
-            )
-        except LinkLost as error:
-            raise SutFailure(str(error)) from error
-        link = ZenohLink(router)
-        try:
-            process = StackProcess(
-                settings, values=values, key=self._key(), relay=None, extra=router.environment
-            )
-        except SutFailure:
-            router.close()
-            raise
-        values[placeholders.MAP] = str(self._write_map(process))
-        self.session = StackSession(settings, process, link)
-        yield from self._start(process)
-        link.join(process.domain)
+        link.set_up(link_setup(settings, self._briefing.robot.lasers))
+        self._latched = False
 
     def _start(self, process: StackProcess) -> Iterator[str]:
         """Start the processes; a domain that is another run's at the moment is waited for."""

@@ -90,26 +90,28 @@ def image_command(engine: str, container: Container) -> str:
 
 
 def container_script(
-    environment: Path, launch: str, python: str, relay: Path | None, variables: dict[str, str]
+    environment: Path, launch: str, python: str, relay: Path, variables: dict[str, str]
 ) -> str:
     """Return the script that starts stack and relay; it ends with the stack, and with its code.
 
     ``environment`` is sourced first; ``variables`` are for the relay alone.
     """
-    # Job control, for the two get groups of their own and SIGINT is not ignored in them, as it is
-    # in what a shell without it puts into the background.
-    lines = [f". {shlex.quote(str(environment))}", "set -m"]
-    if relay is not None:
-        own = shlex.join([f"{name}={value}" for name, value in variables.items()])
-        words = shlex.join([python, str(relay)])
-        code = shlex.quote(str(environment.with_name(RELAY_EXIT)))
-        missing = shlex.quote(f"{ALARM}there is no {python} in the container for the relay")
-        lines += [
-            f"command -v {shlex.quote(python)} >/dev/null || {{ echo {missing} >&2; exit 127; }}",
-            f"( trap : INT TERM; env {own} {words}; echo $? > {code}.new; mv {code}.new {code} ) &",
-            "scenario_relay=$!",
-        ]
-    lines += [
+    own = shlex.join([f"{name}={value}" for name, value in variables.items()])
+    words = shlex.join([python, str(relay)])
+    code = shlex.quote(str(environment.with_name(RELAY_EXIT)))
+    over = shlex.quote(str(environment.with_name(f"{RELAY_EXIT}.none")))
+    missing = shlex.quote(f"{ALARM}there is no {python} in the container for the relay")
+    lines = [
+        f". {shlex.quote(str(environment))}",
+        # Job control, for the two get groups of their own and SIGINT is not ignored in them, as it
+        # is in what a shell without it puts into the background.
+        "set -m",
+        f"command -v {shlex.quote(python)} >/dev/null || {{ echo {missing} >&2; exit 127; }}",
+        # The shell's own words about a relay that was killed are no last lines of the stack.
+        f"( trap : INT TERM; exec 3>&2 2>/dev/null; env {own} {words} 2>&3 3>&-; scenario_code=$?",
+        # A relay that is ended because the stack has ended did not end by itself.
+        f"  [ -e {over} ] || {{ echo $scenario_code > {code}.new; mv {code}.new {code}; }} ) &",
+        "scenario_relay=$!",
         f'"${{BASH:-sh}}" -c {shlex.quote(launch)} &',
         "scenario_stack=$!",
         "scenario_tell() {",
@@ -125,6 +127,7 @@ def container_script(
         'while kill -0 "$scenario_stack" 2>/dev/null; do',
         '    wait "$scenario_stack"; scenario_code=$?',
         "done",
+        f": > {over}",
         "scenario_tell TERM",
         'exit "$scenario_code"',
     ]

@@ -18,7 +18,6 @@ _PLAIN: Final = (
     "mission",
     "action",
     "ready",
-    "transport",
 )
 _SECTIONS: Final = ("topics", "qos", "frames")
 

@@ -180,7 +180,6 @@ _Domain: TypeAlias = Annotated[
 ]
 Reliability: TypeAlias = Literal["best effort", "reliable"]
 Mission: TypeAlias = Literal["waypoints", "follow", "through"]
-Distribution: TypeAlias = Literal["humble", "jazzy", "kilted", "lyrical"]
 
 
 class _Ros2ContainerText(StrictModel):
@@ -318,14 +317,6 @@ class Ros2Keys(StrictModel):
     left out."""
     reuse: _YesNo | None = None
     """For "kind: ros2": one stack for many runs, reset in between; no when left out."""
-    transport: Literal["relay", "zenoh"] | None = None
-    """For "kind: ros2": relay (when left out): by the rclpy of the stack's own ROS; zenoh:
-    rmw_zenoh spoken directly (experimental)."""
-    distribution: Distribution | None = None
-    """For "kind: ros2" with "transport: zenoh": the stack's distribution."""
-    definitions: _Setups | None = None
-    """For "kind: ros2" with "transport: zenoh": folders on the worker's machine with definitions of
-    interfaces (a workspace's share), used before those that are shipped."""
 
 
 ROS2_KEYS: Final = tuple(field.alias or name for name, field in Ros2Keys.model_fields.items())

@@ -2,8 +2,8 @@
 
 A link makes publishers, subscriptions and action clients as a :class:`LinkSetup` says, and then
 only answers. Message contents are CDR, little-endian with its four bytes of encapsulation, made
-and read on this side; times are ROS time [ns] of the clock that the link publishes. Two transports
-fulfil it: the relay (:mod:`daemon.stacks.ros2.relay`) and ``rmw_zenoh``.
+and read on this side; times are ROS time [ns] of the clock that the link publishes. The relay
+(:mod:`daemon.stacks.ros2.relay_link`) fulfils it.
 """
 
 from __future__ import annotations

@@ -72,8 +72,8 @@ class StackProcess:
 
     ``values`` are those of placeholders; ``domain`` is added to them. ``key`` is the digest of all
     that must be equal for a stack to be used again. ``relay`` is the file that is run by the
-    stack's Python, ``None`` without one; ``extra`` are variables that win over the SUT file's.
-    ``grace`` [s] is waited after SIGINT and again after SIGTERM, ``idle`` [s] for the next run.
+    stack's Python. ``grace`` [s] is waited after SIGINT and again after SIGTERM, ``idle`` [s] for
+    the next run.
 
     The folder is there from the beginning, the rest after :meth:`start`. Whoever makes one has to
     release it. Raises ``SutFailure`` when there is no place for the folder.
@@ -85,14 +85,12 @@ class StackProcess:
         *,
         values: Mapping[str, str],
         key: str,
-        relay: Path | None,
-        extra: Mapping[str, str] | None = None,
+        relay: Path,
         grace: float = _GRACE,
         idle: float = _IDLE,
     ) -> None:
         self._settings, self._values, self._key = settings, values, key
-        self._relay, self._extra = relay, dict(extra or {})
-        self._grace, self._idle = grace, idle
+        self._relay, self._grace, self._idle = relay, grace, idle
         self._wire: SupervisorWire | None = None
         self._lock: IO[str] | None = None
         self._domain_lock: socket.socket | None = None
@@ -163,7 +161,7 @@ class StackProcess:
                 settings.setup,
                 settings.environment,
                 isolating_variables(folder, None if container else Path.home()),
-                {**self._extra, "ROS_DOMAIN_ID": str(self.domain), MARKER: token},
+                {"ROS_DOMAIN_ID": str(self.domain), MARKER: token},
             )
         )
         prepare: list[str] = []
@@ -174,7 +172,7 @@ class StackProcess:
             words = f". {shlex.quote(str(script))} && command cat /proc/self/environ > {dump}"
             prepare = [shell, "-c", words]
             stack = [shell, "-c", settings.launch]
-            relay_command = [] if relay is None else [settings.python, str(relay)]
+            relay_command = [settings.python, str(relay)]
         else:
             engine, name = find_engine(container), container_name(token)
             launch = settings.launch or image_command(engine, container)
@@ -202,10 +200,8 @@ class StackProcess:
             setup_limit=self._settings.start_up,
         )
 
-    def _place_relay(self) -> Path | None:
+    def _place_relay(self) -> Path:
         """Copy the relay to where nothing else lies that its Python could import by mistake."""
-        if self._relay is None:
-            return None
         place = self.folder / "relay"
         place.mkdir(exist_ok=True)
         return Path(shutil.copyfile(self._relay, place / self._relay.name))

@@ -21,7 +21,7 @@ from daemon.stacks.findings import (
     ParameterFinding,
     ParameterLocation,
 )
-from daemon.stacks.ros2.keys import Distribution, Mission, Reliability, Ros2Keys
+from daemon.stacks.ros2.keys import Mission, Reliability, Ros2Keys
 from daemon.stacks.ros2.placeholders import MAP, STANDARD, check_placeholders, fill
 from grammars.model.robot import Laser
 from grammars.text.documents import explain_finding
@@ -137,9 +137,6 @@ class Ros2Settings:
     idle: float = 0.02
     period: float = 0.05
     reuse: bool = False
-    transport: Literal["relay", "zenoh"] = "relay"
-    distribution: Distribution | None = None
-    definitions: tuple[str, ...] = ()
 
     def scan_topic(self, laser: Laser) -> str:
         """Return where the scans of a laser are published."""
@@ -167,7 +164,6 @@ def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
         raise ParameterError([*problems, *map(_in_words, error.errors())]) from error
     settings = _resolved(keys)
     problems += [*_start_problems(keys), *_placeholder_problems(settings)]
-    problems += _transport_problems(settings)
     if problems:
         raise ParameterError(problems)
     return settings
@@ -221,9 +217,7 @@ def absolute_name(namespace: str, name: str) -> str:
 
 def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
     """Return settings in which names are absolute and nothing is left out."""
-    given = _set(
-        keys, leave=["container", "definitions", "environment", "files", "frames", "qos", "topics"]
-    )
+    given = _set(keys, leave=["container", "environment", "files", "frames", "qos", "topics"])
     namespace = "/" + (keys.namespace or "").strip("/")
     namespace = "" if namespace == "/" else namespace
     environment = keys.environment
@@ -244,7 +238,6 @@ def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
         },
         container=None if container is None else Container(**container),
         setup=tuple(environment.setup or ()) if environment is not None else (),
-        definitions=tuple(keys.definitions or ()),
         domain=None if domain == "own" else domain,
         environment={name: value for name, value in variables.items() if value is not None},
         files=dict(keys.files or {}),
@@ -317,16 +310,3 @@ def _placeholder_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
             if problem.name == MAP and settings.map == "published":
                 hint = "the map is published, not written: leave it out, or write map: file"
             yield ParameterFinding(path, problem.message, hint)
-
-
-def _transport_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
-    if settings.transport == "zenoh" and settings.distribution is None:
-        message = 'key "distribution" is missing: types differ between distributions'
-        hint = "write humble, jazzy, kilted or lyrical, the stack's own"
-        yield ParameterFinding(("distribution",), message, hint)
-    if settings.transport == "zenoh" and settings.reuse:
-        message = "reuse: a stack that speaks rmw_zenoh ends with its router, the run"
-        yield ParameterFinding(("reuse",), message, "leave it out, or use the relay")
-    if settings.definitions and settings.transport != "zenoh":
-        message = "definitions: the relay uses those of the stack's own ROS"
-        yield ParameterFinding(("definitions",), message, "leave it out")

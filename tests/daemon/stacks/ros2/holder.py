@@ -22,6 +22,7 @@ from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.supervision.guardian import guard
 
 PATIENCE = 60.0
+QUIET_RELAY = Path(__file__).with_name("quiet_relay.py")
 
 
 def eventually(condition, seconds=PATIENCE):
@@ -41,6 +42,11 @@ def marked(token):
         except psutil.Error:
             continue
     return found
+
+
+def marked_without_relay(token):
+    """What runs of the stack alone."""
+    return [p for p in marked(token) if "relay" not in p.cmdline()[-1]]
 
 
 def supervisor_of(folder):
@@ -71,7 +77,7 @@ def holder(**what):
 def hold_once(what, wire):
     """What the process of a run does with a stack that is kept for its worker's next run."""
     guard()  # which leaves the supervisor of a stack alone, and nothing else
-    stack = StackProcess(Ros2Settings(**what), values={}, key="key", relay=None)
+    stack = StackProcess(Ros2Settings(**what), values={}, key="key", relay=QUIET_RELAY)
     stack.start()
     stack.release(keep=True)
     wire.send((stack.reused, str(stack.folder)))
@@ -103,10 +109,8 @@ def hold(what):
         _, most = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, most))
         os.environ |= {"PYTHONSAFEPATH": "1", "SCENARIO_STATE": "/nowhere"}
-    keep, relay = what.pop("keep", False), what.pop("relay", None)
-    stack = StackProcess(
-        Ros2Settings(**what), values={}, key="key", relay=None if relay is None else Path(relay)
-    )
+    keep, relay = what.pop("keep", False), Path(what.pop("relay", QUIET_RELAY))
+    stack = StackProcess(Ros2Settings(**what), values={}, key="key", relay=relay)
     stack.start()
     told = {"folder": str(stack.folder), "reused": stack.reused, "domain": stack.domain}
     print(json.dumps(told), flush=True)

@@ -22,7 +22,14 @@ from daemon.stacks.ros2.settings import Container, Ros2Settings
 from daemon.supervision.output_file import OutputFile
 from daemon.supervision.plan import STACK_OUTPUT
 from tests.daemon.batch.harness import alive
-from tests.daemon.stacks.ros2.holder import eventually, holder, marked, supervisor_of
+from tests.daemon.stacks.ros2.holder import (
+    QUIET_RELAY,
+    eventually,
+    holder,
+    marked,
+    marked_without_relay,
+    supervisor_of,
+)
 
 PYTHON = sys.executable
 MIB = 2**20
@@ -70,9 +77,13 @@ def start():
     started = []
 
     def start_stack(launch="sleep 600", *, begin=True, **more):
-        own = {name: more.pop(name) for name in ("key", "relay", "grace", "idle") if name in more}
-        settings = Ros2Settings(launch=launch, **more)
-        stack = StackProcess(settings, **{"values": {}, "key": "key", "relay": None, **own})
+        own = {
+            name: more.pop(name)
+            for name in ("key", "relay", "grace", "idle", "values")
+            if name in more
+        }
+        settings = Ros2Settings(launch=launch, **{"python": PYTHON} | more)
+        stack = StackProcess(settings, **{"values": {}, "key": "key", "relay": QUIET_RELAY} | own)
         started.append(stack)
         if begin:
             stack.start()
@@ -273,7 +284,7 @@ def test_the_end_of_the_launch_command_is_told(start, launch, words):
 
 def test_a_killed_stack_is_noticed(start):
     stack = start("exec sleep 600")
-    (process,) = marked(stack.folder.name)
+    (process,) = marked_without_relay(stack.folder.name)
     process.kill()
     eventually(stack.ended)
     assert stack.ended() == "the launch command was killed by SIGKILL"
@@ -413,10 +424,7 @@ def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
 
 def test_values_are_one_word_each(start):
     launch = "printf '%s\\n' {map} end; sleep 600"
-    stack = StackProcess(
-        Ros2Settings(launch=launch), values={"map": "/a $(id)/'b'"}, key="key", relay=None
-    )
-    stack.start()
+    stack = start(launch, values={"map": "/a $(id)/'b'"})
     printed(stack, "end")
     stack.release(keep=False)
     assert stack.outputs()["stack.txt"] == b"/a $(id)/'b'\nend\n"
@@ -480,7 +488,7 @@ def test_a_kept_stack_is_taken_over_by_the_next_run_of_its_key(start):
     assert (second.folder, second.nonce) == (first.folder, first.nonce)
     assert (second.domain, second.socket) == (first.domain, first.socket)
     assert second.ended() == ""
-    shell = min(marked(second.folder.name), key=lambda p: p.create_time())
+    shell = min(marked_without_relay(second.folder.name), key=lambda p: p.create_time())
     shell.send_signal(signal.SIGUSR1)
     printed(second, "second")
     second.release(keep=False)
@@ -541,7 +549,7 @@ def test_a_kept_stack_makes_room_for_another_in_its_domain(start):
 def test_a_kept_stack_that_crashes_is_gone(start):
     stack = start("exec sleep 600", reuse=True)
     stack.release(keep=True)
-    (process,) = marked(stack.folder.name)
+    (process,) = marked_without_relay(stack.folder.name)
     process.kill()
     eventually(lambda: not stack.folder.exists())
     assert not start(reuse=True).reused

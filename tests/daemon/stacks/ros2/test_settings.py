@@ -48,7 +48,7 @@ def test_what_is_left_out_is_as_documented():
     assert (found.action, found.action_kind) == ("/navigate_to_pose", "navigate_to_pose")
     assert (found.start_up, found.patience, found.late) == (60.0, 1.0, 0.05)
     assert (found.tolerance, found.idle, found.period) == (0.0, 0.02, 0.05)
-    assert (found.domain, found.reuse, found.transport) == (None, False, "relay")
+    assert (found.domain, found.reuse) == (None, False)
     assert found.ready == ("/amcl", "/bt_navigator")
     assert warnings() == []
 
@@ -129,7 +129,7 @@ def test_values_come_with_units_and_in_words():
         ({"launch": "awk '{print $1}'"}, "begins or ends no placeholder"),
         ({"environment": {"A": "{x}"}}, 'environment/A: no placeholder "x"'),
         ({"map": "published"}, "the map is published, not written"),
-        ({"transport": "zenoh"}, 'distribution: key "distribution" is missing'),
+        ({"transport": "zenoh"}, 'unknown key "transport"'),
         ({"repeatable": True}, "a stack outside of the simulation is never repeatable"),
     ],
 )  # fmt: skip
@@ -159,19 +159,10 @@ def test_an_image_needs_no_command():
         ({"launch": "nav {params}"}, "nothing here says {map}"),
         ({"launch": "nav {map}"}, "files/params: nothing here says {params}"),
         ({"environment": {"ROS_DOMAIN_ID": 7}}, "share this domain"),
-        (
-            {"transport": "zenoh", "distribution": "jazzy", "container": {"image": "x"}},
-            "reaches its router by TCP",
-        ),
     ],
 )
 def test_what_probably_does_not_work_is_said(changed, warning):
     assert any(warning in found for found in warnings(**changed))
-
-
-def test_what_a_transport_never_reads_is_without_effect():
-    found = check_settings(STACK | {"distribution": "jazzy"}).without_effect
-    assert [finding.path for finding in found] == [("distribution",)]
 
 
 def test_values_are_one_word_to_the_shell():
