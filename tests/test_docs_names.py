@@ -140,3 +140,25 @@ def test_numbered_doors_are_those_of_the_building(building):
     }
     assert named
     assert {(page, name) for page, name in named if name not in building} == _NO_NAMES
+
+
+def test_every_row_of_a_table_is_one_line():
+    cut = []
+    for page in PAGES:
+        text = _BLOCK.sub("", page.read_text("utf-8"))
+        rows = [line for line in text.splitlines() if line.startswith("|")]
+        cut += [(page.name, row) for row in rows if not row.rstrip().endswith("|")]
+    assert not cut
+
+
+def test_keys_that_are_said_to_copy_do_so():
+    table = (ROOT / "docs" / "dashboard.md").read_text("utf-8")
+    rows = [line for line in table.splitlines() if line.startswith("| `") and "opy" in line]
+    keys = {key for row in rows for key in _INLINE.findall(row.split("|")[1])}
+    said = [
+        (page.name, key)
+        for page in PAGES
+        for key in re.findall(r"`(.)` copies", page.read_text("utf-8"))
+    ]
+    assert len(said) > 2, "the pages are not read as they are written"
+    assert [one for one in said if one[1] not in keys] == []

@@ -128,11 +128,11 @@ def _part(reference):
 
 
 def _meaning(value):
-    """Return the description without the sentence about how the quantity is written."""
+    """Return the description in one line, without how the quantity is written."""
     said = value.get("description", "")
     if "errorMessage" in value:
         said = _HOW_WRITTEN.sub("", said)
-    return said.strip()
+    return " ".join(said.split())
 
 
 def keys_of(name):
