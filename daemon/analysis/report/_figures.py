@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
@@ -46,6 +46,7 @@ from daemon.model.verdicts import Outcome
 from daemon.trace import TraceError, read_scene
 from grammars.model.scene import Scene
 
+_CellMarks: TypeAlias = dict[tuple[str, str], dict[str, list[ReferenceMark]]]
 FigureKind: TypeAlias = Literal[
     "moment",
     "localisation",
@@ -94,9 +95,32 @@ class _FigureTask:
     trace: str = ""
 
 
+@dataclass(frozen=True)
+class _SharedParts:
+    """Parts of several figures, each made when it is needed first."""
+
+    data: ReportData
+
+    @cached_property
+    def marks(self) -> _CellMarks:
+        """Reference marks by cell and measure."""
+        return _marks(self.data)
+
+    @cached_property
+    def limits(self) -> _plots.PlotLimits:
+        """Limits of values that all figures of a kind share; there must be a run with tracks."""
+        return _limits(self.data, self.marks)
+
+    @cached_property
+    def scenes(self) -> dict[str, Scene]:
+        """Scenes of the runs by digest."""
+        return _scenes(self.data)
+
+
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
     """Draw every figure of a report."""
-    drawn = (*_moments(data), *_of_cells(data), *_of_campaign(data))
+    shared = _SharedParts(data)
+    drawn = (*_moments(data), *_of_cells(data, shared), *_of_campaign(data, shared))
     # What takes long first, and figures from one trace behind each other: it is read once for them.
     tasks = sorted(enumerate(drawn), key=lambda task: task[1].trace, reverse=True)
     try:
@@ -158,16 +182,13 @@ def _cells(data: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
     return dict(list(found.items())[:MOST_CELLS])
 
 
-def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
-    cells, scenes, marks = _cells(data), _scenes(data), _marks(data)
+def _of_cells(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
+    cells, scenes, marks = _cells(data), shared.scenes, shared.marks
     limit = oracle_limit(data.input.oracles, "loc.error")
-    if not cells:
-        return
-    whole = _limits(data)
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
         shown = _plots.plot_limits([run for runs in here.values() for run in runs])
-        frame = _plots.panel_limits(whole, shown)
+        frame = _plots.panel_limits(shared.limits, shown)
         for sut, runs in here.items():
             of, known = f"{scenario} with {sut}", marks.get((scenario, sut), {})
             if any(not np.isnan(run.error).all() for run in runs):
@@ -208,19 +229,19 @@ def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
                     )  # fmt: skip
 
 
-def _limits(data: ReportData) -> _plots.PlotLimits:
+def _limits(data: ReportData, marks: _CellMarks) -> _plots.PlotLimits:
     """Return the limits of values that all figures of a kind share."""
     limit = oracle_limit(data.input.oracles, "loc.error")
     errors = [] if limit is None else [limit]
-    for known in _marks(data).values():
+    for known in marks.values():
         errors += [m.value for name in ("error mean", "error max") for m in known.get(name, ())]
     runs = [run.tracks for run in data.runs if len(run.tracks.time) > 1]
     return _plots.plot_limits(runs, errors)
 
 
-def _of_campaign(data: ReportData) -> Iterator[_FigureTask]:
-    yield from _worst_localisation(data)
-    marks = _marks(data)
+def _of_campaign(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
+    yield from _worst_localisation(data, shared.scenes)
+    marks = shared.marks
     marked = {measure for found in marks.values() for measure in found}
     # Those of the paper, and besides whatever there is something to hold against.
     drawn = ("time in buffer", "error p95", "duration")
@@ -229,17 +250,17 @@ def _of_campaign(data: ReportData) -> Iterator[_FigureTask]:
             of_measure = {cell: found.get(measure.name, []) for cell, found in marks.items()}
             yield from _boxes(data, measure, of_measure)
     yield from _comparisons(data)
-    yield from _run_pairs(data)
-    yield from _triggers(data)
+    yield from _run_pairs(data, shared)
+    yield from _triggers(data, shared)
 
 
-def _marks(data: ReportData) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
+def _marks(data: ReportData) -> _CellMarks:
     verdicts = (verdict for run in data.runs for verdict in run.record.verdicts)
     texts = {verdict.oracle: verdict.text for verdict in verdicts}
     return cell_marks(data.input, data.assessment, data.buffer, texts)
 
 
-def _worst_localisation(data: ReportData) -> Iterator[_FigureTask]:
+def _worst_localisation(data: ReportData, scenes: dict[str, Scene]) -> Iterator[_FigureTask]:
     """Draw the run with the largest error of each scenario that asks how large it may be.
 
     Of the campaign, where none asks.
@@ -249,16 +270,18 @@ def _worst_localisation(data: ReportData) -> Iterator[_FigureTask]:
     groups = [[run for run in known if run.record.scenario == name] for name in asked]
     for group in (groups or [known])[:MOST_WORST]:
         if group:
-            yield from _worst_run(data, group)
+            yield from _worst_run(data, scenes, group)
 
 
 def _asks_for_error(record: RunRecord) -> bool:
     return oracle_limit((verdict.text for verdict in record.verdicts), "loc.error") is not None
 
 
-def _worst_run(data: ReportData, known: Sequence[ReportRun]) -> Iterator[_FigureTask]:
+def _worst_run(
+    data: ReportData, scenes: dict[str, Scene], known: Sequence[ReportRun]
+) -> Iterator[_FigureTask]:
     worst = max(known, key=lambda run: run.tracks.measures["error max"])
-    scene = _scenes(data).get(worst.tracks.scene)
+    scene = scenes.get(worst.tracks.scene)
     if scene is None or worst.record.trace is None:
         return
     of = f"{worst.record.scenario} with {worst.record.sut}, repeat {worst.record.repeat}"
@@ -326,7 +349,7 @@ def _comparisons(data: ReportData) -> Iterator[_FigureTask]:
         )
 
 
-def _run_pairs(data: ReportData) -> Iterator[_FigureTask]:
+def _run_pairs(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
     """Draw, for each delay that is asked for, one run of both scenarios with each system."""
     suts = tuple(dict.fromkeys(run.record.sut for run in data.runs))
     delays = [c for c in data.input.declared.comparisons if c.quantity == DELAY]
@@ -348,7 +371,7 @@ def _run_pairs(data: ReportData) -> Iterator[_FigureTask]:
         yield _FigureTask(
             ReportFigure("run-pair", names, sut, f"{sut}, repeat {pair[0].record.repeat}"),
             f"Speed and turning speed in a run of {names} with {sut}",
-            partial(plot_run_pair, runs=shown, frame=_limits(data)),
+            partial(plot_run_pair, runs=shown, frame=shared.limits),
             str(pair[0].record.trace),
         )
 
@@ -369,7 +392,7 @@ def scenarios_with_triggers(data: ReportData) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _triggers(data: ReportData) -> Iterator[_FigureTask]:
+def _triggers(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
     colours = {name: number for number, name in enumerate(scenarios_with_triggers(data))}
     found: dict[tuple[str, str], dict[int, list[TriggerEncounter]]] = {}
     for run in data.runs:
@@ -377,15 +400,12 @@ def _triggers(data: ReportData) -> Iterator[_FigureTask]:
             if len(encounter.since) > 1:
                 by_scenario = found.setdefault((encounter.joint, run.record.sut), {})
                 by_scenario.setdefault(colours[run.record.scenario], []).append(encounter)
-    if not found:
-        return
-    limits = _limits(data)
     for (joint, sut), by_scenario in sorted(found.items()):
         door = joint.rpartition(".")[0] or joint
         yield _FigureTask(
             ReportFigure("trigger", door, sut, sut),
             f"Speed and turning speed around the trigger of {door} with {sut}",
-            partial(plot_triggers, scenarios=tuple(by_scenario.items()), frame=limits),
+            partial(plot_triggers, scenarios=tuple(by_scenario.items()), frame=shared.limits),
         )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from daemon.analysis.report import (
     SuggestedCommand,
+    _figures,
     format_quantity,
     headline,
     mean_and_deviation,
@@ -20,6 +21,7 @@ from daemon.judging.assessment import assess
 from daemon.model.spec import own_version
 from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.trace import read_scene
 from tests.daemon.analysis.report.recordings import (
     ABOUT,
     NAME,
@@ -374,6 +376,18 @@ def test_each_failure_has_a_still_of_its_moment(page, tree):
     drawn = re.findall(r"<svg viewBox(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL)
     assert max(len(figure.encode()) for figure in drawn) < 60_000
     assert "<animate" not in page
+
+
+def test_what_figures_share_is_read_once_for_all_of_them(data, monkeypatch):
+    read = []
+
+    def read_and_count(path):
+        read.append(path)
+        return read_scene(path)
+
+    monkeypatch.setattr(_figures, "read_scene", read_and_count)
+    _figures.draw_figures(data, processes=1)
+    assert len(read) == 1, "all runs are in one scene"
 
 
 def test_figures_that_are_compared_have_the_same_scale(tree):
