@@ -93,7 +93,7 @@ def _check_settings() -> DoctorFinding:
     from daemon.batch.operation import DoctorFinding, FindingLevel
     from grammars.text.diagnostics import InputError
     from grammars.text.words import count_noun
-    from scenario_tui.dashboard.config import read_config
+    from scenario_tui.dashboard.config import config_path, read_config
 
     try:
         config = read_config()
@@ -105,9 +105,9 @@ def _check_settings() -> DoctorFinding:
             first,
             "correct it: the dashboard does not start until then",
         )
-    if not config.text:
+    if config.path is None:
         return DoctorFinding(
-            FindingLevel.OK, "config", f"{config.path} is not there: everything as usual", ""
+            FindingLevel.OK, "config", f"{config_path()} is not there: everything as usual", ""
         )
     parts = [count_noun(len(config.keys), "key")] if config.keys else []
     parts += [f"theme {config.theme}"] if config.theme else []

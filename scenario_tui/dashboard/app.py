@@ -12,7 +12,6 @@ from typing import ClassVar, Final
 from textual import work
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
-from textual.theme import Theme
 
 from daemon.model.run_state import RunState
 from grammars.text.words import count_noun
@@ -71,8 +70,6 @@ class Dashboard(BaseDashboard):
 
     def on_mount(self) -> None:
         """Start asking and looking, the way the user likes it."""
-        for name, values in self.config.themes.items():
-            self.register_theme(Theme(name, **values))
         if self.config.theme:
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)

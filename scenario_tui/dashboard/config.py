@@ -4,56 +4,37 @@
 theme = "nord"
 read-only = true
 mouse = false
-pictures = "auto"
 
 [keys]
 cancel = "ctrl+d"
 open = ["enter", "l"]
-
-[themes.lab]
-primary = "#88c0d0"
 """
 
 from __future__ import annotations
 
-import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
 import platformdirs
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 
-if TYPE_CHECKING:
-    from scenario_tui.dashboard.config_file import Pictures
-
-_HEADER: Final = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]")
-
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """What ``path`` says; everything has a default, also when there is no such file.
+    """Settings of the file at ``path``, which is ``None`` when there is no such file.
 
-    ``keys`` maps ids of bindings to keys, several separated by commas. ``themes`` holds the
-    colours and switches of each theme, as their names in :class:`textual.theme.Theme`.
+    ``keys`` maps ids of bindings to keys, several separated by commas.
     """
 
     path: Path | None = None
-    text: str = field(default="", repr=False)
     theme: str = ""
     read_only: bool = False
     mouse: bool = True
-    pictures: Pictures = "off"
     keys: Mapping[str, str] = field(default_factory=dict)
-    themes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-    # The text is kept because names of keys and themes are checked later, by those who know them,
-    # and the line is wanted then, too.
-    def where(self, table: str, name: str = "") -> Where:
-        """Return where something of a table is written, as well as it can be found."""
-        return Where(str(self.path or ""), _line(self.text, table, name))
 
 
 def config_path() -> Path:
@@ -71,27 +52,42 @@ def read_config(path: Path | None = None) -> Config:
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        return Config(path)
+        return Config()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
         raise InputError(Diagnostic(Where(str(path)), f"cannot be read: {reason}")) from error
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(Diagnostic(Where(str(path)), f"is no TOML: {error}")) from error
+    return Config(path, **_read_settings(path, data))
+
+
+def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings by the names of the fields of a ``Config``."""
     # Most people have no such file, and the dashboard is to be there at once.
-    from scenario_tui.dashboard.config_file import read_settings
+    from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-    return Config(path, text, **read_settings(path, text, Config(path, text).where))
+    class Table(BaseModel):
+        model_config = ConfigDict(
+            extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
+        )
 
+    class DashboardTable(Table):
+        theme: str = ""
+        read_only: bool = False
+        mouse: bool = True
 
-def _line(text: str, table: str, name: str) -> int:
-    """Return the line of a name in a table, else of the table, else 0; TOML keeps no places."""
-    inside, begins = "", 0
-    entry = re.compile(rf"\s*[\"']?{re.escape(name)}[\"']?\s*[=.]")
-    for number, line in enumerate(text.splitlines(), 1):
-        header = _HEADER.match(line)
-        if header:
-            inside = re.sub(r"[\"'\s]", "", header[1])
-            begins = number if inside == table else begins
-        elif name and inside == table and entry.match(line):
-            return number
-        elif not inside and not name and re.match(rf"\s*{re.escape(table)}\s*[=.]", line):
-            begins = number
-    return begins
+    class ConfigFile(Table):
+        dashboard: DashboardTable = DashboardTable()
+        keys: dict[str, str | list[str]] = Field(default_factory=dict)
+
+    try:
+        file = ConfigFile.model_validate(data)
+    except ValidationError as error:
+        problems = (f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
+        raise InputError([Diagnostic(Where(str(path)), problem) for problem in problems]) from error
+    keys = {
+        name: keys if isinstance(keys, str) else ",".join(keys) for name, keys in file.keys.items()
+    }
+    return {**dict(file.dashboard), "keys": keys}

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final
 
 from textual.app import App
-from textual.binding import Binding
 from textual.dom import DOMNode
 from textual.keys import Keys, _character_to_key
-from textual.screen import ModalScreen, Screen
+from textual.screen import Screen
 
 import scenario_tui.dashboard
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens.help import (
-    all_bindings,
     binding_meaning,
     our_classes,
     own_bindings,
 )
 from scenario_tui.dashboard.themes import DARK, LIGHT
-from scenario_tui.dashboard.widgets.cell_table import CellTable
-from scenario_tui.dashboard.widgets.tables import KeyedTable
 
 _ROOMS: Final = ("screens", "widgets")
 _MODIFIERS: Final = frozenset({"ctrl", "shift", "alt", "meta", "super", "hyper"})
@@ -81,34 +77,30 @@ def _place(kind: type[DOMNode]) -> str:
 
 
 def check_config(config: Config) -> None:
-    """Check what a configuration says about keys and themes.
-
-    Raises :class:`InputError` for unknown ids, keys and themes, and for one key with two meanings
-    on one screen.
-    """
+    """Check the names of keys and themes; raises :class:`InputError` for unknown ones."""
     from textual.theme import BUILTIN_THEMES
 
-    themes = sorted((*BUILTIN_THEMES, DARK, LIGHT, *config.themes))
+    where = Where(str(config.path))
+    themes = sorted((*BUILTIN_THEMES, DARK, LIGHT))
     if config.theme and config.theme not in themes:
         message = f'unknown theme "{config.theme}"; themes are {", ".join(themes)}'
-        raise InputError(Diagnostic(config.where("dashboard", "theme"), message))
+        raise InputError(Diagnostic(where, message))
     # Finding all keys loads every screen.
     if config.keys:
-        found = [*_unknown_ids(config)] or [*_unknown_keys(config), *_clashes(config)]
-        if found:
-            raise InputError(found)
+        problems = [*_unknown_ids(config, where), *_unknown_keys(config, where)]
+        if problems:
+            raise InputError(problems)
 
 
-def _unknown_ids(config: Config) -> Iterator[Diagnostic]:
+def _unknown_ids(config: Config, where: Where) -> Iterator[Diagnostic]:
     ids = sorted({bound.id for bound in list_key_bindings()})
     for name in config.keys:
         if name not in ids:
             message = f'unknown key id "{name}"; ids are {", ".join(ids)}'
-            hint = "`scenario tui --bindings` says what they do"
-            yield Diagnostic(config.where("keys", name), message, hint)
+            yield Diagnostic(where, message, "`scenario tui --bindings` says what they do")
 
 
-def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
+def _unknown_keys(config: Config, where: Where) -> Iterator[Diagnostic]:
     # Textual takes any name and then waits for a key that never comes.
     known = {key.value.rpartition("+")[2] for key in Keys}
     known |= {_character_to_key(chr(code)) for code in range(33, 127)}
@@ -116,43 +108,6 @@ def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
         for key in keys.split(","):
             *modifiers, last = key.split("+")
             if not (set(modifiers) <= _MODIFIERS and (len(last) == 1 or last in known)):
-                message = f'"{key}" is no key; keys are like "x", "X", "f5", "ctrl+d" or "slash"'
-                yield Diagnostic(config.where("keys", name), message)
-
-
-def _clashes(config: Config) -> Iterator[Diagnostic]:
-    """Report keys that would mean two things on one screen, and do not without the file."""
-    reported: set[tuple[str, ...]] = set()
-    for kind in classes_with_bindings():
-        if not issubclass(kind, Screen):
-            continue
-        bindings = all_bindings(kind) + _around(kind)
-        # Some keys have two meanings on purpose: Escape leaves the filter first, then the screen.
-        before = _doubles(bindings, {})
-        for key, ids in _doubles(bindings, config.keys).items():
-            if ids != before.get(key) and ids not in reported:
-                reported.add(ids)
-                mapped = next(name for name in config.keys if name in ids)
-                others = " and ".join(f'"{name}"' for name in ids if name != mapped)
-                message = f'"{key}" would mean both "{mapped}" and {others} ({_place(kind)})'
-                hint = f"give {others} another key, or choose another one here"
-                yield Diagnostic(config.where("keys", mapped), message, hint)
-
-
-def _around(kind: type[Screen[Any]]) -> list[Binding]:
-    """Return what works on a screen besides its own keys: the app's, those of its table."""
-    if issubclass(kind, ModalScreen):
-        return []
-    tables = [table for table in (CellTable, KeyedTable) if table.__name__ == kind.AUTO_FOCUS]
-    return [b for part in (Dashboard, *tables) for b in all_bindings(part)]
-
-
-def _doubles(bindings: Iterable[Binding], keys: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """Return the keys with several meanings, and the ids of these."""
-    found: dict[str, dict[str, None]] = {}
-    for binding in bindings:
-        name = binding.id or binding.action
-        for key in keys.get(name, binding.key).split(","):
-            plain = _character_to_key(key) if len(key) == 1 else key
-            found.setdefault(plain, {})[name] = None
-    return {key: tuple(sorted(ids)) for key, ids in found.items() if len(ids) > 1}
+                message = f'{name}: "{key}" is no key'
+                hint = 'keys are like "x", "X", "f5", "ctrl+d" or "slash"'
+                yield Diagnostic(where, message, hint)

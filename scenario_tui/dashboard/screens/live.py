@@ -67,8 +67,6 @@ class LiveScreen(MapActions):
                 tooltip="At once, whatever key is held"),
         Binding("z", "zoom", "Zoom", id="live-zoom", tooltip="Nearer to the robot, then all of it"),
         Binding("Z", "fit", "Fit", show=False, id="live-fit", tooltip="All of the map again"),
-        Binding("I", "picture", "Picture", show=False, id="live-picture",
-                tooltip="The map as a picture, in terminals that show some"),
         Binding("F", "follow", "Follow", show=False, id="live-follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="live-pan-left",

@@ -20,15 +20,6 @@ class MapActions(Screen[None]):
         for top in self.query(TopView):
             top.fit()
 
-    def action_picture(self) -> None:
-        """Show the map as a picture, in place of the dashboard."""
-        top = next(iter(self.query(TopView)), None)
-        if top is not None:
-            # What paints takes a while to load, and few ask for it.
-            from scenario_tui.dashboard.map_picture import look_at_picture
-
-            look_at_picture(top)
-
     def action_follow(self) -> None:
         """Follow the robot on the map, or stay where it is now."""
         followed = [top.follow() for top in self.query(TopView)]

@@ -53,8 +53,6 @@ class PlayingScreen(MapActions):
                 tooltip="The part before"),
         Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
         Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
-        Binding("I", "picture", "Picture", show=False, id="picture",
-                tooltip="The map as a picture, in terminals that show some"),
         Binding("F", "follow", "Follow", show=False, id="follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
