@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -277,7 +278,7 @@ def _idle_warning(
     names = list(idle.values())
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
-    hint = f"scenario sut {document.file} says why"
+    hint = f"scenario sut {shlex.quote(document.file)} says why"
     return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
 
 

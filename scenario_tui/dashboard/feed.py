@@ -96,6 +96,7 @@ class Feed:
         """Say what is to be shown now."""
         if query != self._query:
             self._query = query
+            self._run_watch.look_again()
             self._hurry()
 
     def enqueue_action(self, action: Action) -> None:

@@ -51,6 +51,8 @@ class RunWatch:
         self._on_fetched = on_fetched
         self._scenes: dict[str, Scene] = {}
         self._recording: tuple[_RecordingKey, TraceSummary | UnavailableTrace] | None = None
+        self._fetching = False
+        self._again = False
         self._subscription: Closeable | None = None
         self._followed = ("", False)
         self._detailed = ""
@@ -79,6 +81,10 @@ class RunWatch:
             hear = self._lives.append if judged else None
             self._subscription = daemon.watch(run, self._hear_detail, hear)
             self._followed = wanted
+
+    def look_again(self) -> None:
+        """Try once more to read a trace that could not be read; any thread."""
+        self._again = True
 
     def close(self) -> None:
         """Follow no run."""
@@ -124,17 +130,24 @@ class RunWatch:
         # With the digest: a run that is executed again leaves another trace at the same path.
         digest = detail.result.trace.sha256 if detail.result is not None else ""
         key = (detail.row.id, detail.row.trace, digest)
-        if self._recording is None or self._recording[0] != key:
+        if self._recording is None or self._recording[0] != key or self._may_succeed_now():
+            self._again = False
             if can_fetch_trace(detail, daemon):
                 size = 0.0 if detail.result is None else detail.result.trace.size / 1e6
                 seen = UnavailableTrace(detail.row.id, f"Bringing its trace here, {size:.1f} MB …")
-                self._recording = (key, seen)
+                self._recording, self._fetching = (key, seen), True
                 # A thread for each: a large trace over a slow line must not keep the next one, of
                 # the run the cursor has moved on to, waiting.
                 threading.Thread(target=self._fetch, args=(key, detail), daemon=True).start()
             else:
-                self._recording = (key, read_trace_summary(detail))
+                self._recording, self._fetching = (key, read_trace_summary(detail)), False
         return self._recording[1]
+
+    def _may_succeed_now(self) -> bool:
+        """Whether somebody looks again at a trace that could not be read."""
+        assert self._recording is not None
+        failed = isinstance(self._recording[1], UnavailableTrace) and not self._fetching
+        return self._again and failed
 
     def _fetch(self, key: _RecordingKey, detail: RunDetail) -> None:
         """Bring a trace here beside everything else that is asked."""
@@ -146,5 +159,5 @@ class RunWatch:
             seen = UnavailableTrace(detail.row.id, f"Its trace cannot be brought here: {error}")
         # Another run may be shown by now; the trace lies in the cache for when this one is again.
         if self._recording is not None and self._recording[0] == key:
-            self._recording = (key, seen)
+            self._recording, self._fetching = (key, seen), False
             self._on_fetched()

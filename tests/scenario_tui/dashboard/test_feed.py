@@ -6,17 +6,22 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.batch.errors import Unreachable
+from daemon.batch.errors import Refused, Unreachable
 from daemon.batch.stores import encode_chunk
 from daemon.model.messages import DownloadChunk, RunQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.recorded_traces import UnavailableTrace, read_trace_summary
+from scenario_tui.dashboard.recorded_traces import (
+    TraceSummary,
+    UnavailableTrace,
+    read_trace_summary,
+)
 from scenario_tui.dashboard.state import Query
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.fake import CAMPAIGN, make_live
+from tests.scenario_tui.recorded import record_run
 
 
 @pytest.fixture
@@ -186,6 +191,32 @@ def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monke
     eventually(lambda: isinstance(feed._state.recording, UnavailableTrace))
     eventually(lambda: "is not an MCAP file" in feed._state.recording.why)
     assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
+
+
+def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_again(
+    fake, feed, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    data = record_run(tmp_path / "run.mcap").read_bytes()
+    text, digest = encode_chunk(data)
+    detail = fake.run(f"{CAMPAIGN}.0")
+    info = TraceInfo(digest, len(data), 1)
+    detail = replace(detail, result=replace(detail.result, trace=info))
+    broken = [True]
+
+    def piece(run, offset):
+        if broken[0] and offset == 0 and threading.current_thread().name != "feed":
+            raise Refused("the line is down")
+        return DownloadChunk(0, len(data), digest, text, digest)
+
+    monkeypatch.setattr(fake, "run", lambda run: detail)
+    monkeypatch.setattr(fake, "piece", piece)
+    feed.start()
+    feed.set_query(Query(run=f"{CAMPAIGN}.0"))
+    eventually(lambda: "the line is down" in getattr(feed._state.recording, "why", ""))
+    broken[0] = False
+    feed.set_query(Query(run=f"{CAMPAIGN}.0", judged=True))
+    eventually(lambda: isinstance(feed._state.recording, TraceSummary))
 
 
 def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path):
