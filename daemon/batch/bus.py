@@ -230,7 +230,7 @@ def ask(
             words = b"" if reply.err is None else reply.err.payload.to_bytes()
             raise _error_reply(words, endpoint, timeout)
         if time.monotonic() > deadline:
-            raise _no_answer_error(endpoint, credentials)
+            raise _no_answer_error(session, endpoint, credentials)
         time.sleep(0.02)
 
 
@@ -239,12 +239,16 @@ def key_name(credentials: Credentials | None) -> str:
     return OWNER if credentials is None else credentials.name
 
 
-def _no_answer_error(endpoint: str, credentials: Credentials | None) -> Unreachable:
-    if credentials is None:
-        return unreachable_error(endpoint)
+def _no_answer_error(
+    session: zenoh.Session, endpoint: str, credentials: Credentials | None
+) -> Unreachable:
+    # Without a connection nothing is known of the key: nobody has seen it.
+    if credentials is None or not session.info.routers_zid():
+        return unreachable_error(endpoint, credentials)
     return Unreachable(
-        f'the daemon at {endpoint} does not answer to the key "{credentials.name}": it is leaving, '
-        "or it has started before the key was made, or the key was revoked (`scenario keys list`)"
+        f'the daemon at {endpoint} does not answer to the key "{credentials.name}": it is starting '
+        "or leaving, or it has started before the key was made, or the key was revoked "
+        "(`scenario keys list`)"
     )
 
 

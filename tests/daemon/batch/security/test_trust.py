@@ -11,7 +11,7 @@ import pytest
 
 from daemon.batch import bus
 from daemon.batch.client import Client
-from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Role, find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
@@ -170,3 +170,14 @@ def test_an_address_that_is_taken_is_said(keys):
         port = taken.getsockname()[1]
         with pytest.raises(DaemonError, match=f"cannot listen at tls/127.0.0.1:{port}"):
             bus.open_router([f"tls/127.0.0.1:{port}"], find_daemon_credentials(keys))
+
+
+def test_of_a_daemon_that_was_killed_nothing_is_said_about_the_key(keys, tmp_path):
+    with daemon_at(tmp_path / "state", listen=tls(), keys=str(keys)) as part:
+        eventually(lambda: reached(part))
+        with as_key(part, keys, "viewer.calm") as calm:
+            calm.overview()
+            part.kill()
+            with pytest.raises(Unreachable) as problem:
+                calm.overview()
+    assert str(problem.value).startswith(f"no daemon answers at {part.endpoint}: start one")
