@@ -15,14 +15,14 @@ from typing import Any, Final
 from daemon.batch.worker._signals import WakeupSocket
 
 _THREADS: Final = 16
-"""Questions under way at a time; threads are started as they are needed."""
+"""Questions under way at a time, at most; threads are started as they are needed."""
 
 
 class BackgroundAsks:
     """Questions under way in threads, by key; ``receiver`` is ready when one has its answer."""
 
-    def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="asks")
+    def __init__(self, threads: int = _THREADS) -> None:
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="asks")
         self._wakeup = WakeupSocket()
         self._under_way: dict[Hashable, Future[Any]] = {}
         self._closing = threading.Lock()

@@ -29,6 +29,7 @@ from daemon.batch.worker._attempts import Attempt
 from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_id
 from daemon.model.messages import FileDownloadRequest, IdRequest, WelcomeReply, WorkerInfo
+from daemon.model.spec import RunSpec
 from daemon.model.verbs import COMPLETE, FILE, SCENE, UPLOAD, WELCOME, Verb
 from grammars.text import codec
 from grammars.text.files import move_durably, write_atomically
@@ -146,21 +147,32 @@ class InputDamaged(ValueError):  # noqa: N818  (reads as a sentence where it is 
 
 
 class InputCache:
-    """The scenes and files that lie here; ``meanwhile`` is called between parts of one that comes.
+    """The scenes and files that lie here. One thread fetches, another asks for what is here.
 
     In a folder shared with the daemon they are the daemon's own: nothing of them is removed here.
     What is damaged there the daemon is told of, and puts aside.
     """
 
-    def __init__(
-        self, daemon: DaemonConnection, paths: WorkerPaths, meanwhile: Callable[[], None]
-    ) -> None:
+    def __init__(self, daemon: DaemonConnection, paths: WorkerPaths) -> None:
         self._daemon = daemon
         self._paths = paths
-        self._meanwhile = meanwhile
         # Verified by this process. Each is read in full only once: a campaign of 100 000 runs
         # shares a few scenes.
         self._verified: set[str] = set()
+
+    def lacks(self, spec: RunSpec) -> bool:
+        """Whether something that a run needs has to come from the daemon first."""
+        if self._paths.shared:
+            return False
+        files = ((digest, self._paths.state.files / digest) for digest in spec.files)
+        inputs = ((spec.scene, self._paths.state.scene(spec.scene)), *files)
+        return any(digest not in self._verified or not path.exists() for digest, path in inputs)
+
+    def fetch(self, spec: RunSpec) -> None:
+        """Bring what a run needs; raises as :meth:`scene` does."""
+        self.scene(spec.scene)
+        for digest in spec.files:
+            self.file(digest)
 
     def scene(self, digest: str) -> Path:
         """Return the file of a scene, fetching it if need be.
@@ -227,7 +239,6 @@ class InputCache:
                 part,
                 lambda offset: self._daemon.ask(FILE, FileDownloadRequest(digest, offset)),
                 largest=LARGEST_FILE,
-                progress=lambda _: self._meanwhile(),
             )
             if file_sha256(part) != digest:
                 raise ValueError(f"the daemon sent another file for {digest[:12]}")

@@ -107,9 +107,12 @@ class WorkerLoop:
         self._deliveries = Deliveries(
             daemon, self._uploader, self._asks, spool, undelivered, info(0).id, log
         )
-        self._inputs = InputCache(daemon, paths, self._renew_between)
-        # Leased, not started yet: scenes and files for those before are fetched, or kernels are
-        # compiled. Renewed like those that run.
+        self._inputs = InputCache(daemon, paths)
+        # One thread: runs of a campaign share what comes. A renewal waits for none of it.
+        self._fetches = BackgroundAsks(threads=1)
+        self._fetched: dict[Hashable, _Answer] = {}
+        # Leased, not started yet: scenes and files come, or kernels are compiled. Renewed like
+        # those that run.
         self._leased: deque[Lease] = deque()
         self._spool = spool
         self._backend = backend
@@ -150,6 +153,7 @@ class WorkerLoop:
             return False
         finally:
             self._asks.close()
+            self._fetches.close()
 
     def _may_leave(self) -> bool:
         # Results that nobody takes do not keep a worker for ever: the spool keeps them. The limit
@@ -172,7 +176,8 @@ class WorkerLoop:
             # The renewal waits for the answers under way, and those wake this loop.
             moments = [moment for moment in moments if moment > now] or [now + _POLL]
         pause = max(0.0, min(moments) - now)
-        things: list[Any] = [self._signals.receiver, self._asks.receiver, *self._backend.waitables]
+        receivers = (self._signals.receiver, self._asks.receiver, self._fetches.receiver)
+        things: list[Any] = [*receivers, *self._backend.waitables]
         for execution in self._executions:
             things += execution.waitables
         wait(things, max(pause, 0.001))  # 0 would spin while a deadline passes
@@ -246,20 +251,9 @@ class WorkerLoop:
         except Unreachable as error:
             self._not_answered(error)
             return
-        # In this order: leases that are old are renewed before new ones are asked for, since
-        # fetching what those need may take longer than the old ones last.
+        # In this order: leases that are old are renewed before new ones are asked for.
         self._deliver()
         self._lease()
-
-    def _renew_between(self) -> None:
-        """Renew while something large is fetched, when it is due."""
-        if time.monotonic() < self._renew_at:
-            return
-        self._deliveries.send_releases()
-        self._asks.wait()
-        self._take_answers()
-        if not self._deliveries.releases:
-            self._renew()
 
     def _take_answers(self) -> None:
         for key, answer in self._asks.take():
@@ -394,19 +388,38 @@ class WorkerLoop:
 
     def _fill_slots(self) -> None:
         slots = 0 if self._signals.abort else self._backend.slots
+        held = {lease.token for lease in self._leased}
+        self._fetched |= {token: answer for token, answer in self._fetches.take() if token in held}
         for lease in tuple(self._leased):
             if len(self._executions) >= slots:
                 return
-            # A renewal meanwhile may have said that one is gone. One whose kernels are compiled
-            # keeps no other from its slot: the backend wakes this loop when it is prepared.
-            if lease in self._leased and self._begin(lease) and lease in self._leased:
+            # One whose kernels are compiled, or whose files come, keeps no other from its slot:
+            # this loop is woken when they are there.
+            if self._begin(lease):
                 self._leased.remove(lease)
 
+    def _has_inputs(self, lease: Lease) -> bool:
+        """Whether all that a run needs lies here; sees to it otherwise, and is asked again.
+
+        Raises as :meth:`InputCache.fetch` does.
+        """
+        answer = self._fetched.pop(lease.token, None)
+        if answer is not None:
+            answer.result()
+            return True
+        if not self._inputs.lacks(lease.spec):
+            return True
+        if lease.token not in self._fetches:
+            self._fetches.start(lease.token, partial(self._inputs.fetch, lease.spec))
+        return False
+
     def _begin(self, lease: Lease) -> bool:
-        """Start a run, or give it back; returns whether its backend was prepared for it."""
+        """Start a run, or give it back; returns ``False`` while something it needs is not ready."""
         attempt: Attempt | None = None
         try:
             if not self._backend.prepare(lease.spec.sut, self._limits):
+                return False
+            if not self._has_inputs(lease):
                 return False
             attempt = self._spool.open(lease)
             scene = self._inputs.scene(lease.spec.scene)

@@ -1,12 +1,14 @@
 """``python -m daemon`` that fails at verbs, as files in a folder ``faults`` beside its state say.
 
-A file has the name of a verb and contains the kind of fault, one of :data:`FAULTS` or ``garbles``.
+A file has the name of a verb and contains the kind of fault, one of :data:`FAULTS`, ``garbles``
+or ``slow``.
 """
 
 import errno
 import os
 import sqlite3
 import sys
+import time
 from pathlib import Path
 
 from daemon.__main__ import main
@@ -20,7 +22,9 @@ FAULTS = {
     "locked": sqlite3.OperationalError("database is locked"),
     "malformed": Refused("the request is malformed: versions differ"),
 }
-"""What a handler raises. With ``garbles`` the answer is one that no worker understands."""
+"""What a handler raises. With ``garbles`` no worker understands its answer, with ``slow`` it takes
+a while.
+"""
 
 
 def _answer(verb, *args, **more):
@@ -28,6 +32,8 @@ def _answer(verb, *args, **more):
     kind = fault.read_text() if fault.exists() else ""
     if kind in FAULTS:
         raise FAULTS[kind]
+    if kind == "slow":
+        time.sleep(0.2)
     answer = _original(verb, *args, **more)
     return b'{"no": "answer"}' if kind == "garbles" else answer
 

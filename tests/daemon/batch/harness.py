@@ -198,11 +198,18 @@ def daemon_at(state, slots=0, **settings):
 
 
 @contextmanager
-def worker_for(daemon, slots=1, *options, connect="", through=(), executor=EXECUTOR):
-    """A worker of its own for the block; nothing of it is left afterwards."""
+def worker_for(
+    daemon, slots=1, *options, connect="", through=(), executor=EXECUTOR, module="daemon"
+):
+    """A worker of its own for the block; nothing of it is left afterwards.
+
+    ``module`` is run instead of ``daemon``.
+    """
     log = daemon.state.parent / f"worker-{time.monotonic_ns()}.log"
     base = ("--connect", connect or daemon.endpoint, "--slots", str(slots))
-    part = Part("worker", log, *base, "--executor", executor, *options, through=through)
+    part = Part(
+        "worker", log, *base, "--executor", executor, *options, through=through, module=module
+    )
     try:
         yield part
     finally:

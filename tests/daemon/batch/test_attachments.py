@@ -92,7 +92,7 @@ def test_a_sut_file_names_files_and_the_specification_their_digests(here, plugge
     assert attached_digests(sut.reference.parameters) == {"model": DIGEST}
     # What was checked in another process is made here, as a run makes it.
     make_sut("learned", sut.reference.parameters)
-    (parameters,) = plugged
+    parameters = plugged[-1]
     assert parameters["speed"] == 0.5
     model = Path(parameters["files"]["model"])
     assert model.read_bytes() == MODEL
@@ -178,7 +178,7 @@ def test_a_worker_never_keeps_what_another_digest_names(tmp_path):
         def ask(self, verb, request):
             return DownloadChunk(request.offset, 5, request.sha256, *encode_chunk(b"other"))
 
-    inputs = InputCache(Liar(), WorkerPaths(places, shared=False), lambda: None)
+    inputs = InputCache(Liar(), WorkerPaths(places, shared=False))
     with pytest.raises(ValueError, match="another file"):
         inputs.file(DIGEST)
     assert list(places.files.iterdir()) == []

@@ -1,0 +1,34 @@
+"""``python -m daemon worker`` that compiles before each run, as it says, and always has news."""
+
+import itertools
+import sys
+from collections import Counter
+
+from daemon.__main__ import main
+from daemon.batch.worker import _work
+from daemon.batch.worker._forkserver import ForkServerPool
+
+LOOKS = 3
+"""Looks at a run until its kernels are there."""
+
+
+class HesitantPool(ForkServerPool):
+    """Makes each run wait for its kernels; what it prepares changes, so a renewal is always due."""
+
+    def __init__(self, slots):
+        super().__init__(slots)
+        self._looks = Counter()
+        self._steps = itertools.count()
+
+    @property
+    def preparing(self):
+        return f"step {next(self._steps)}"
+
+    def prepare(self, sut, limits):
+        self._looks[sut.name] += 1
+        return self._looks[sut.name] > LOOKS and super().prepare(sut, limits)
+
+
+if __name__ == "__main__":
+    _work.ForkServerPool = HesitantPool
+    sys.exit(main())
