@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from daemon.model.search import SPACE_FILLING, SearchParameter, SearchTask
@@ -14,11 +15,22 @@ from daemon.search.methods._protocol import SearchMethod
 from daemon.search.methods._stages import HaltonStage, RandomStage, Stage, StagedMethod
 from daemon.search.methods._tpe import TpeStage
 from daemon.search.space import SearchSpace
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 METHODS: Final = ("auto", "halton", "random", "tpe", "cma", "boundary")
 COVARIANCE_FROM: Final = 150
 """Proposals after which ``auto`` goes on with the method cma, where all parameters are ranges."""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodProblem:
+    """The reason why a method cannot be used, and in ``hint`` what can."""
+
+    message: str
+    hint: str
+
+    def __str__(self) -> str:
+        return f"{self.message}; {self.hint}"
 
 
 def make_method(task: SearchTask, space: SearchSpace) -> SearchMethod:
@@ -28,46 +40,54 @@ def make_method(task: SearchTask, space: SearchSpace) -> SearchMethod:
     """
     problem = method_problem(task)
     if problem:
-        raise InputError(Diagnostic(Where(f'search "{task.name}"'), problem))
+        raise InputError.at(Where(f'search "{task.name}"'), problem.message, problem.hint)
     return StagedMethod(SearchHistory(space, task.seed, task.window), _stages(task))
 
 
-def method_problem(task: SearchTask) -> str:
-    """Return why the method of a search cannot be used, and what can; empty when it can."""
+def method_problem(task: SearchTask) -> MethodProblem | None:
+    """Return why the method of a search cannot be used, ``None`` when it can."""
     return method_misfit(task) or missing_library(task)
 
 
-def method_misfit(task: SearchTask) -> str:
-    """Return why a method does not fit a search, on any machine; empty when it does."""
+def method_misfit(task: SearchTask) -> MethodProblem | None:
+    """Return why a method does not fit a search, on any machine, ``None`` when it does."""
     if task.method not in METHODS:
-        return f'there is no method "{task.method}"; {did_you_mean(task.method, METHODS)}'
+        hint = did_you_mean(task.method, METHODS)
+        return MethodProblem(f'there is no method "{task.method}"', hint)
     lists = [parameter.name for parameter in task.parameters if parameter.choices]
     if task.method == "boundary":
         return _boundary_problem(task.parameters, lists)
     if task.method == "cma" and lists:
-        return f"the method cma takes ranges alone, {lists[0]} is a list; write method: tpe"
+        message = f"the method cma takes ranges alone, {lists[0]} is a list"
+        return MethodProblem(message, "write method: tpe")
     if task.method == "cma" and len(task.parameters) < 2:
-        return "the method cma takes two parameters or more; write method: tpe"
-    return ""
+        message = "the method cma takes two parameters or more"
+        return MethodProblem(message, "write method: tpe")
+    return None
 
 
-def missing_library(task: SearchTask) -> str:
-    """Return which library the method of a search lacks here; empty when it lacks none."""
+def missing_library(task: SearchTask) -> MethodProblem | None:
+    """Return which library the method of a search lacks here, ``None`` when it lacks none."""
     missing = [name for name in _libraries(task) if importlib.util.find_spec(name) is None]
-    if missing:
-        install = 'install it with: pip install "scenario-tui[search]"'
-        return (
-            f"the method {task.method} takes the library {missing[0]}, which is not installed; "
-            f"{install}, or write method: halton, which works without"
-        )
-    return ""
+    if not missing:
+        return None
+    install = 'install it with: pip install "scenario-tui[search]"'
+    return MethodProblem(
+        f"the method {task.method} takes the library {missing[0]}, which is not installed",
+        f"{install}, or write method: halton, which works without",
+    )
 
 
-def _boundary_problem(parameters: Sequence[SearchParameter], lists: Sequence[str]) -> str:
+def _boundary_problem(
+    parameters: Sequence[SearchParameter], lists: Sequence[str]
+) -> MethodProblem | None:
     instead = "write method: auto, or vary less"
     if len(parameters) > MOST_PARAMETERS:
-        return f"the method boundary takes one or two parameters, not {len(parameters)}; {instead}"
-    return f"the method boundary takes ranges, {lists[0]} is a list; {instead}" if lists else ""
+        message = f"the method boundary takes one or two parameters, not {len(parameters)}"
+        return MethodProblem(message, instead)
+    if lists:
+        return MethodProblem(f"the method boundary takes ranges, {lists[0]} is a list", instead)
+    return None
 
 
 def _libraries(task: SearchTask) -> Sequence[str]:

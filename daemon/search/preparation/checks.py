@@ -68,8 +68,8 @@ def _check_method(case: SearchCase, places: _Places) -> Iterator[Diagnostic]:
     misfit, missing = method_misfit(case.task), missing_library(case.task)
     for problem, severity in ((misfit, Severity.ERROR), (missing, Severity.WARNING)):
         if problem:
-            message, _, hint = problem.partition("; ")
-            yield Diagnostic(places.at("method"), f"{case.task.name}: {message}", hint, severity)
+            message = f"{case.task.name}: {problem.message}"
+            yield Diagnostic(places.at("method"), message, problem.hint, severity)
 
 
 def _check_inequalities(

@@ -72,6 +72,6 @@ def test_what_is_not_allowed_is_left_out_of_the_mesh():
     ],
 )
 def test_what_it_cannot_draw_is_told(parameters, words):
-    problem = method_problem(search_task(*parameters, method="boundary"))
+    problem = str(method_problem(search_task(*parameters, method="boundary")))
     assert words in problem
     assert "write method: auto" in problem

@@ -108,6 +108,13 @@ def test_a_scenario_that_does_not_keep_to_an_inequality_is_a_warning(folder):
     assert "warning: s: the scenario as written does not keep to such that" in found
 
 
+def test_what_is_written_as_a_method_never_becomes_the_hint(folder):
+    campaign = load(folder, OVER.format("4 .. 10 s", "12 .. 20 s"))
+    (task,) = campaign.searches
+    found, *_ = told(folder, check_search(search_case(campaign, replace(task, method="a; tpe"))))
+    assert 's: there is no method "a; tpe"\n    did you mean "tpe"?' in found
+
+
 def test_a_method_that_does_not_fit_is_told(folder):
     rest = OVER.format("4 .. 10 s", "12 .. 20 s") + "      doors_moving.swing: 50 .. 70 deg/s\n"
     campaign = load(folder, rest)
