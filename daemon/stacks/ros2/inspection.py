@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from daemon.model.sut import Briefing, Observation, SutFailure
+from daemon.model.sut import Briefing, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.link import Cycle, Graph, LinkLost, Readiness, StackIdentity, StackLink
 from daemon.stacks.ros2.settings import Ros2Settings
@@ -106,7 +106,7 @@ def inspect_stack(
             raise failure or session.failure(ended)
         on_progress("looking at its graph")
         try:
-            seen = _look(session, settings)
+            seen = _look(session, settings, first.odometry[-1])
         except LinkLost as error:
             # Why it did not come up says more than that it is gone now.
             raise failure or session.failure(session.explain(str(error))) from error
@@ -116,10 +116,10 @@ def inspect_stack(
             attempt.session.close(keep=False)
 
 
-def _look(session: StackSession, settings: Ros2Settings) -> Inspection:
+def _look(session: StackSession, settings: Ros2Settings, standing: Odometry) -> Inspection:
     """Return everything a session can be asked; raises :class:`LinkLost`."""
     link = session.link
-    transforms = frozenset(_foreign_transforms(session, settings))
+    transforms = frozenset(_foreign_transforms(session, settings, standing))
     graph = link.graph()
     return Inspection(
         identity=link.identity,
@@ -131,13 +131,17 @@ def _look(session: StackSession, settings: Ros2Settings) -> Inspection:
     )
 
 
-def _foreign_transforms(session: StackSession, settings: Ros2Settings) -> Iterator[tuple[str, str]]:
+def _foreign_transforms(
+    session: StackSession, settings: Ros2Settings, standing: Odometry
+) -> Iterator[tuple[str, str]]:
     """Yield parents and children of the transforms that come while this side publishes none."""
     topics, period = settings.topics, settings.period
     cycles = max(2, round(_LISTENING / period))
     for number in range(cycles):
         after = session.time + round(period * _NANO)
         answer = session.cycle(Cycle(after, (), "nothing", period))
+        # A stack may find out only now where the robot is.
+        session.telemetry.read(answer.messages, 0.0, standing)
         # In the first there may still be what this side has published before.
         for message in answer.messages if number else ():
             if message.topic in (topics.tf, topics.tf_static):

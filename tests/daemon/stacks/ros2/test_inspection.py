@@ -176,6 +176,18 @@ def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(stack, proces
     assert process.released == [False]
 
 
+def test_a_stack_that_finds_itself_late_is_located(stack, process):
+    stack.active_after = 10**9
+    found, stack.messages = stack.messages, ()
+
+    def localise(waiting):
+        if waiting == "looking at its graph":
+            stack.messages = found
+
+    assert not inspected(**{"start-up": "0.3 s"}).located
+    assert inspected(localise, **{"start-up": "0.3 s"}).located
+
+
 @pytest.mark.parametrize("link_ends_first", [False, True])
 def test_a_stack_that_ends_cannot_be_looked_at(stack, process, link_ends_first):
     process.end = "the launch command ended with exit code 3"
