@@ -148,12 +148,13 @@ def measure():
     ordered = []
     locally = []
     changed, differ = 0, 0
+    window = costmap.grid.watch()
     for k, (base, scan, exact) in enumerate(steps):
-        costmap.grid.take_changed()
+        window.take()
         begin = time.process_time()
         costmap.update(base, (scan,))
         times.append(time.process_time() - begin)
-        x0, y0, x1, y1 = costmap.grid.take_changed()
+        x0, y0, x1, y1 = window.take()
         changed += (x1 - x0) * (y1 - y0)
         if k % 20 == 5:
             taken, same = over_again(costmap)

@@ -16,13 +16,31 @@ EMPTY_WINDOW: Final = (0, 0, 0, 0)
 
 
 @dataclass(slots=True, eq=False)
+class ChangedWindow:
+    """What was touched of a grid since its reader last took it, as a half-open window.
+
+    First column, first row, end column, end row.
+    """
+
+    window: tuple[int, int, int, int] = EMPTY_WINDOW
+
+    def add(self, window: tuple[int, int, int, int]) -> None:
+        """Grow to the union with another window."""
+        self.window = _window_union(self.window, window)
+
+    def take(self) -> tuple[int, int, int, int]:
+        """Return the window, and begin anew."""
+        window, self.window = self.window, EMPTY_WINDOW
+        return window
+
+
+@dataclass(slots=True, eq=False)
 class CostGrid:
     """A costmap's master grid: ``cells`` of shape (rows, columns), uint8, row 0 at the lowest y.
 
     The lower-left corner of cell (0, 0) lies at (``x``, ``y``) [m] in the costmap's global frame
-    (``map`` or ``odom``). Whoever changes cells calls :meth:`touch`; ``version`` then differs and
-    ``changed`` holds the union of what was touched since its reader emptied it with
-    :meth:`take_changed` (one reader: the planner of the global costmap, nobody of the local one).
+    (``map`` or ``odom``). Whoever changes cells calls :meth:`touch`; ``version`` then differs, and
+    each reader finds the union of what was touched in the window that :meth:`watch` gave it.
     """
 
     resolution: float
@@ -30,23 +48,24 @@ class CostGrid:
     y: float
     cells: npt.NDArray[np.uint8]
     version: int = 0
-    changed: tuple[int, int, int, int] = field(default=EMPTY_WINDOW)
-    """Half-open window (first column, first row, end column, end row)."""
-    disturbed: tuple[int, int, int, int] = field(default=EMPTY_WINDOW)
-    """The same since the costmap's last update: what others wrote over its cells."""
+    disturbed: tuple[int, int, int, int] = EMPTY_WINDOW
+    """Half-open window of what was touched since the costmap's last update: what others wrote over
+    its cells."""
+    readers: list[ChangedWindow] = field(default_factory=list)
 
     def touch(self, window: tuple[int, int, int, int]) -> None:
         """Say that cells of the half-open ``window`` may have changed."""
         if window[0] >= window[2] or window[1] >= window[3]:
             return
         self.version += 1
-        self.changed = _window_union(self.changed, window)
         self.disturbed = _window_union(self.disturbed, window)
+        for reader in self.readers:
+            reader.add(window)
 
-    def take_changed(self) -> tuple[int, int, int, int]:
-        """Return what changed since the last call, and forget it."""
-        changed, self.changed = self.changed, EMPTY_WINDOW
-        return changed
+    def watch(self) -> ChangedWindow:
+        """Return a window of a reader's own, which grows with what is touched from now on."""
+        self.readers.append(ChangedWindow())
+        return self.readers[-1]
 
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
         """Return (column, row) of a point, or ``None`` off the grid (costmap_2d ``worldToMap``)."""

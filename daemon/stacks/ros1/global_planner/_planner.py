@@ -85,7 +85,7 @@ class _Field(GuidedField):
         self._goal: _Point = (-1.0, -1.0)
         self._goal_cell: _Cell = (0, 0)
         self._freed: _Cell | None = None
-        grid.take_changed()
+        self._changed = grid.watch()
         self._copy((0, 0, columns, rows))
 
     def sees(self, grid: CostGrid) -> bool:
@@ -98,7 +98,7 @@ class _Field(GuidedField):
         Both are columns and rows: whole numbers, or exact ones counted from cell centres. The
         cell ``freed`` is free for this planner, whatever the costmap says.
         """
-        changed = self._copy(self.grid.take_changed())
+        changed = self._copy(self._changed.take())
         if freed is not None:
             changed = self._free(freed) or changed
         if changed or (self._start, self._goal) != (start, goal):
@@ -241,8 +241,7 @@ class GlobalPlanner:
 
         The last point is the goal; yaws are those of ``orientation_mode``. There is no plan from
         or to a point off the grid, nor to a goal that the expansion does not reach or that the
-        descent does not lead back from. The only reader of the grid's changes is this planner
-        (:meth:`CostGrid.take_changed`).
+        descent does not lead back from.
         """
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
         if here is None or there is None:

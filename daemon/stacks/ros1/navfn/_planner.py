@@ -88,7 +88,7 @@ class PotentialField(GuidedField):
         self._path = np.empty((4 * columns, 2), dtype=np.float32)
         self._cells = np.empty(4 * columns, dtype=np.int32)
         self._length = 0
-        grid.take_changed()
+        self._changed = grid.watch()
         translate_costs(grid.cells, self._costs, self._table, 0, 0, columns, rows)
 
     def path(self, start: int, goal: int) -> Singles:
@@ -111,7 +111,7 @@ class PotentialField(GuidedField):
         return self._path[: self._descend(start, cell)]
 
     def _apply_changes(self) -> bool:
-        window = self.grid.take_changed()
+        window = self._changed.take()
         changed = bool(translate_costs(self.grid.cells, self._costs, self._table, *window))
         if changed:
             self._remainder.follow(self._costs, window)
@@ -158,8 +158,7 @@ class Navfn:
 
         The points are half a cell apart with yaw 0; the last one is the goal with its own yaw.
         There is no plan from or to a point off the grid, to a goal that is blocked or out of
-        reach, or with all four cells beside the robot blocked. The only reader of the grid's
-        changes is this planner (:meth:`CostGrid.take_changed`).
+        reach, or with all four cells beside the robot blocked.
         """
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
         tolerance = self._parameters.default_tolerance

@@ -255,12 +255,12 @@ def test_what_changed_is_told_tightly():
     costmap = build()
     scan = looking(1.5)
     costmap.update(Pose2(1.0, 1.0), (scan,))
-    costmap.grid.take_changed()
+    changed = costmap.grid.watch()
     version = costmap.grid.version
     costmap.update(Pose2(1.0, 1.0), (scan,))
     assert costmap.grid.version == version
     costmap.update(Pose2(1.0, 1.0), (looking(1.55),))
-    assert costmap.grid.take_changed() == (40, 10, 62, 31)
+    assert changed.take() == (40, 10, 62, 31)
 
 
 def test_costmaps_of_one_map_do_not_share_their_cells():

@@ -166,13 +166,13 @@ def compare(parameters, rng, steps, quirks=FAST):
             frame = Pose2(*rng.uniform(-0.1, 0.1, 2).tolist(), float(rng.uniform(-0.2, 0.2)))
         before = costmap.grid.cells.copy()
         where_before = (costmap.grid.x, costmap.grid.y)
-        costmap.grid.take_changed()
+        changed = costmap.grid.watch()
         costmap.update(base, scans, frame)
         plain.update(base, scans, frame)
         place = (plain.master.x, plain.master.y)
         assert (costmap.grid.x, costmap.grid.y) == pytest.approx(place)
         np.testing.assert_array_equal(costmap.grid.cells, plain.cells)
-        x0, y0, x1, y1 = costmap.grid.take_changed()
+        x0, y0, x1, y1 = changed.take()
         same = before == costmap.grid.cells
         same[y0:y1, x0:x1] = True
         assert same.all() or where_before != (costmap.grid.x, costmap.grid.y)

@@ -58,9 +58,9 @@ def test_plans_stay_the_same_while_costs_and_start_change(seed, old, quirks, cos
         assert found is None or expected is None or np.array_equal(found, expected)
         place = np.clip(place + random.normal(size=2) * 0.05, 0.0, size - 1e-6)
         if random.random() < 0.5:
-            disturb(random, grids[0])
+            window = disturb(random, grids[0])
             grids[1].cells[:] = grids[0].cells
-            grids[1].touch(grids[0].changed)
+            grids[1].touch(window)
     assert waves(planners[1])[0] == 0
 
 

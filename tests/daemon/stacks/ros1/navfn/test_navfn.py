@@ -136,6 +136,17 @@ def test_with_tolerance_the_nearest_point_of_a_square_raster_will_do():
     assert plan(grid, start, goal, tolerance=0.1) is None
 
 
+def test_two_planners_of_one_costmap_both_see_its_changes():
+    grid = a_grid()
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    planners = [Navfn(NavfnParameters(), FAST) for _ in range(2)]
+    free = [planner.plan(grid, start, goal) for planner in planners]
+    grid.cells[:, 20] = 254
+    grid.touch((20, 0, 21, 20))
+    assert all(plan is not None for plan in free)
+    assert [planner.plan(grid, start, goal) is None for planner in planners] == [True, True]
+
+
 def test_parameters_are_those_of_noetic_and_checked():
     defaults = NavfnParameters()
     assert (defaults.allow_unknown, defaults.default_tolerance) == (True, 0.0)

@@ -117,8 +117,7 @@ def test_up_to_its_limit_the_remainder_is_that_without_one(seed):
     assert (limited.ahead[~within] > limit).all()
     assert limited.whole or (endless.ahead[~within] < UNREACHED).any()
     for _ in range(3):
-        disturb(random, grid)
-        window = grid.take_changed()
+        window = disturb(random, grid)
         if translate_costs(grid.cells, costs, table, *window):
             limited.follow(costs, window)
             endless.follow(costs, window)
