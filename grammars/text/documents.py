@@ -254,14 +254,19 @@ def _text_hint(written: str, given: Any) -> str:
 _PLAIN_MESSAGES: Final = {
     "missing": "is missing",
     "string_type": "must be text",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
     "int_type": "must be a whole number",
     "int_parsing": "must be a whole number",
     "int_from_float": "must be a whole number",
     "bool_type": "must be true or false",
     "bool_parsing": "must be true or false",
     "list_type": "must be a list",
+    "tuple_type": "must be a list",
     "dict_type": "must be keys with values",
     "model_type": "must be keys with values",
+    "dataclass_type": "must be keys with values",
+    "unexpected_keyword_argument": "nothing reads this",
     "too_short": "must have {min_length} or more",
     "too_long": "must have {max_length} or fewer",
     "string_too_long": "must have {max_length} characters or fewer",
@@ -280,10 +285,19 @@ def plain_message(finding: Any) -> str:
     return re.sub(r"^Input should ", "must ", message)
 
 
+_PATTERNS: Final = {
+    "^[A-Za-z_][A-Za-z0-9_]*$": (
+        'must be letters (a to z), digits and "_", and not begin with a digit'
+    ),
+    "^[~/]?[A-Za-z][A-Za-z0-9_/]*$": "must be a name such as scan or /robot1/scan",
+    "^/[A-Za-z][A-Za-z0-9_/]*$": "must be a full name such as /robot1/amcl",
+}
+
+
 def _pattern_in_words(pattern: str) -> str:
     """Describe a pattern of names, such as ``^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$``."""
-    if pattern == "^[A-Za-z_][A-Za-z0-9_]*$":
-        return 'must be letters (a to z), digits and "_", and not begin with a digit'
+    if pattern in _PATTERNS:
+        return _PATTERNS[pattern]
     found = re.fullmatch(r"\^\[A-Za-z0-9\]\[A-Za-z0-9(\.?)_-\](?:\*|\{0,(\d+)\})\$", pattern)
     if found is None:
         return f"must match {pattern}"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -20,6 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
 from grammars.text.diagnostics import closest, did_you_mean
+from grammars.text.documents import plain_message
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -44,7 +44,7 @@ class ParameterTree:
             below = node.get(name, {})
             if not isinstance(below, Mapping):
                 place = path[: depth + 1]
-                self.report.fatal.append(ParameterFinding(place, "must be names with values"))
+                self.report.fatal.append(ParameterFinding(place, "must be keys with values"))
                 return {}
             node = below
         return node
@@ -200,42 +200,16 @@ def _integral_as_int(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-_MESSAGES = {
-    "float_type": "must be a number",
-    "int_type": "must be a whole number",
-    "int_from_float": "must be a whole number",
-    "bool_type": "must be true or false",
-    "string_type": "must be text",
-    "string_pattern_mismatch": "must be a name such as /scan",
-    "tuple_type": "must be a list",
-    "list_type": "must be a list",
-    "dict_type": "must be names with values",
-    "dataclass_type": "must be names with values",
-    "unexpected_keyword_argument": "nothing reads this",
-}
-_MESSAGES_BY_NAME = {("too_short", "footprint"): "a polygon needs at least three points"}
-
-
 def _finding(issue: Any, path: ParameterLocation) -> ParameterFinding:
     parts = (part for part in issue["loc"] if part != "[key]")
     place = (*path, *(part for part in parts if not str(part).startswith(ALTERNATIVE)))
-    known = _MESSAGES.get(issue["type"]) or _MESSAGES_BY_NAME.get((issue["type"], str(place[-1])))
-    message = known or _reword(issue)
+    few_corners = (issue["type"], place[-1]) == ("too_short", "footprint")
+    message = "a polygon needs at least three points" if few_corners else plain_message(issue)
     given = issue["input"]
     simple = isinstance(given, str | int | float) or given is None
     return ParameterFinding(
         place, f"{message} (given: {given!r})" if simple else message, _advice(given)
     )
-
-
-def _reword(issue: Any) -> str:
-    if issue["type"] in ("too_short", "too_long"):
-        bound = issue["ctx"]["min_length" if issue["type"] == "too_short" else "max_length"]
-        return f"must have {bound} or {'more' if issue['type'] == 'too_short' else 'fewer'}"
-    if issue["type"] == _AT_ODDS:
-        return str(issue["ctx"]["text"])
-    message: str = issue["msg"].removeprefix("Value error, ")
-    return re.sub(r"^Input should ", "must ", message)
 
 
 def _advice(given: Any) -> str:

@@ -132,7 +132,7 @@ class _SourceReader:
         """Return a source; none for one of a sensor nobody has, which is said."""
         written = self.layer.entries.get(name)
         if written is not None and not isinstance(written.value, Mapping):
-            message = "must be names with values"
+            message = "must be keys with values"
             self.report.fatal.append(ParameterFinding(written.place, message))
             return None
         space = self.layer.below(name)

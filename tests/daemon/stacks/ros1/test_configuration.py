@@ -14,6 +14,7 @@ from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
+from grammars.text.documents import plain_message
 
 LASER = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 BOX = [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
@@ -131,14 +132,27 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(move_base, dwa, freq
             "odom_frame_id (odom)",
         ),
         ({"topics": {"scann": "/scan"}}, 'topics/scann: nothing reads a parameter "scann"'),
-        ({"topics": {"scan": "a scan"}}, "topics/scan: must be a name such as /scan"),
-        ({"topics": {"remap": {"/a": "b c"}}}, "topics/remap//a: must be a name such as /scan"),
-        ({"topics": {"remap": {"a b": "/c"}}}, "topics/remap/a b: must be a name such as /scan"),
+        (
+            {"topics": {"scan": "a scan"}},
+            "topics/scan: must be a name such as scan or",
+        ),
+        (
+            {"topics": {"remap": {"/a": "b c"}}},
+            "topics/remap//a: must be a name such as scan or /robot1/scan",
+        ),
+        (
+            {"topics": {"remap": {"a b": "/c"}}},
+            "topics/remap/a b: must be a name such as scan or /robot1/scan",
+        ),
+        (
+            {"topics": {"nodes": {"amcl": {"name": "amcl"}}}},
+            "topics/nodes/amcl/name: must be a full name such as /robot1/amcl (given: 'amcl')",
+        ),
         ({"dispatcher": {"rat": 2.0}}, 'did you mean "rate"?'),
         ({"quirks": {"perimeter": False}}, 'did you mean "perimeter_only"?'),
-        ({"amcl": 3}, "amcl: must be names with values"),
+        ({"amcl": 3}, "amcl: must be keys with values"),
         ({"planner": "incremental"}, "planner: plans are always made as navfn and GlobalPlanner"),
-        ({"DWAPlannerROS": 3}, "move_base/DWAPlannerROS: must be names with values"),
+        ({"DWAPlannerROS": 3}, "move_base/DWAPlannerROS: must be keys with values"),
     ],
 )
 def test_what_cannot_drive_is_an_error(sections, expected):
@@ -278,6 +292,11 @@ def test_one_error_does_not_blame_the_defaults_in_its_place():
     assert len(fatal(tree(DWAPlannerROS=slow))) == 1
 
 
+def test_an_error_has_the_words_it_has_for_every_other_system():
+    (problem,) = fatal(tree(topics={"remap": 3}))
+    assert problem == f"topics/remap: {plain_message({'type': 'dict_type', 'input': 3})} (given: 3)"
+
+
 def test_messages_speak_no_pydantic():
     found = fatal(
         tree(
@@ -289,7 +308,7 @@ def test_messages_speak_no_pydantic():
         "move_base/recovery_behaviors/type[0]: this recovery is not built in, "
         "clear_costmap_recovery/ClearCostmapRecovery and rotate_recovery/RotateRecovery are: take "
         "it out of the list (given: 'move_slow_and_clear/X')",
-        "topics/scan/front[1]: must be a name such as /scan (given: 'b c')",
+        "topics/scan/front[1]: must be a name such as scan or /robot1/scan (given: 'b c')",
         "topics/nodes/amcl/nam: nothing reads this (given: '/x')",
     ]
 

@@ -326,7 +326,7 @@ def test_a_silent_sensor_that_stops_move_base_is_an_error_in_the_local_costmap()
         ({"obstacle_layer": {"obstacle_range": "far"}}, "obstacle_layer/obstacle_range"),
         ({"static_map": 1}, "static_map: must be true or false"),
         ({"observation_sources": "s", "s": {"data_type": "Range"}}, "s/data_type: must be LaserS"),
-        ({"observation_sources": "s", "s": 3}, "global_costmap/s: must be names with values"),
+        ({"observation_sources": "s", "s": 3}, "global_costmap/s: must be keys with values"),
         ({"static_map": True, "unknown_cost_value": 0}, "would make the unknown cells of the map"),
         ({"static_map": True, "lethal_cost_threshold": 0}, "makes every known cell of the map"),
         ({"width": 0.3, "rolling_window": True}, "0.3 is none at all; write 1 or more"),
