@@ -21,7 +21,8 @@ from grammars.model.behaviour import Behaviour
 from grammars.model.scene import Scene
 from grammars.text import codec
 
-MOST_RUNS: Final = 1_000_000
+MOST_RUNS: Final = 200_000
+"""Runs of a campaign, repeats in reserve included: they are entered in one transaction."""
 
 Script: TypeAlias = tuple[Behaviour, ...]
 _Index: TypeAlias = Annotated[int, Field(ge=0)]
@@ -37,7 +38,7 @@ class PackedRun(NamedTuple):
     seed: int
 
 
-PackedRuns: TypeAlias = Annotated[tuple[PackedRun, ...], Field(max_length=MOST_RUNS)]
+PackedRuns: TypeAlias = tuple[PackedRun, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,14 @@ class PackedSubmission:
     reserve: PackedRuns = ()
     fresh: bool = False
     origin: CampaignOrigin = field(default_factory=CampaignOrigin)
+
+
+def too_many_runs(count: int) -> str:
+    """Say that a campaign has more runs than it may have, and what to do."""
+    return (
+        f"the campaign has {count} runs, repeats in reserve included, and may have {MOST_RUNS}: "
+        "split its scenarios among several campaigns"
+    )
 
 
 def cell_of(run: RunSpec) -> RunSpec:

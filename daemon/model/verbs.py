@@ -111,7 +111,7 @@ class Verb(Generic[P, A]):
     Who may ask it has no default: what nobody thought about must not be everybody's. ``request``
     makes the request (its parameters are those of the client's method), ``largest`` are the bytes
     it may have, and ``advice`` says what to do about one that is larger. A ``slow`` one may take
-    minutes, with a million runs say; its answer is waited for as long as the daemon is there.
+    long, with 200,000 runs say; its answer is waited for as long as the daemon is there.
     """
 
     name: str

@@ -9,17 +9,19 @@ import statistics
 import tempfile
 import threading
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import psutil
 
 from daemon.batch import bus
+from daemon.batch.errors import Unreachable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.packed_submission import MOST_RUNS
 from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most
 from tests.chaos.light import Crew, LightWorker
 from tests.daemon.batch.harness import daemon_at, eventually, family, finished
@@ -27,7 +29,7 @@ from tests.daemon.batch.samples import make_submission
 
 EMPTY = 3000
 QUEUED = 100_000
-LARGE = 1_000_000
+LARGE = MOST_RUNS
 CAMPAIGNS = 20_000
 WORKERS = 400
 PROCESSES = 4
@@ -35,7 +37,7 @@ RUNS = 20
 IDLE = 10.0
 QUESTIONS = 300
 CORE = Reference("one core", 100.0)
-LONG = "a million runs, 400 workers"
+LONG = "200 000 runs, 400 workers"
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
 
 
@@ -99,16 +101,16 @@ def large_campaign(runs):
 
 
 def leasing(endpoint, stop, answer):
-    """Lease and complete runs one by one until told to stop; answers with the seconds of leases."""
+    """Lease and complete runs one by one until told to stop; answers with the seconds of each."""
     took = []
     with bus.open_client(endpoint) as session:
         worker = LightWorker(session, endpoint, "beside", 1)
         while not stop.wait(0.01):
             start = time.perf_counter()
-            grants = worker.lease()
+            with suppress(Unreachable):  # unanswered in time: it took as long as that
+                for grant in worker.lease():
+                    worker.complete(grant)
             took.append(time.perf_counter() - start)
-            for grant in grants:
-                worker.complete(grant)
     answer.put(took)
 
 
@@ -127,7 +129,7 @@ def leases_beside(daemon):
         took = sorted(1e3 * one for one in answer.get())
         process.join()
     if took:
-        found.append(spread("  lease beside it", took))
+        found.append(spread("  lease and result beside it", took))
 
 
 def peak(pid):
@@ -137,7 +139,7 @@ def peak(pid):
 
 
 def large(runs=LARGE):
-    """What a campaign of a million runs costs, and others meanwhile."""
+    """What the largest campaign there may be costs, and others meanwhile."""
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", QUEUED))
         submission = large_campaign(runs)
@@ -147,13 +149,10 @@ def large(runs=LARGE):
             client.submit(submission)
             took, used = time.monotonic() - start, process.cpu_times()
         own = used.user + used.system - before.user - before.system
-        read = used.children_user + used.children_system
-        read -= before.children_user + before.children_system
-        goals = (at_most(60.0),) if runs == LARGE else ()
+        goals = (at_most(30.0),) if runs == LARGE else ()
         yield Measurement(f"submit of {runs} runs", took, "s", None, goals)
         submitting = Reference("the submission", took)
         yield Measurement("  CPU of the daemon", own, "CPU s", submitting)
-        yield Measurement("  CPU of the process that reads", read, "CPU s", submitting)
         most = peak(daemon.pid)
         yield Measurement("  most memory of the daemon", most, "MiB", None, (at_most(600.0),))
         yield from beside
@@ -166,11 +165,8 @@ def large(runs=LARGE):
         with leases_beside(daemon) as beside:
             start = time.monotonic()
             client.delete((submission.campaign,))
-            hidden = time.monotonic() - start
-            eventually(lambda: daemon.noted("removed"), 600.0)
             took = time.monotonic() - start
-        note = f"hidden after {hidden:.2f} s"
-        yield Measurement(f"delete of {runs} runs", took, "s", submitting, (), note)
+        yield Measurement(f"delete of {runs} runs", took, "s", submitting)
         yield from beside
         yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 

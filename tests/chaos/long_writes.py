@@ -43,7 +43,7 @@ class Pulse:
                 self.slowest = max(self.slowest, time.monotonic() - start)
 
 
-def long_writes(folder, *, runs=250_000, working=4, lease=5.0):
+def long_writes(folder, *, runs=200_000, working=4, lease=5.0):
     """Submit and cancel ``runs`` runs while some are executed: each of these is begun once."""
     report = Report("long writes: very many runs come and go beside work")
     log, gate = Executions(folder / "executions"), folder / "gate"

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         connect,
         schema_problem,
     )
+    from daemon.batch.ledger._entry import AdmittedSubmission, prepare_submission
     from daemon.batch.ledger._forecast import Forecast, PlannedRun
     from daemon.batch.ledger._reader import LedgerReader, count_states
     from daemon.batch.ledger._retention import (
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
         stored_bytes,
         sweep_traces,
     )
-    from daemon.batch.ledger._staging import stage_submission
-    from daemon.batch.ledger._steps import Steps
     from daemon.batch.ledger._strays import StrayFile, find_strays, remove_strays
     from daemon.batch.ledger._verification import (
         ContentReport,
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA_REMEDY",
     "SCHEMA_VERSION",
+    "AdmittedSubmission",
     "ContentReport",
     "Forecast",
     "LedgerIntegrity",
@@ -48,7 +48,6 @@ __all__ = [
     "LedgerWriter",
     "PlannedRun",
     "RetentionPolicy",
-    "Steps",
     "StrayFile",
     "SweepResult",
     "VerificationProgress",
@@ -56,10 +55,10 @@ __all__ = [
     "connect",
     "count_states",
     "find_strays",
+    "prepare_submission",
     "remove_strays",
     "retry_delay",
     "schema_problem",
-    "stage_submission",
     "stored_bytes",
     "sweep_traces",
     "verify_contents",
@@ -74,10 +73,10 @@ _MODULES: Final = {
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
     "PlannedRun": "_forecast",
-    "Steps": "_steps",
+    "AdmittedSubmission": "_entry",
     "StrayFile": "_strays",
     "VerificationProgress": "_verification",
-    "stage_submission": "_staging",
+    "prepare_submission": "_entry",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",

@@ -12,22 +12,13 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError, PlaceUnusable, Unavailable
 
-SCHEMA_VERSION: Final = 12
+SCHEMA_VERSION: Final = 13
 _IN_MEMORY: Final = Path(":memory:")
 """What SQLite calls a database that is gone with its connection: no file has this name."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
 """What a question to a damaged ledger may raise: also that its message is no text."""
 _READER_PATIENCE: Final = 5.0
 _CACHE_KIB: Final = 64 * 2**10
-# What is being entered or removed is not there for whoever asks: these stand before the tables of
-# the same names on connections that read, so no question can forget it.
-_VISIBLE: Final = """
-CREATE TEMP VIEW campaign AS SELECT * FROM main.campaign WHERE visible;
-CREATE TEMP VIEW run AS SELECT * FROM main.run
-    WHERE campaign NOT IN (SELECT id FROM main.campaign WHERE visible = 0);
-CREATE TEMP VIEW tally AS SELECT * FROM main.tally
-    WHERE campaign NOT IN (SELECT id FROM main.campaign WHERE visible = 0);
-"""
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -57,8 +48,8 @@ def connect(path: Path) -> sqlite3.Connection:
         # writes a second and core are needed.
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
-        # Six indexes are written for every new run. Measured with 1,000,000 of them, see
-        # tests/benchmarks: the 2 MB that are usual hold none of them.
+        # Six indexes are written for every new run: the 2 MB that are usual hold none of those of
+        # a large campaign.
         connection.execute(f"PRAGMA cache_size = -{_CACHE_KIB}")
         connection.execute("PRAGMA foreign_keys = ON")  # off by default, and per connection
         _prepare(connection, path)
@@ -99,14 +90,12 @@ def _open_error(path: Path, error: OSError) -> DaemonError:
 def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Connection:
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
-    Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Hidden campaigns and
-    their runs are not seen. Raises ``sqlite3.Error`` if there is no ledger, and
-    :class:`DaemonError` if it has another schema.
+    Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Raises
+    ``sqlite3.Error`` if there is no ledger, and :class:`DaemonError` if it has another schema.
     """
     connection = _open_to_read(path, timeout)
     try:
         check_current(connection, path)
-        connection.executescript(_VISIBLE)
     except (sqlite3.Error, DaemonError):
         connection.close()
         raise

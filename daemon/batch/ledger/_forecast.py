@@ -14,7 +14,6 @@ _AT_ONCE: Final = 500
 # As results are found for runs that are submitted (``_results._FIND_RESULTS``).
 _WITH_RESULT: Final = (
     "SELECT DISTINCT digest FROM run AS old WHERE digest IN ({marks}) AND result <> ''"
-    " AND campaign NOT IN (SELECT id FROM campaign WHERE visible = 0)"
     " AND repeatable AND state = 'done' AND outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = old.digest"
     " AND alarm.doubted = 1)"

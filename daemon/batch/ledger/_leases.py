@@ -18,11 +18,10 @@ from daemon.batch.ledger._results import (
     read_trace_location,
     require_era,
     require_lease,
-    reuse_in_steps,
+    reuse_results,
     store_result,
 )
 from daemon.batch.ledger._searches import search_state
-from daemon.batch.ledger._steps import finish
 from daemon.batch.ledger._waiting import (
     end_waits,
     end_waits_for,
@@ -119,7 +118,7 @@ class RunUpdates:
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
                 return
-            finish(reuse_in_steps(self._db, campaign, self._total(campaign)))
+            reuse_results(self._db, campaign)
             self.record_event(now, "campaign", campaign, campaign, "extended")
 
     def _close(self, campaign: str, now: float) -> None:
@@ -127,7 +126,7 @@ class RunUpdates:
         self.record_event(now, "campaign", campaign, campaign, "finished")
 
     def _require_campaign(self, campaign: str) -> None:
-        query = "SELECT 1 FROM campaign WHERE id = ? AND visible"
+        query = "SELECT 1 FROM campaign WHERE id = ?"
         if not self._db.execute(query, (campaign,)).fetchone():
             raise Refused(f"there is no campaign {campaign}")
 
@@ -169,8 +168,7 @@ _NEXT_RUN: Final = (
     " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
     " FROM run JOIN spec ON spec.run = run.id"
     " WHERE state = 'queued' AND not_before = 0{able} AND run.campaign = (SELECT id FROM campaign"
-    " AS c WHERE finished_at IS NULL AND paused = 0 AND visible"
-    " AND id NOT IN (SELECT value FROM json_each(?2)) AND EXISTS (SELECT 1 FROM run"
+    " AS c WHERE finished_at IS NULL AND paused = 0 AND EXISTS (SELECT 1 FROM run"
     " WHERE run.campaign = c.id AND state = 'queued' AND not_before = 0{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
@@ -195,7 +193,6 @@ class LeaseUpdates(RunUpdates):
         super().__init__(connection, attempts)
         self._lease = lease
         self._era = ""
-        self._held: set[str] = set()
         self._specs = SpecReader(connection)
         # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
         self._contested: set[str] = set()
@@ -220,7 +217,7 @@ class LeaseUpdates(RunUpdates):
         leases: list[Lease] = []
         searched = 0
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
-        values = (json.dumps(lacks), json.dumps(sorted(self._held)))
+        values = (json.dumps(lacks),) if lacks else ()
         while len(leases) < count:
             row = self._db.execute(query, values).fetchone()
             if row is None:

@@ -11,8 +11,7 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
-from daemon.batch.ledger._staging import count_queued
-from daemon.batch.ledger._steps import STEP_ROWS, Steps
+from daemon.batch.ledger._entry import INSERT_RUN, count_queued
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules, RunRecord
@@ -167,19 +166,14 @@ def _run_record(
     )
 
 
-_INSERT_RUN: Final = (
-    "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-    " trace_name, seed, kind, repeatable) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-)
 # Only of systems that repeat themselves: a result of another one is one of many it might give.
 # Of several results the latest one. The old run must be at rest: while it is executed again, its
 # result may yet turn out to be in doubt.
 _FIND_RESULTS: Final = (
     "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
     " ON old.digest = new.digest AND old.result <> ''"
-    " WHERE new.campaign = ? AND new.position >= ? AND new.position < ?"
+    " WHERE new.campaign = ? AND new.position >= ?"
     " AND new.state = 'queued' AND new.result = ''"
-    " AND old.campaign NOT IN (SELECT id FROM campaign WHERE visible = 0)"
     " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = new.digest"
     " AND alarm.doubted = 1)"
@@ -330,31 +324,26 @@ def _insert_run(db: sqlite3.Connection, campaign: str, position: int, body: byte
     trace = trace_name(campaign, run.scenario, sut, run.repeat)
     known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest)
     values = (*known, trace, str(run.seed), run.sut.kind, run.sut.repeatable)
-    db.execute(_INSERT_RUN, values)
+    db.execute(INSERT_RUN, values)
     db.execute("INSERT INTO spec (run, body) VALUES (?, ?)", (name, body))
 
 
-def reuse_in_steps(db: sqlite3.Connection, campaign: str, runs: int, first: int = 0) -> Steps[int]:
+def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:
     """Give queued runs of a campaign the results their specifications have; returns how many.
 
-    ``runs`` is how many it has, and ``first`` the position of the first that is looked at. Does
-    nothing for a campaign that was submitted to run everything anew, nor for runs of systems that
-    are not repeatable. Runs of searches take results of such alone.
+    ``first`` is the position of the first that is looked at. Does nothing for a campaign that was
+    submitted to run everything anew, nor for runs of systems that are not repeatable. Runs of
+    searches take results of such alone.
     """
-    fresh = db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]
-    count = 0
-    for start in range(first, first if fresh else runs, STEP_ROWS):
-        found = db.execute(_FIND_RESULTS, (campaign, start, start + STEP_ROWS)).fetchall()
-        for run, source in found:
-            db.execute(_TAKE_RESULT, (source, run))
-            db.execute(_COPY_RESULT, (run, source))
-        if found:
-            db.execute(
-                "UPDATE campaign SET cached = cached + ? WHERE id = ?", (len(found), campaign)
-            )
-        count += len(found)
-        yield
-    return count
+    if db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]:
+        return 0
+    sources = db.execute(_FIND_RESULTS, (campaign, first)).fetchall()
+    for run, source in sources:
+        db.execute(_TAKE_RESULT, (source, run))
+        db.execute(_COPY_RESULT, (run, source))
+    if sources:
+        db.execute("UPDATE campaign SET cached = cached + ? WHERE id = ?", (len(sources), campaign))
+    return len(sources)
 
 
 def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:

@@ -26,7 +26,7 @@ _UNFINISHED: Final = (
     " SELECT campaign FROM tally WHERE state IN ('queued', 'running') AND runs > 0"
 )
 _FINISHED: Final = (
-    f"SELECT id, finished_at FROM campaign WHERE visible AND id NOT IN ({_UNFINISHED})"
+    f"SELECT id, finished_at FROM campaign WHERE id NOT IN ({_UNFINISHED})"
     " ORDER BY finished_at, serial"
 )
 _USED: Final = (

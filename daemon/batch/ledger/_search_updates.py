@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._attachment import Attachment
-from daemon.batch.ledger._deletion import remove_campaign
+from daemon.batch.ledger._entry import AdmittedSubmission, enter_parts, enter_runs
 from daemon.batch.ledger._leases import LeaseUpdates
-from daemon.batch.ledger._results import reuse_in_steps
+from daemon.batch.ledger._results import reuse_results
 from daemon.batch.ledger._searches import insert_proposal, read_task, search_state
-from daemon.batch.ledger._staging import copy_runs, enter_parts
-from daemon.batch.ledger._steps import STEP_ROWS, Steps
 from daemon.batch.ledger.transitions import Retried
 from daemon.batch.paths import StatePaths
 from daemon.model.assessments import AssessmentRules
+from daemon.model.ids import trace_name
+from daemon.model.packed_submission import PackedSubmission
 from daemon.model.proposals import Proposal
 from daemon.model.search import MOST_SEARCH_RUNS, SearchSubmission
 from daemon.model.search_answer import SearchProgress
@@ -45,11 +43,11 @@ class SearchUpdates(LeaseUpdates):
     ) -> None:
         super().__init__(connection, attempts=attempts, lease=lease)
         self._paths = paths
-        self._attachment = Attachment(connection)
+        self._deleted: list[str] = []
 
     def submit_search(
         self, search: SearchSubmission, digest: str, place: Callable[[bool], None], now: float
-    ) -> Steps[SubmissionReceipt]:
+    ) -> SubmissionReceipt:
         """Enter a search whose content has that ``digest``, or go on with one that is known.
 
         ``place`` puts its files where they belong, before the commit: without them it could never
@@ -58,17 +56,15 @@ class SearchUpdates(LeaseUpdates):
         """
         campaign = search.campaign
         row = self._db.execute(
-            "SELECT digest, total, visible FROM campaign WHERE id = ?", (campaign,)
+            "SELECT digest, total FROM campaign WHERE id = ?", (campaign,)
         ).fetchone()
-        if row is not None and row[2]:
+        if row is not None:
             if row[0] != digest:
                 raise Refused(f"campaign id {campaign} is taken by another campaign")
             place(True)
             if search_state(self._db, campaign) in _LIVE:
                 self._go_on(campaign, now)
             return SubmissionReceipt(campaign, row[1], known=True)
-        if row is not None and self._paths is not None:
-            yield from remove_campaign(self._db, self._paths, campaign)
         named = (campaign, search.name, search.about, search.source, digest)
         declared = codec.to_json(AssessmentRules())
         self._db.execute(
@@ -84,34 +80,34 @@ class SearchUpdates(LeaseUpdates):
         self.record_event(now, "campaign", campaign, campaign, "submitted")
         return SubmissionReceipt(campaign, 0, known=False)
 
-    def extend_in_steps(
-        self, campaign: str, proposals: tuple[Proposal, ...], staged: Path, now: float
-    ) -> Steps[int]:
-        """Add the runs that are staged, one for each proposal; returns how many are new.
+    def extend(
+        self, proposals: tuple[Proposal, ...], prepared: AdmittedSubmission, now: float
+    ) -> int:
+        """Add runs to a search, one for each proposal; returns how many are new.
 
         Refuses others than are there at their positions, and what leaves positions out.
         """
+        campaign = prepared.packed.campaign
         self._require_running(campaign)
-        with self._attachment.of(str(staged)):
-            first, total = proposals[0].position, self._total(campaign)
-            if first > total:
-                raise Refused(f"{campaign} has {total} runs: none can be added at {first}")
-            known = min(total - first, len(proposals))
-            self._check_proposals(campaign, proposals)
-            self._compare(campaign, proposals[:known], first)
-            if first + len(proposals) > MOST_SEARCH_RUNS:
-                raise Refused(f"a search has at most {MOST_SEARCH_RUNS} runs")
-            self._refuse_twice(known)
-            yield from enter_parts(self._db)
-            for start in range(known, len(proposals), STEP_ROWS):
-                # It may have been cancelled between two steps.
-                self._require_running(campaign)
-                end = min(start + STEP_ROWS, len(proposals))
-                self._enter_proposals(campaign, proposals[start:end], start, first)
-                yield
+        first, total = proposals[0].position, self._total(campaign)
+        if first > total:
+            raise Refused(f"{campaign} has {total} runs: none can be added at {first}")
+        known = min(total - first, len(proposals))
+        self._check_proposals(proposals, prepared.packed)
+        self._compare(prepared, first)
+        if first + len(proposals) > MOST_SEARCH_RUNS:
+            raise Refused(f"a search has at most {MOST_SEARCH_RUNS} runs")
+        self._refuse_twice(prepared.packed, known)
         added = len(proposals) - known
         if added:
-            yield from reuse_in_steps(self._db, campaign, first + len(proposals), first + known)
+            enter_parts(self._db, prepared)
+            enter_runs(self._db, prepared, known, first)
+            for proposal in proposals[known:]:
+                insert_proposal(self._db, campaign, proposal)
+            self._db.execute(
+                "UPDATE campaign SET total = total + ? WHERE id = ?", (added, campaign)
+            )
+            reuse_results(self._db, campaign, first + known)
             self.record_event(now, "campaign", campaign, campaign, "extended")
         return added
 
@@ -123,14 +119,12 @@ class SearchUpdates(LeaseUpdates):
                 f"the search {campaign} is {state}" if state else f"{campaign} is no search"
             )
 
-    def _check_proposals(self, campaign: str, proposals: tuple[Proposal, ...]) -> None:
+    def _check_proposals(self, proposals: tuple[Proposal, ...], packed: PackedSubmission) -> None:
         """Refuse runs that are not what their proposals say."""
+        campaign = packed.campaign
         task, _ = read_task(self._db, campaign)
-        rows = self._db.execute(
-            "SELECT scenario FROM staged_run JOIN staged_cell USING (cell)"
-            " ORDER BY staged_run.position"
-        ).fetchall()
-        for proposal, (scenario,) in zip(proposals, rows, strict=True):
+        for proposal, run in zip(proposals, packed.runs, strict=True):
+            scenario = packed.cells[run.cell].scenario
             # A building that is drawn stands behind its name: S.3@1204.
             if scenario.partition("@")[0] != task.scenario_of(proposal.number):
                 raise Refused(f"{scenario!r} is not proposal {proposal.number} of {campaign}")
@@ -140,42 +134,29 @@ class SearchUpdates(LeaseUpdates):
                     f" has {len(task.parameters)} parameters"
                 )
 
-    def _compare(self, campaign: str, proposals: tuple[Proposal, ...], first: int) -> None:
+    def _compare(self, prepared: AdmittedSubmission, first: int) -> None:
         """Refuse other runs than are there: the same search must propose the same again."""
+        campaign = prepared.packed.campaign
         rows = self._db.execute(
-            "SELECT run.position, run.digest, staged_run.digest FROM run JOIN staged_run"
-            " ON staged_run.position = run.position - ?2 WHERE campaign = ?1"
-            " AND run.position >= ?2 AND run.position < ?3 ORDER BY run.position",
-            (campaign, first, first + len(proposals)),
+            "SELECT position, digest FROM run WHERE campaign = ? AND position >= ?"
+            " ORDER BY position LIMIT ?",
+            (campaign, first, len(prepared.digests)),
         )
-        for position, known, proposed in rows:
-            if known != proposed:
+        for position, known in rows:
+            if known != prepared.digests[position - first]:
                 raise Refused(
                     f"{campaign}.{position} is another run than is proposed: what was proposed"
                     " before, or what it gave, is not what it was"
                 )
 
-    def _refuse_twice(self, known: int) -> None:
+    def _refuse_twice(self, packed: PackedSubmission, known: int) -> None:
         """Refuse runs, from the one that is ``known`` on, of a name that another one has."""
-        row = self._db.execute(
-            "SELECT run.id, scenario, repeat FROM run JOIN ("
-            " SELECT trace || staged_run.repeat || '.mcap' AS name FROM staged_run"
-            " JOIN staged_cell USING (cell) WHERE staged_run.position >= ?) AS staged"
-            " ON run.trace_name = staged.name LIMIT 1",
-            (known,),
-        ).fetchone()
-        if row is not None:
-            raise Refused(f"{row[1]}, repeat {row[2]}, is there already: {row[0]}")
-
-    def _enter_proposals(
-        self, campaign: str, proposals: tuple[Proposal, ...], start: int, offset: int
-    ) -> None:
-        copy_runs(self._db, campaign, start, start + len(proposals), offset)
-        for proposal in proposals:
-            insert_proposal(self._db, campaign, proposal)
-        self._db.execute(
-            "UPDATE campaign SET total = total + ? WHERE id = ?", (len(proposals), campaign)
-        )
+        for run in packed.runs[known:]:
+            cell = packed.cells[run.cell]
+            name = trace_name(packed.campaign, cell.scenario, cell.sut.name, run.repeat)
+            row = self._db.execute("SELECT id FROM run WHERE trace_name = ?", (name,)).fetchone()
+            if row is not None:
+                raise Refused(f"{cell.scenario}, repeat {run.repeat}, is there already: {row[0]}")
 
     def note_progress(self, progress: SearchProgress, now: float) -> None:
         """Write down how far a search is, or how it ended.
@@ -212,7 +193,7 @@ class SearchUpdates(LeaseUpdates):
         """Return the searches that run, and how many runs each has."""
         rows = self._db.execute(
             "SELECT id, total FROM search JOIN campaign ON campaign.id = search.campaign"
-            " WHERE search.state = 'running' AND visible"
+            " WHERE search.state = 'running'"
         )
         return dict(rows.fetchall())
 

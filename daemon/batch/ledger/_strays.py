@@ -32,6 +32,7 @@ StrayKind: TypeAlias = Literal[
     "file of no campaign",
     "files of no search",
     "empty trace folder",
+    "traces of a deleted campaign",
     "spool of a dead worker",
     "copy not used for long",
 ]
@@ -45,6 +46,11 @@ _COPY_GRACE: Final = 30 * 86_400.0
 # Of grammars.text.files.replacing; of uploads and downloads; of a trace that is being written.
 _TEMPORARY: Final = re.compile(
     r"\..+\.[0-9a-f]{8}\.tmp|\.[0-9a-f]{64}(\.[0-9]+)?\.part|.+\.partial"
+)
+
+_DELETED: Final = (
+    "SELECT DISTINCT campaign FROM event WHERE kind = 'campaign' AND state = 'deleted'"
+    " AND campaign NOT IN (SELECT id FROM campaign)"
 )
 
 
@@ -74,11 +80,14 @@ def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Needed:
-    """Digests of scenes and files that runs need, campaigns that are not finished, searches."""
+    """Digests of scenes and files that runs need, and campaigns: those that are not finished,
+    searches, those that were deleted.
+    """
 
     inputs: frozenset[str]
     unfinished: frozenset[str]
     searches: frozenset[str]
+    deleted: frozenset[str]
 
 
 def _read_ledger(paths: StatePaths) -> _Needed:
@@ -88,9 +97,11 @@ def _read_ledger(paths: StatePaths) -> _Needed:
             needed, _ = referenced_inputs(db)
             unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
             searches = db.execute("SELECT campaign FROM search").fetchall()
+            deleted = db.execute(_DELETED).fetchall()
     except (sqlite3.Error, ValueError, TypeError, KeyError) as error:
         raise DaemonError(f"{paths.ledger} does not say what is needed: {error}") from error
-    return _Needed(needed, *(frozenset(row[0] for row in rows) for rows in (unfinished, searches)))
+    named = (frozenset(row[0] for row in rows) for rows in (unfinished, searches, deleted))
+    return _Needed(needed, *named)
 
 
 def _find(paths: StatePaths, now: float, needed: _Needed) -> Iterator[StrayFile]:
@@ -107,7 +118,10 @@ def _find(paths: StatePaths, now: float, needed: _Needed) -> Iterator[StrayFile]
     unknown = (p for p in bundles if p.name not in needed.searches)
     yield from _old("files of no search", unknown, now, _GRACE)
     for folder in _folders(paths.traces):
-        if folder.name not in needed.unfinished and not any(folder.iterdir()):
+        if folder.name in needed.deleted:
+            # The daemon died between the commit and their end.
+            yield from _old("traces of a deleted campaign", [folder], now, _GRACE)
+        elif folder.name not in needed.unfinished and not any(folder.iterdir()):
             yield from _old("empty trace folder", [folder], now, _GRACE)
     yield from _find_spools(paths, now)
     damaged = (p for p in (*_entries(paths.scenes), *_entries(paths.files)) if p.suffix == DAMAGED)
@@ -122,7 +136,7 @@ def _find(paths: StatePaths, now: float, needed: _Needed) -> Iterator[StrayFile]
 
 
 def _find_temporary(paths: StatePaths, now: float) -> Iterator[StrayFile]:
-    kept = (paths.state, paths.scenes, paths.files, paths.searches)
+    kept = (paths.state, paths.scenes, paths.files, paths.searches, paths.traces)
     for folder in (*kept, *_folders(paths.traces)):
         left = (path for path in _entries(folder) if _TEMPORARY.fullmatch(path.name))
         yield from _old("temporary file", left, now, _GRACE)
@@ -187,14 +201,12 @@ def _remove(stray: StrayFile, now: float) -> bool:
         path.rename(aside)
     except FileNotFoundError:
         return False
-    if aside.is_dir():
-        if is_locked(aside / "lock"):
-            aside.rename(path)
-            return False
-        shutil.rmtree(aside)
-    elif now - aside.lstat().st_mtime < _GRACE and not path.exists():
+    touched = now - aside.lstat().st_mtime < _GRACE and not path.exists()
+    if touched or (aside.is_dir() and is_locked(aside / "lock")):
         aside.rename(path)
         return False
+    if aside.is_dir():
+        shutil.rmtree(aside)
     else:
         aside.unlink()
     return True

@@ -5,26 +5,42 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Final, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
-from daemon.batch.ledger._deletion import hides_anything, remove_campaign, remove_hidden
-from daemon.batch.ledger._results import note_of_result, remove_result, reuse_in_steps
+from daemon.batch.ledger._deletion import remove_campaign, remove_files, remove_unused_parts
+from daemon.batch.ledger._entry import (
+    AdmittedSubmission,
+    enter_parts,
+    enter_reserve,
+    enter_runs,
+    prepare_submission,
+)
+from daemon.batch.ledger._results import note_of_result, remove_result, reuse_results
 from daemon.batch.ledger._search_updates import SearchUpdates
 from daemon.batch.ledger._searches import search_state
-from daemon.batch.ledger._staging import drop_rows, enter_rows, read_campaign, stage_rows
-from daemon.batch.ledger._steps import STEP_ROWS, Steps, finish
-from daemon.batch.ledger.transitions import Cancelled, Retried
 from daemon.batch.paths import StatePaths
 from daemon.model.deadline import was_stopped
 from daemon.model.messages import RetryRequest
 from daemon.model.packed_submission import pack_submission
 from daemon.model.status import Submission, SubmissionReceipt
 from daemon.model.verdicts import Outcome
+from grammars.text import codec
 
 T = TypeVar("T")
+
+# What ``transitions.advance`` makes of each run of a campaign that is cancelled, and of one that is
+# retried: at once, since there may be 200,000.
+_CANCEL: Final = (
+    "UPDATE run SET state = CASE result WHEN '' THEN 'cancelled' ELSE 'done' END, token = 0,"
+    " lease_until = 0, reason = 'cancelled' WHERE campaign = ? AND state IN ('queued', 'running')"
+)
+_RETRY: Final = (
+    "UPDATE run SET state = 'queued', token = 0, lease_until = 0, reason = '', strikes = 0,"
+    " lapses = 0, setbacks = 0, not_before = 0,"
+    " outdated = CASE state WHEN 'done' THEN granted ELSE outdated END WHERE id = ?"
+)
 
 
 class LedgerWriter(SearchUpdates):
@@ -57,25 +73,35 @@ class LedgerWriter(SearchUpdates):
         be written.
         """
         self.events = []
+        self._deleted = []
         try:
             # IMMEDIATE: whoever removes traces may hold the lock, and a transaction that begins by
             # reading could not wait for it when it comes to writing.
             self._db.execute("BEGIN IMMEDIATE")
             yield
             self._db.execute("COMMIT")
-            self._attachment.detach()
         except BaseException as error:
             self.events = []
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            self._attachment.detach()
             if isinstance(error, UNREADABLE):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
+        self._remove_files()
+
+    def _remove_files(self) -> None:
+        """Remove the files of campaigns that were deleted, unless one is there again by now."""
+        for campaign in self._deleted:
+            if self._paths is not None and not self._is_known(campaign):
+                remove_files(self._paths, campaign)
+
+    def _is_known(self, campaign: str) -> bool:
+        query = "SELECT 1 FROM campaign WHERE id = ?"
+        return self._db.execute(query, (campaign,)).fetchone() is not None
 
     def attempt(self, act: Callable[[LedgerWriter], T]) -> T | Exception:
         """Do something within a transaction; what it raises is returned and undoes only itself."""
-        kept = len(self.events)
+        kept, deleted = len(self.events), len(self._deleted)
         self._db.execute("SAVEPOINT attempt")
         try:
             value: T | Exception = act(self)
@@ -85,7 +111,7 @@ class LedgerWriter(SearchUpdates):
             raise
         except Exception as error:
             self._db.execute("ROLLBACK TO attempt")
-            del self.events[kept:]
+            del self.events[kept:], self._deleted[deleted:]
             value = error
         self._db.execute("RELEASE attempt")
         return value
@@ -115,71 +141,50 @@ class LedgerWriter(SearchUpdates):
         return not busy
 
     def submit(self, submission: Submission, now: float) -> SubmissionReceipt:
-        """Enter a campaign and its runs at once; the same submission again changes nothing."""
-        stage_rows(self._db, pack_submission(submission), "temp")
-        try:
-            return finish(self._enter(now))
-        finally:
-            drop_rows(self._db)
+        """Enter a campaign and its runs; the same submission again changes nothing."""
+        return self.enter(prepare_submission(pack_submission(submission)), now)
 
-    def submit_in_steps(self, staged: Path, now: float) -> Steps[SubmissionReceipt]:
-        """Enter what :func:`daemon.batch.ledger.stage_submission` has made ready.
-
-        Nobody sees anything of it before the last step. Given up before, what there is of it is
-        hidden, and removed by :meth:`remove_hidden_in_steps` or by the same once more.
-        """
-        with self._attachment.of(str(staged)):
-            receipt: SubmissionReceipt = yield from self._enter(now)
-        return receipt
-
-    def _enter(self, now: float) -> Steps[SubmissionReceipt]:
-        staged = read_campaign(self._db)
+    def enter(self, prepared: AdmittedSubmission, now: float) -> SubmissionReceipt:
+        """Enter a campaign that was made ready, as :meth:`submit` does."""
+        packed, runs = prepared.packed, len(prepared.packed.runs)
+        campaign = packed.campaign
         row = self._db.execute(
-            "SELECT digest, total, visible FROM campaign WHERE id = ?", (staged.id,)
+            "SELECT digest, total FROM campaign WHERE id = ?", (campaign,)
         ).fetchone()
-        if row is not None and row[2]:
-            if row[0] != staged.digest:
-                raise Refused(f"campaign id {staged.id} is taken by another campaign")
-            return SubmissionReceipt(staged.id, row[1], known=True)
-        if row is not None and self._paths is not None:
-            # What is left of an earlier attempt, or being deleted.
-            yield from remove_campaign(self._db, self._paths, staged.id)
-        named = (staged.id, staged.name, staged.about, staged.source, staged.digest, staged.runs)
+        if row is not None:
+            if row[0] != prepared.digest:
+                raise Refused(f"campaign id {campaign} is taken by another campaign")
+            return SubmissionReceipt(campaign, row[1], known=True)
         self._db.execute(
             "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
-            " fresh, origin, visible) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 0)",
-            (*named, now, staged.declared, staged.fresh, staged.origin),
+            " fresh, origin) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                campaign,
+                packed.name,
+                packed.about,
+                packed.source,
+                prepared.digest,
+                runs,
+                now,
+                codec.to_json(packed.declared),
+                packed.fresh,
+                codec.to_json(packed.origin),
+            ),
         )
-        yield
-        yield from enter_rows(self._db, staged)
-        cached = yield from reuse_in_steps(self._db, staged.id, staged.runs)
-        self._db.execute("UPDATE campaign SET visible = 1 WHERE id = ?", (staged.id,))
-        self.record_event(now, "campaign", staged.id, staged.id, "submitted")
+        enter_parts(self._db, prepared)
+        enter_runs(self._db, prepared)
+        enter_reserve(self._db, prepared)
+        cached = reuse_results(self._db, campaign)
+        self.record_event(now, "campaign", campaign, campaign, "submitted")
         if cached:
-            self._close_if_finished(staged.id, now)
-        return SubmissionReceipt(staged.id, staged.runs, known=False, cached=cached)
+            self._close_if_finished(campaign, now)
+        return SubmissionReceipt(campaign, runs, known=False, cached=cached)
 
     def cancel(self, campaign: str, now: float) -> int:
-        """Cancel what is queued or running of a campaign at once; returns how many runs."""
-        return finish(self.cancel_in_steps(campaign, now))
-
-    def cancel_in_steps(self, campaign: str, now: float) -> Steps[int]:
-        """Cancel what is queued or running of a campaign; returns how many runs.
-
-        None of it is leased meanwhile. A search ends. Given up in the middle, it is done once more.
-        """
+        """Cancel what is queued or running of a campaign; returns how many runs. A search ends."""
         self._require_campaign(campaign)
         self._end_search(campaign, "cancelled", "", now)
-        count, position = 0, -1
-        with self._holding(campaign):
-            while rows := self._rows_after(
-                campaign, position, "id", "state IN ('queued', 'running')"
-            ):
-                position = rows[-1][0]
-                for _, run in rows:
-                    self._apply(run, Cancelled(), now, quiet=True)
-                count += len(rows)
-                yield
+        count = self._db.execute(_CANCEL, (campaign,)).rowcount
         # A search may have nothing that waits or runs.
         if count or self._is_open(campaign):
             self.record_event(now, "campaign", campaign, campaign, "cancelled")
@@ -189,25 +194,6 @@ class LedgerWriter(SearchUpdates):
     def _is_open(self, campaign: str) -> bool:
         query = "SELECT finished_at IS NULL FROM campaign WHERE id = ?"
         return bool(self._db.execute(query, (campaign,)).fetchone()[0])
-
-    def _rows_after(
-        self, campaign: str, position: int, columns: str, condition: str
-    ) -> list[tuple[Any, ...]]:
-        """Return position and ``columns`` of the next runs of a campaign that are meant."""
-        return self._db.execute(
-            f"SELECT position, {columns} FROM run WHERE campaign = ? AND position > ?"
-            f" AND {condition} ORDER BY position LIMIT ?",
-            (campaign, position, STEP_ROWS),
-        ).fetchall()
-
-    @contextmanager
-    def _holding(self, campaign: str) -> Iterator[None]:
-        """Lease no runs of a campaign in the block: others come between its steps."""
-        self._held.add(campaign)
-        try:
-            yield
-        finally:
-            self._held.discard(campaign)
 
     def pause(self, campaign: str, now: float, *, paused: bool) -> int:
         """Lease no more runs of a campaign, or go on; returns how many are queued.
@@ -234,15 +220,11 @@ class LedgerWriter(SearchUpdates):
         self.record_event(now, "campaign", campaign, campaign, "prioritised", str(priority))
 
     def retry(self, request: RetryRequest, now: float) -> int:
-        """Queue runs again at once, as :meth:`retry_in_steps` does."""
-        return finish(self.retry_in_steps(request, now))
-
-    def retry_in_steps(self, request: RetryRequest, now: float) -> Steps[int]:
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
 
         The result of a run that is not repeatable, or that the wall clock ended, is forgotten:
-        the next one takes its place. None of the campaign is leased meanwhile. A search that was
-        cancelled or has failed goes on, with what was cancelled.
+        the next one takes its place. A search that was cancelled or has failed goes on, with what
+        was cancelled.
         """
         campaign = request.campaign
         self._require_campaign(campaign)
@@ -250,38 +232,29 @@ class LedgerWriter(SearchUpdates):
         queued = self._retry_search(campaign, words, now)
         if queued is not None:
             return queued
-        count, position = 0, -1
-        with self._holding(campaign):
-            while rows := self._rows_after(
-                campaign,
-                position,
-                "id, state, outcome, repeatable",
-                "state IN ('done', 'lost', 'cancelled')",
-            ):
-                position = rows[-1][0]
-                chosen = [row[1:] for row in rows if {row[2], row[3]} & words or "all" in words]
-                for run, _, outcome, repeatable in chosen:
-                    self._retry_run(run, outcome, bool(repeatable), now)
-                if chosen and not count:
-                    self._db.execute(
-                        "UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,)
-                    )
-                count += len(chosen)
-                yield
-        if count:
-            self.record_event(now, "campaign", campaign, campaign, "retried")
-        return count
+        rows = self._db.execute(
+            "SELECT id, state, outcome, repeatable FROM run WHERE campaign = ?"
+            " AND state IN ('done', 'lost', 'cancelled')",
+            (campaign,),
+        ).fetchall()
+        chosen = [row for row in rows if {row[1], row[2]} & words or "all" in words]
+        if not chosen:
+            return 0
+        self._db.executemany(_RETRY, ((run,) for run, *_ in chosen))
+        for run, _, outcome, repeatable in chosen:
+            if not repeatable or self._was_stopped(run, outcome):
+                remove_result(self._db, run)
+        self._db.execute("UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,))
+        self.record_event(now, "campaign", campaign, campaign, "retried")
+        return len(chosen)
 
-    def _retry_run(self, run: str, outcome: str, repeatable: bool, now: float) -> None:
-        stopped = outcome == Outcome.ERROR and was_stopped(note_of_result(self._db, run))
-        self._apply(run, Retried(stopped), now, quiet=True)
-        if stopped or not repeatable:
-            remove_result(self._db, run)
+    def _was_stopped(self, run: str, outcome: str) -> bool:
+        return outcome == Outcome.ERROR and was_stopped(note_of_result(self._db, run))
 
     def deletable(self, campaigns: Sequence[str]) -> tuple[int, ...]:
         """Return how many runs campaigns have that may be deleted; refuses while runs wait or run.
 
-        Nor may a search that goes on, or one that is being changed in steps.
+        Nor may a search that goes on.
         """
         for campaign in campaigns:
             self._require_campaign(campaign)
@@ -295,34 +268,21 @@ class LedgerWriter(SearchUpdates):
                     f"{campaign} has {waiting} runs that wait or run: cancel it first"
                     f" (`scenario cancel {campaign}`)"
                 )
-            if campaign in self._held:
-                raise Refused(f"{campaign} is being changed just now: try again in a moment")
         return tuple(map(self._total, campaigns))
 
     def delete(self, campaigns: Sequence[str], now: float) -> None:
-        """Hide campaigns for good, all or none; refuses as :meth:`deletable` does.
+        """Remove campaigns for good, all or none; refuses as :meth:`deletable` does.
 
-        Their rows and traces go by :meth:`remove_hidden_in_steps`.
+        Their traces, and the files of searches, go after the commit.
         """
         self.deletable(campaigns)
+        assert self._paths is not None
         for campaign in campaigns:
-            self._db.execute("UPDATE campaign SET visible = 0 WHERE id = ?", (campaign,))
+            remove_campaign(self._db, self._paths, campaign)
+            # The last word about it stays: who was away learns that it is gone.
             self.record_event(now, "campaign", campaign, campaign, "deleted")
-
-    @property
-    def hides_anything(self) -> bool:
-        """Whether there are campaigns to remove: deleted ones, and those not entered as a whole."""
-        return hides_anything(self._db)
-
-    def remove_hidden_in_steps(self) -> Steps[int]:
-        """Remove what is hidden, with its traces; returns how many campaigns.
-
-        Not while one is being entered. Given up in the middle, it is begun again.
-        """
-        if self._paths is None:
-            return 0
-        removed: int = yield from remove_hidden(self._db, self._paths)
-        return removed
+        remove_unused_parts(self._db)
+        self._deleted += campaigns
 
 
 def _retry_words(only: Sequence[str]) -> frozenset[str]:

@@ -29,14 +29,12 @@ CREATE TABLE campaign (
     paused       INTEGER NOT NULL DEFAULT 0,
     priority     INTEGER NOT NULL DEFAULT 0,
     served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
-    visible      INTEGER NOT NULL DEFAULT 1, -- 0: being entered or removed, part by part
     origin       BLOB NOT NULL DEFAULT x''   -- its file and the commit it was written at
 ) STRICT;
 
 -- Whose turn it is: campaigns of one priority take turns.
 CREATE INDEX campaign_turn ON campaign (priority DESC, served, serial) WHERE finished_at IS NULL;
 CREATE INDEX campaign_name ON campaign (name, serial);
-CREATE INDEX campaign_hidden ON campaign (id) WHERE visible = 0;
 
 -- One row per run, kept small: lists read nothing else. Empty text means "none yet".
 CREATE TABLE run (

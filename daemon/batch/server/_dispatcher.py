@@ -7,7 +7,7 @@ error reply, never more.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +17,6 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger import Steps
 from daemon.batch.security import strip_control_characters
 from daemon.batch.server._revoked_keys import RevokedKeys, split_key
 from daemon.batch.server._runtime import EventLog
@@ -34,10 +33,8 @@ _LONGEST_KEY: Final = 200
 class VerbHandler:
     """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
-    Its second argument is the request. What takes long in the writer is done in
-    :class:`daemon.batch.ledger.Steps`, which
-    ``act`` returns. What takes long and needs no ledger a thread for that does first: then
-    ``prepare`` makes of the request, as it came, what ``act`` gets.
+    Its second argument is the request. What takes long and needs no ledger a thread for that does
+    first: then ``prepare`` makes of the request, as it came, what ``act`` gets.
     """
 
     act: Callable[[Any, Any], object]
@@ -175,14 +172,6 @@ def read_request(verb: AnyVerb, payload: bytes) -> object:
     return request
 
 
-def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> object:
+def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> bytes:
     # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
-    value = handler.act(ledger, request)
-    if isinstance(value, Generator):
-        return _answer_in_steps(verb, value)
-    return codec.to_json(value, verb.answer)
-
-
-def _answer_in_steps(verb: AnyVerb, steps: Steps[object]) -> Steps[bytes]:
-    value = yield from steps
-    return codec.to_json(value, verb.answer)
+    return codec.to_json(handler.act(ledger, request), verb.answer)

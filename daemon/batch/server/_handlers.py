@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps, count_states
+from daemon.batch.ledger import AdmittedSubmission, LedgerReader, LedgerWriter, count_states
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchHandlers
-from daemon.batch.server._submissions import stage_request
+from daemon.batch.server._submissions import prepare_request
 from daemon.batch.server._time_left import TimeLeftClock
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import WorkerRegistry
@@ -248,15 +248,12 @@ class Handlers(SearchHandlers):
 
     # Changes of the ledger; each is answered after its commit
 
-    def _admit(self, payload: bytes) -> Path:
-        return stage_request(payload, self.paths)
+    def _admit(self, payload: bytes) -> AdmittedSubmission:
+        return prepare_request(payload, self.paths)
 
-    def submit(self, ledger: LedgerWriter, staged: Path) -> Steps[SubmissionReceipt]:
+    def submit(self, ledger: LedgerWriter, prepared: AdmittedSubmission) -> SubmissionReceipt:
         self._end_waits(ledger)
-        try:
-            receipt = yield from ledger.submit_in_steps(staged, self.clock.now())
-        finally:
-            staged.unlink(missing_ok=True)
+        receipt = ledger.enter(prepared, self.clock.now())
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
 
@@ -265,13 +262,13 @@ class Handlers(SearchHandlers):
         for reason in self._inputs.take_restored():
             ledger.end_waits_for(reason)
 
-    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Steps[Count]:
-        count = yield from ledger.cancel_in_steps(request.id, self.clock.now())
+    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
+        count = ledger.cancel(request.id, self.clock.now())
         self.log.write("cancelled", campaign=request.id, runs=count)
         return Count(count)
 
-    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Steps[Count]:
-        count = yield from ledger.retry_in_steps(request, self.clock.now())
+    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:
+        count = ledger.retry(request, self.clock.now())
         self.log.write("retried", campaign=request.campaign, runs=count)
         return Count(count)
 

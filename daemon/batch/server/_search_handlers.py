@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, Steps
+from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import DaemonClock, EventLog
 from daemon.batch.server._searches import (
@@ -47,13 +47,13 @@ class SearchHandlers:
     def _admit_search(self, payload: bytes) -> StagedSearch:
         return stage_search(payload, self.paths)
 
-    def search(self, ledger: LedgerWriter, staged: StagedSearch) -> Steps[SubmissionReceipt]:
+    def search(self, ledger: LedgerWriter, staged: StagedSearch) -> SubmissionReceipt:
         def place(same: bool) -> None:
             staged.place(self.paths, same=same)
 
         try:
             now = self.clock.now()
-            receipt = yield from ledger.submit_search(staged.asked, staged.digest, place, now)
+            receipt = ledger.submit_search(staged.asked, staged.digest, place, now)
         finally:
             staged.remove()
         self.log.write("search submitted", **codec.to_plain(receipt))
@@ -62,14 +62,8 @@ class SearchHandlers:
     def _admit_extension(self, payload: bytes) -> StagedExtension:
         return stage_extension(payload, self.paths)
 
-    def extend(self, ledger: LedgerWriter, staged: StagedExtension) -> Steps[Count]:
-        try:
-            added = yield from ledger.extend_in_steps(
-                staged.campaign, staged.proposals, staged.rows, self.clock.now()
-            )
-        finally:
-            staged.rows.unlink(missing_ok=True)
-        return Count(added)
+    def extend(self, ledger: LedgerWriter, staged: StagedExtension) -> Count:
+        return Count(ledger.extend(staged.proposals, staged.runs, self.clock.now()))
 
     def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:
         ledger.note_progress(progress, self.clock.now())

@@ -1,7 +1,7 @@
 """What the daemon admits of searches: their files, and the runs that are added to them.
 
 The files of a search are written into a folder for its owner alone, by names that lead nowhere
-else; where they are large, by a process of its own.
+else.
 """
 
 from __future__ import annotations
@@ -15,15 +15,10 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger import stage_submission
+from daemon.batch.ledger import AdmittedSubmission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
-from daemon.batch.server._submissions import (
-    LARGE_REQUEST,
-    admit_in_child,
-    admit_submission,
-    staged_rows,
-)
+from daemon.batch.server._submissions import admit_submission
 from daemon.model.bundles import unpack_bundle
 from daemon.model.ids import is_id
 from daemon.model.proposals import ExtendRequest, Proposal
@@ -31,7 +26,7 @@ from daemon.model.search import SearchSubmission
 from daemon.model.verbs import EXTEND, SEARCH
 from grammars.text import codec
 
-_FILES, _ASKED, _DIGEST = "files", "search.json", "digest"
+_FILES: Final = "files"
 _STAGED: Final = ".search.{}.tmp"
 
 
@@ -64,11 +59,10 @@ class StagedSearch:
 
 @dataclass(frozen=True, slots=True)
 class StagedExtension:
-    """Runs to be added to a search: what they are about, and the file of their rows."""
+    """Runs to be added to a search, and what they are about."""
 
-    campaign: str
     proposals: tuple[Proposal, ...]
-    rows: Path
+    runs: AdmittedSubmission
 
 
 def _holds_all(folder: Path, wanted: Path) -> bool:
@@ -95,12 +89,10 @@ def stage_search(payload: bytes, paths: StatePaths) -> StagedSearch:
     folder = paths.searches / _STAGED.format(uuid.uuid4().hex[:8])
     try:
         folder.mkdir(mode=0o700)
-        if len(payload) < LARGE_REQUEST:
-            stage_search_here(payload, folder)
-        else:
-            admit_in_child(payload, folder, paths, str(SEARCH))
-        asked = codec.from_json(SearchSubmission, (folder / _ASKED).read_bytes())
-        return StagedSearch(asked, (folder / _DIGEST).read_text(), folder)
+        search = _read_search(payload)
+        _unpack(search, folder)
+        digest = codec.digest(replace(search, fresh=False))
+        return StagedSearch(replace(search, files=()), digest, folder)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, OSError):
@@ -119,15 +111,11 @@ def _read_search(payload: bytes) -> SearchSubmission:
     return search
 
 
-def stage_search_here(payload: bytes, folder: Path) -> None:
-    """Check a search and write its files, in this process; raises as :func:`stage_search` does."""
-    search = _read_search(payload)
+def _unpack(search: SearchSubmission, folder: Path) -> None:
     try:
         unpack_bundle(search.files, folder / _FILES)
     except ValueError as error:
         raise Refused(f"the files of the search: {error}") from error
-    (folder / _DIGEST).write_text(codec.digest(replace(search, fresh=False)))
-    (folder / _ASKED).write_bytes(codec.to_json(replace(search, files=())))
 
 
 def remove_staged_searches(paths: StatePaths) -> None:
@@ -146,10 +134,7 @@ def stage_extension(payload: bytes, paths: StatePaths) -> StagedExtension:
     problems = list(_extension_problems(request))
     if problems:
         raise Refused("\n".join(problems[:10]))
-    with staged_rows(paths) as rows:
-        admit_submission(request.runs, paths)
-        stage_submission(request.runs, rows)
-    return StagedExtension(request.campaign, request.proposals, rows)
+    return StagedExtension(request.proposals, admit_submission(request.runs, paths))
 
 
 def _extension_problems(request: ExtendRequest) -> Iterator[str]:

@@ -37,7 +37,6 @@ from daemon.batch.server._runtime import (
 )
 from daemon.batch.server._searches import remove_staged_searches
 from daemon.batch.server._stopping import StopRequest
-from daemon.batch.server._submissions import remove_remains
 from daemon.batch.server._threads import (
     LedgerJob,
     LedgerlessThread,
@@ -153,7 +152,6 @@ class _Daemon:
         self._opened = opened
         self._clock = DaemonClock()
         self._stalls = StallMeter(settings.tick)
-        self._removing = False
         self._revoked = RevokedKeys(log, listening.keys)
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
@@ -208,7 +206,6 @@ class _Daemon:
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
         self._hint = lambda: _publish_hint(session)
-        remove_remains(self._paths)
         remove_staged_searches(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
         keepers: list[Quota | Housekeeping | TraceMover] = [self._quota]
@@ -302,10 +299,6 @@ class _Daemon:
             ledger.shift_leases(stalled)
             self._registry.shift(stalled)
             self._log.write("stalled", seconds=round(stalled, 3))
-        if ledger.hides_anything and not self._removing:
-            # Behind whatever is being entered, which is hidden as well until then.
-            self._removing = True
-            writer.put(LedgerJob(LedgerWriter.remove_hidden_in_steps, self._removed))
         self._searches = ledger.running_searches()
         now = self._clock.now()
         ready = ledger.end_waits(now)
@@ -325,13 +318,6 @@ class _Daemon:
         failed = ledger.fail_searches(note, self._clock.now())
         self._log.write("searches given up", count=failed, problem=note)
         return 0
-
-    def _removed(self, value: object) -> None:
-        self._removing = False
-        if isinstance(value, Exception):
-            self._log.write("failure", key="remove", problem=repr(value))
-        elif value:
-            self._log.write("removed", campaigns=value)
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):

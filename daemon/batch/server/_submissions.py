@@ -1,122 +1,57 @@
-"""What the daemon admits of submissions: those that make sense, made ready for the ledger.
-
-Reading, checking and digesting a million runs takes Python half a minute. A large submission
-is admitted in a process of its own (:mod:`daemon.batch.server._admission_process`): in ours it
-would keep every other thread waiting, and leases with it.
-"""
+"""Submissions that the daemon admits: those that make sense, made ready for the ledger."""
 
 from __future__ import annotations
 
 import math
 import os
-import subprocess
-import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.inputs import keep_scene
-from daemon.batch.ledger import stage_submission
+from daemon.batch.ledger import AdmittedSubmission, prepare_submission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
 from daemon.model.attachments import attached_digests
-from daemon.model.execution import python_command
 from daemon.model.ids import is_id, trace_name
-from daemon.model.messages import ErrorKind, ErrorReply
-from daemon.model.packed_submission import MOST_RUNS, PackedRun, PackedSubmission
+from daemon.model.packed_submission import (
+    MOST_RUNS,
+    PackedRun,
+    PackedSubmission,
+    too_many_runs,
+)
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.verbs import SUBMIT
-from grammars.text import codec
 
 _SHOWN: Final = 10
 """Problems that are said: who has forgotten a file has forgotten it for 100,000 runs."""
-LARGE_REQUEST: Final = 256 * 2**10
-"""Bytes of a request from which on a process of its own is worth its start."""
-_PROCESS: Final = "daemon.batch.server._admission_process"
-_REQUEST, _STAGED = "submission-*.json", "submission-*.db"
 
 
-def stage_request(payload: bytes, paths: StatePaths) -> Path:
-    """Check a submission as it came and make it ready for the ledger, in a file to be deleted.
+def prepare_request(payload: bytes, paths: StatePaths) -> AdmittedSubmission:
+    """Check a submission as it came and make it ready for the ledger; stores its scenes.
 
-    Stores its scenes. Raises :class:`Refused` with all that is wrong, and :class:`Unavailable` when
-    the disk is full, say.
+    Raises :class:`Refused` with all that is wrong, and :class:`Unavailable` when the disk is full,
+    say.
     """
-    with staged_rows(paths) as staged:
-        if len(payload) < LARGE_REQUEST:
-            stage_here(payload, staged, paths)
-        else:
-            admit_in_child(payload, staged, paths, str(SUBMIT))
-    return staged
-
-
-@contextmanager
-def staged_rows(paths: StatePaths) -> Iterator[Path]:
-    """The file in which runs are made ready for the ledger; gone when that fails.
-
-    Raises :class:`Unavailable` in place of ``OSError``.
-    """
-    staged = paths.incoming / f"submission-{uuid.uuid4().hex}.db"
-    try:
-        yield staged
-    except BaseException as error:
-        staged.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise Unavailable(f"the submission cannot be stored: {error}") from error
-        raise
-
-
-def remove_remains(paths: StatePaths) -> None:
-    """Remove what a daemon that was killed has left of submissions it was reading."""
-    for pattern in (_REQUEST, _STAGED):
-        for path in paths.incoming.glob(pattern):
-            path.unlink(missing_ok=True)
-
-
-def stage_here(payload: bytes, staged: Path, paths: StatePaths) -> None:
-    """Check a submission and make it ready, in this process."""
     packed = read_request(SUBMIT, payload)
     assert isinstance(packed, PackedSubmission)
-    admit_submission(packed, paths)
-    stage_submission(packed, staged)
+    return admit_submission(packed, paths)
 
 
-def admit_in_child(payload: bytes, staged: Path, paths: StatePaths, verb: str) -> None:
-    """Let another process check a request as it came, and make it ready at ``staged``."""
-    request = paths.incoming / f"submission-{uuid.uuid4().hex}.json"
-    try:
-        request.write_bytes(payload)
-        done = subprocess.run(
-            python_command("-m", _PROCESS, str(request), str(staged), str(paths.state), verb),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            check=False,
-        )
-    finally:
-        request.unlink(missing_ok=True)
-    if done.returncode == 0 and not done.stdout:
-        return
-    try:
-        problem = codec.from_json(ErrorReply, done.stdout)
-    except ValueError as error:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        last = said[-1] if said else f"it left with code {done.returncode}"
-        raise Unavailable(f"the submission could not be read: {last}") from error
-    passing = problem.kind is ErrorKind.UNAVAILABLE
-    raise (Unavailable if passing else Refused)(problem.problem)
-
-
-def admit_submission(packed: PackedSubmission, paths: StatePaths) -> None:
-    """Check a submission and store its scenes; raises :class:`Refused` with all that is wrong."""
+def admit_submission(packed: PackedSubmission, paths: StatePaths) -> AdmittedSubmission:
+    """Check a submission, store its scenes, make it ready; raises as :func:`prepare_request`."""
     problems = _Problems()
     for problem in _problems(packed, paths):
         problems.add(problem)
     problems.raise_any()
     # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
-    for scene in packed.scenes:
-        keep_scene(paths.scene(scene.digest), scene)
+    try:
+        for scene in packed.scenes:
+            keep_scene(paths.scene(scene.digest), scene)
+    except OSError as error:
+        raise Unavailable(f"the submission cannot be stored: {error}") from error
+    return prepare_submission(packed)
 
 
 class _Problems:
@@ -144,8 +79,10 @@ def _problems(packed: PackedSubmission, paths: StatePaths) -> Iterator[str]:
         return
     if not packed.runs:
         yield "the campaign has no runs"
-    if len(packed.runs) + len(packed.reserve) > MOST_RUNS:
-        yield f"the campaign has more than {MOST_RUNS} runs"
+    count = len(packed.runs) + len(packed.reserve)
+    if count > MOST_RUNS:
+        yield too_many_runs(count)
+        return
     cells = _CheckedCells(packed, paths)
     for runs in (packed.runs, packed.reserve):
         for run in runs:

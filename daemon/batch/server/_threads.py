@@ -5,8 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -79,9 +78,7 @@ class WriterThread(LedgerThread):
     """Owns the writing connection: runs jobs in transactions, answers after the commit.
 
     Jobs that wait together share a commit (the fsync is what costs); each has a savepoint, so a
-    refused one undoes only itself. A job whose value is a generator goes on in steps, a slice of
-    them in each transaction, and between two slices what waits has its turn; one such job at a
-    time, in the order they came. In a pause the WAL is emptied: SQLite drops what stands behind a
+    refused one undoes only itself. In a pause the WAL is emptied: SQLite drops what stands behind a
     single wrong bit of it. ``report`` gets the problem when that fails.
     """
 
@@ -98,7 +95,6 @@ class WriterThread(LedgerThread):
         self._changes = -1
         self._changed_at = 0.0
         self._emptied = False
-        self._long: deque[tuple[LedgerJob, Generator[None, None, object]]] = deque()
         self._renewals = 0
         self._counting = threading.Lock()
 
@@ -134,26 +130,21 @@ class WriterThread(LedgerThread):
         super().put(LedgerJob(act, done))
 
     def run(self) -> None:
-        """Work until told to finish; what is long and not done then is given up."""
+        """Work until told to finish."""
         running = True
         while running:
-            batch, running = self._take(wait=not self._long)
+            batch, running = self._take()
             if batch:
                 self._work(batch)
-            if self._long:
-                self._go_on()
             self._empty_in_pause()
-        for job, steps in self._long:
-            steps.close()
-            job.done(_LEAVING)
         self._empty()
 
-    def _take(self, *, wait: bool) -> tuple[list[LedgerJob], bool]:
-        """Return what waits, up to a batch, and whether more may come."""
+    def _take(self) -> tuple[list[LedgerJob], bool]:
+        """Wait for a job; return what waits, up to a batch, and whether more may come."""
         batch: list[LedgerJob] = []
         while len(batch) < _BATCH:
             try:
-                job = self._jobs.get(block=wait and not batch)
+                job = self._jobs.get(block=not batch)
             except queue.Empty:
                 break
             if job is None:
@@ -184,41 +175,9 @@ class WriterThread(LedgerThread):
         except Unavailable as failure:
             values = [failure for _ in batch]
         for job, value in zip(batch, values, strict=True):
-            if isinstance(value, Generator):
-                self._long.append((job, value))
-            else:
-                job.done(value)
-        if self._ledger.events:
-            self._publish(self._ledger.events)
-
-    def _go_on(self) -> None:
-        """Do a slice of what is long."""
-        job, steps = self._long[0]
-        over = False
-        value: object = None
-        try:
-            with self._ledger.transaction():
-                over, value = _slice(steps)
-        except Exception as failure:  # it is the answer; what is no refusal goes to the log too
-            over, value = True, failure
-        if self._ledger.events:
-            self._publish(self._ledger.events)
-        if over:
-            self._long.popleft()
-            steps.close()
             job.done(value)
-
-
-def _slice(steps: Generator[None, None, object]) -> tuple[bool, object]:
-    """Do steps for a while; returns whether they are over, and their value."""
-    end = time.monotonic() + _SLICE
-    while True:
-        try:
-            next(steps)
-        except StopIteration as done:
-            return True, done.value
-        if time.monotonic() >= end:
-            return False, None
+        if self._ledger.events:
+            self._publish(self._ledger.events)
 
 
 class ReaderThread(LedgerThread):

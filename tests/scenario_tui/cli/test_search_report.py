@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.ledger._steps import finish
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import stage_extension
 from daemon.batch.stores import file_sha256, file_size
@@ -43,19 +42,14 @@ def ledger(tmp_path, monkeypatch):
     first = spec(SHUT, SUTS[0], 0)
     oracle = first.oracles[0].name
     submission = make_search(SEARCH, minimise=oracle, scales=(OracleScale(oracle, 1.0, "m"),))
-    finish(
-        book.submit_search(
-            submission, "d", lambda _: places.search(SEARCH).mkdir(exist_ok=True), 1.0
-        )
-    )
+    book.submit_search(submission, "d", lambda _: places.search(SEARCH).mkdir(exist_ok=True), 1.0)
     specs = tuple(replace(first, scenario=TASK.scenario_of(n), seed=n) for n in range(2))
     runs = Submission(SEARCH, "", "", "", specs, (CORRIDOR,))
     proposals = (make_proposal(0), make_proposal(1))
     request = ExtendRequest(SEARCH, proposals, pack_submission(runs))
     staged = stage_extension(codec.to_json(request), places)
     with book.transaction():
-        finish(book.extend_in_steps(staged.campaign, staged.proposals, staged.rows, 1.0))
-    staged.rows.unlink()
+        book.extend(staged.proposals, staged.runs, 1.0)
     for grant in book.lease("w", 2, 1.0):
         path = record(places.trace(grant.trace), grant.spec)
         trace, kept = read_trace(path), TraceInfo(file_sha256(path), file_size(path), 1)

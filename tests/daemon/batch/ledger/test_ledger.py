@@ -222,7 +222,7 @@ def test_the_workload_has_what_waits_what_runs_and_what_repeats_took(ledger):
 
 def test_a_search_has_the_runs_it_will_propose_in_its_workload(ledger):
     book, reader, _ = ledger
-    list(book.submit_search(make_search("s"), "digest", lambda _: None, NOW))
+    book.submit_search(make_search("s"), "digest", lambda _: None, NOW)
     (work,) = reader.workload(NOW, {})
     assert work.more == make_search("s").task.runs
 

@@ -31,6 +31,9 @@ def places(tmp_path):
     files = {"files": {"wheels": f"sha256:{needed.name}"}}
     with LedgerWriter.open(places) as ledger:
         ledger.submit(make_submission("known", 2, **files), time.time())
+        ledger.submit(make_submission("deleted", 1), time.time())
+        ledger.cancel("deleted", time.time())
+        ledger.delete(("deleted",), time.time())
     return places
 
 
@@ -47,6 +50,14 @@ def leave_folder(path, age):
     return path
 
 
+def leave_deleted(places):
+    """Traces of a campaign that was deleted by a daemon that died before they were gone."""
+    folder = places.traces / "deleted"
+    leave(folder / "S1.pilot.0.mcap", 2 * HOUR)
+    os.utime(folder, (time.time() - 2 * HOUR,) * 2)
+    return folder
+
+
 def leave_strays(places):
     """One of each kind, old enough to go; folders come last, or they would be young again."""
     work = StatePaths(places.state / "work" / "elsewhere")
@@ -61,10 +72,11 @@ def leave_strays(places):
         leave(work.files / f".{UNKNOWN}.4711.part", 2 * HOUR),
         leave(work.scenes / f"{UNKNOWN}.json", 5 * WEEK),
         leave_folder(places.traces / "removed", 2 * HOUR),
+        leave_deleted(places),
         leave_folder(places.spool / "dead-1", 2 * WEEK),
         leave_folder(work.spool / "dead-2", 2 * WEEK),
     }
-    assert len(strays) == 12
+    assert len(strays) == 13
     return strays
 
 

@@ -9,7 +9,6 @@ from contextlib import closing
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.ledger._steps import finish
 from daemon.batch.operation import FindingLevel, examine
 from daemon.batch.paths import Endpoint, StatePaths
 from daemon.model.search_answer import SearchProgress
@@ -115,7 +114,7 @@ def test_searches_that_failed_or_lack_their_files_are_named(places):
         book = LedgerWriter(db, paths=places)
         for name in ("good", "bad"):
             folder = places.search(name)
-            finish(book.submit_search(make_search(name), "", lambda _, f=folder: f.mkdir(), 1.0))
+            book.submit_search(make_search(name), "", lambda _, f=folder: f.mkdir(), 1.0)
             (folder / "campaign.yaml").touch()
         (fine,) = found(places, "searches")
         assert fine.message == "2, 2 of them running"

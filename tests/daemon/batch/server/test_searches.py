@@ -8,7 +8,6 @@ import pytest
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import _searches as searches
 from daemon.batch.server import stage_extension, stage_search
 from daemon.model.packed_submission import PackedRun
 from daemon.model.search import MOST_PROPOSALS, BundledFile
@@ -21,9 +20,11 @@ from tests.daemon.batch.samples import make_extension, make_search, make_submiss
 
 def refused(search, folder):
     """Why the files of a search are not taken; nothing of them is there afterwards."""
+    places = StatePaths(folder)
+    places.make_folders()
     with pytest.raises(Refused) as caught:
-        searches.stage_search_here(codec.to_json(search), folder)
-    assert list(folder.iterdir()) == []
+        stage_search(codec.to_json(search), places)
+    assert list(places.searches.iterdir()) == []
     return str(caught.value)
 
 
@@ -39,7 +40,7 @@ def kept(places):
 
 
 def test_the_files_of_a_search_come_back_as_they_were(tmp_path):
-    image = "P5" * searches.LARGE_REQUEST
+    image = "P5" * 2**18
     search = make_search("s", {"a/campaign.yaml": "campaign: test", "maps/flat.pgm": image})
     idle = "tests.daemon.search.fake_search:idle"
     with daemon_at(tmp_path / "state", searcher=idle) as daemon, daemon.client() as client:

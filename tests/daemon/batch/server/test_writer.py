@@ -1,4 +1,4 @@
-"""Large campaigns and the leases of others: nothing lapses, nothing half is ever seen."""
+"""The daemon's writing thread: large campaigns, renewals that wait, and what is refused."""
 
 import queue
 import sqlite3
@@ -11,11 +11,8 @@ from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import LedgerJob, StallMeter, WriterThread
-from daemon.batch.server import _submissions as submissions
-from daemon.batch.server import _threads as threads
-from daemon.model.packed_submission import pack_submission
-from grammars.text import codec
+from daemon.batch.server import LedgerJob, StallMeter, WriterThread, admit_submission
+from daemon.model.packed_submission import MOST_RUNS, pack_submission
 from tests.chaos.light import LightWorker
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
@@ -23,26 +20,7 @@ from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 MANY = 20_000
 
 
-class NoCheckpoints:
-    patience = None
-
-    def note_changes(self):
-        """Nothing is idle here."""
-
-    act = note_changes
-
-
-def entered(daemon):
-    """How many campaigns are hidden in the ledger, and how many runs they have."""
-    with closing(sqlite3.connect(StatePaths(daemon.state).ledger)) as db:
-        hidden = db.execute("SELECT count(*) FROM campaign WHERE visible = 0").fetchone()[0]
-        runs = db.execute(
-            "SELECT count(*) FROM run JOIN campaign ON campaign.id = campaign WHERE visible = 0"
-        ).fetchone()[0]
-    return hidden, runs
-
-
-def test_a_submission_that_is_killed_in_the_middle_leaves_nothing(tmp_path):
+def test_a_submission_that_is_killed_is_there_as_a_whole_or_not_at_all(tmp_path):
     large = make_submission("large", MANY)
     with daemon_at(tmp_path / "state") as daemon:
         with daemon.client() as client:
@@ -53,20 +31,16 @@ def test_a_submission_that_is_killed_in_the_middle_leaves_nothing(tmp_path):
 
             sending = threading.Thread(target=submit)
             sending.start()
-            eventually(lambda: entered(daemon)[1])
+            # Its rows are being written, before they are committed.
+            wal = StatePaths(daemon.state).ledger.with_name("ledger.db-wal")
+            before = wal.stat().st_size
+            eventually(lambda: wal.stat().st_size > before)
             daemon.kill()
             sending.join()
-        hidden, runs = entered(daemon)
-        assert hidden == 1
-        assert 0 < runs < MANY
         daemon.restart()
         with daemon.client() as client:
-            assert client.campaigns() == ()
-            assert client.overview().queued == 0
-            eventually(lambda: entered(daemon) == (0, 0))
-            assert list(StatePaths(daemon.state).incoming.iterdir()) == []
-            receipt = client.submit(large)
-            assert (receipt.runs, receipt.known) == (MANY, False)
+            assert [row.queued for row in client.campaigns()] in ([], [MANY])
+            assert client.submit(large).runs == MANY
             assert client.campaigns()[0].queued == MANY
             assert client.cancel("large") == MANY
             (gone,) = client.delete(("large",))
@@ -108,48 +82,6 @@ def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path):
         assert client.run("c.0").row.attempt == 1
 
 
-def test_between_two_slices_others_have_their_turn(tmp_path, monkeypatch):
-    monkeypatch.setattr(threads, "_SLICE", 0.0)
-    told = []
-    waiting, go_on = threading.Event(), threading.Event()
-
-    def long(name):
-        for i in range(3):
-            told.append(f"{name}{i}")
-            waiting.set()
-            assert go_on.wait(60.0)
-            yield
-        return name
-
-    def failing():
-        yield
-        raise Refused("no")
-
-    with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
-        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())
-        writer.start()
-        done = told.append
-        for act in (lambda _: long("a"), lambda _: failing(), lambda _: long("b")):
-            writer.put(LedgerJob(act, done))
-        assert waiting.wait(60.0)
-        writer.put(LedgerJob(lambda _: "short", done, renews=True))
-        assert writer.renewals_wait
-        go_on.set()
-        eventually(lambda: "b" in told)
-        assert not writer.renewals_wait
-        assert told.index("short") == 1 or told.index("short") == 2
-        assert [str(x) for x in told if x != "short"] == [
-            "a0", "a1", "a2", "a", "no", "b0", "b1", "b2", "b",
-        ]  # fmt: skip
-        go_on.clear()
-        waiting.clear()
-        writer.put(LedgerJob(lambda _: long("c"), done))
-        assert waiting.wait(60.0)
-        go_on.set()
-        writer.finish()
-        assert told[-1] == "c" or isinstance(told[-1], Unavailable)
-
-
 def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(tmp_path, monkeypatch):
     answers = queue.SimpleQueue()
 
@@ -160,7 +92,7 @@ def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(tmp_path, monkeyp
 
     with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
         monkeypatch.setattr(ledger, "transaction", full_disk)
-        writer = WriterThread(ledger, lambda _: None, NoCheckpoints())
+        writer = WriterThread(ledger, lambda _: None, lambda _: None)
         writer.start()
         writer.offer(LedgerJob(lambda _: "renewed", answers.put, renews=True))
         assert isinstance(answers.get(timeout=60.0), Unavailable)
@@ -179,16 +111,22 @@ def test_a_tick_that_comes_late_is_a_stall():
     assert meter.measure(15.0) == 0.0
 
 
-def test_a_process_of_its_own_says_what_is_wrong_with_a_submission(tmp_path, monkeypatch):
-    monkeypatch.setattr(submissions, "LARGE_REQUEST", 0)
+def test_all_that_is_wrong_with_a_submission_is_said_up_to_ten_times(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
     twice = submission_of("c", *[make_spec(i % 20) for i in range(40)])
     with pytest.raises(Refused) as found:
-        submissions.stage_request(codec.to_json(pack_submission(twice)), places)
+        admit_submission(pack_submission(twice), places)
     first, *_, last = str(found.value).splitlines()
     assert first.startswith("S1/pilot/0 is there twice")
     assert last == "and 10 more"
-    with pytest.raises(Refused, match="the request is malformed"):
-        submissions.stage_request(b"{}", places)
-    assert list(places.incoming.iterdir()) == []
+
+
+def test_a_campaign_of_too_many_runs_is_to_be_split(tmp_path):
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        submission = make_submission("c", 1)
+        runs = submission.runs * (MOST_RUNS + 1)
+        words = f"has {MOST_RUNS + 1} runs, .* may have {MOST_RUNS}: split its scenarios"
+        with pytest.raises(Refused, match=words):
+            client.submit(submission_of("c", *runs))
+        assert client.campaigns() == ()

@@ -1,39 +1,40 @@
-"""What takes long is done in steps: what others see, and may do, between any two of them."""
+"""Campaigns that are entered, cancelled, retried and deleted, many runs at a time."""
 
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
-from dataclasses import dataclass, replace
+from contextlib import closing, suppress
+from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import (
     LedgerReader,
     LedgerWriter,
     check_integrity,
-    names,
-    stage_submission,
+    connect,
 )
+from daemon.batch.ledger.transitions import Cancelled, ExecutionState, Retried, advance
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import (
     CampaignQuery,
     Completion,
     LedgerAnswer,
-    RecordQuery,
     RetryRequest,
     RunQuery,
 )
-from daemon.model.packed_submission import pack_submission
 from daemon.model.run_state import RunState
+from daemon.model.verdicts import Outcome
+from grammars.text import codec
 from tests.daemon.batch.ledger_rules import broken_rules
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1_000_000.0
 RUNS = 600
-"""Three steps."""
 
 
 @dataclass
@@ -43,16 +44,6 @@ class Ledger:
     book: LedgerWriter
     reader: LedgerReader
     places: StatePaths
-
-    def entering(self, submission):
-        staged = self.places.incoming / f"{submission.campaign}.db"
-        staged.unlink(missing_ok=True)
-        stage_submission(pack_submission(submission), staged)
-        return self.book.submit_in_steps(staged, NOW)
-
-    def leased(self, count=1):
-        with self.book.transaction():
-            return [lease.run for lease in self.book.lease("w", count, NOW)]
 
     def work(self):
         """Execute what is queued, each run with a trace."""
@@ -81,107 +72,71 @@ def ledger(tmp_path):
         yield Ledger(book, reader, places)
 
 
-def do(book, steps, count=10_000):
-    """Do steps, a transaction each; returns the value when they are over."""
-    for _ in range(count):
-        with book.transaction():
-            try:
-                next(steps)
-            except StopIteration as done:
-                return done.value
-    return None
+STATES = st.builds(
+    ExecutionState,
+    state=st.sampled_from(RunState),
+    attempt=st.integers(0, 9),
+    strikes=st.integers(0, 2),
+    worker=st.just("w"),
+    token=st.integers(0, 9),
+    lease_until=st.just(5.0),
+    result=st.sampled_from(["", "a" * 64]),
+    reason=st.just("why"),
+    repeatable=st.booleans(),
+    granted=st.integers(0, 9),
+    outdated=st.integers(0, 9),
+    lapses=st.integers(0, 9),
+)
+FIELDS = tuple(field.name for field in fields(ExecutionState))
 
 
-def test_of_a_submission_nothing_is_seen_before_it_is_whole(ledger):
-    book, reader = ledger.book, ledger.reader
-    ledger.book.submit(make_submission("other", 1), NOW)
-    steps = ledger.entering(make_submission("c", RUNS))
-    assert do(book, steps, 3) is None
-    assert ledger.rows("run") > 1
-    assert [row.id for row in reader.campaigns()] == ["other"]
-    assert reader.counts()[0] == 1
-    assert reader.counts()[1]["queued"] == 1
-    assert [row.campaign for row in reader.runs(RunQuery()).rows] == ["other"]
-    assert reader.runs(RunQuery("c")).rows == ()
-    assert reader.campaign_ids() == {"other"}
-    for ask in (
-        lambda: reader.run("c.0"),
-        lambda: reader.declared("c"),
-        lambda: reader.records(RecordQuery("c")),
-        lambda: reader.trace_reference("c.0"),
-        lambda: book.cancel("c", NOW),
-        lambda: book.pause("c", NOW, paused=True),
-        lambda: book.deletable(("c",)),
+@given(state=STATES, stopped=st.booleans())
+def test_what_is_done_to_all_runs_at_once_is_what_is_done_to_one(state, stopped):
+    """Cancelling and retrying a campaign is what the pure function says of each of its runs."""
+    if state.state is RunState.DONE:
+        state = replace(state, result="a" * 64)
+    elif state.state in (RunState.LOST, RunState.CANCELLED):
+        state = replace(state, result="")
+    note = "stopped after 5 s of wall clock time"
+    for event, act in (
+        (Cancelled(), lambda book: book.cancel("c", NOW)),
+        (Retried(stopped), lambda book: book.retry(RetryRequest("c", ("all",)), NOW)),
     ):
-        with pytest.raises(Refused, match="there is no"):
-            ask()
-    assert [name.id for name in names.campaigns(ledger.places.ledger)] == ["other"]
-    assert [name.name for name in names.runs(ledger.places.ledger, "c")] == []
-    assert ledger.leased(5) == ["other.0"]
-    ledger.sound()
-    receipt = do(book, steps)
-    assert (receipt.runs, receipt.known) == (RUNS, False)
-    assert reader.counts()[1]["queued"] == RUNS
-    assert ledger.leased() == ["c.0"]
-    ledger.sound()
+        db = connect(Path(":memory:"))
+        book = LedgerWriter(db)
+        book.submit(make_submission("c", 1), NOW)
+        values = ", ".join(f"{name} = ?" for name in FIELDS)
+        db.execute(f"UPDATE run SET {values}", astuple(state))
+        if state.result:
+            body = codec.to_json(replace(make_result(make_spec()), note=note))
+            outcome = Outcome.ERROR if stopped else Outcome.FAIL
+            db.execute("UPDATE run SET outcome = ?", (outcome,))
+            db.execute("INSERT INTO result VALUES ('c.0', 1, 'w', ?, 0, ?)", (state.result, body))
+        act(book)
+        row = db.execute(f"SELECT {', '.join(FIELDS)} FROM run").fetchone()
+        expected = advance(state, event, attempts=3).run
+        assert ExecutionState(*row) == expected
+        assert db.execute("SELECT count(*) FROM result").fetchone() == (bool(expected.result),)
+        db.close()
 
 
-def test_what_was_given_up_in_the_middle_is_removed_or_begun_anew(ledger):
+def test_a_campaign_is_entered_once(ledger):
     book = ledger.book
-    submission = make_submission("c", RUNS)
-    for removing in (0, 2):
-        given_up = ledger.entering(submission)
-        do(book, given_up, removing + 3)
-        given_up.close()
-        assert ledger.rows("run") == 250
-    assert book.hides_anything
-    assert do(book, book.remove_hidden_in_steps()) == 1
-    assert not book.hides_anything
-    assert {ledger.rows(table) for table in ("campaign", "run", "spec", "part", "tally")} == {0}
-    assert do(book, ledger.entering(submission)).runs == RUNS
-    assert do(book, ledger.entering(submission)).known
-    other = make_submission("c", RUNS + 1)
+    assert not book.submit(make_submission("c", RUNS), NOW).known
+    assert book.submit(make_submission("c", RUNS), NOW).known
     with pytest.raises(Refused, match="taken"):
-        do(book, ledger.entering(other))
+        book.submit(make_submission("c", RUNS + 1), NOW)
     ledger.sound()
 
 
-def test_what_is_being_cancelled_is_not_leased_meanwhile(ledger):
-    book = ledger.book
-    book.submit(make_submission("c", RUNS), NOW)
-    steps = book.cancel_in_steps("c", NOW)
-    do(book, steps, 1)
-    assert ledger.reader.counts()[1]["queued"] == RUNS - 250
-    assert ledger.leased() == []
-    with pytest.raises(Refused, match="wait or run"):
-        book.deletable(("c",))
-    assert do(book, steps) == RUNS
-    assert ledger.reader.campaigns()[0].cancelled == RUNS
-    ledger.sound()
+def test_a_submission_that_is_undone_leaves_nothing(ledger):
+    with suppress(ZeroDivisionError), ledger.book.transaction():
+        ledger.book.submit(make_submission("c", RUNS), NOW)
+        raise ZeroDivisionError
+    assert {ledger.rows(table) for table in ("campaign", "run", "spec", "part", "tally")} == {0}
 
 
-def test_a_campaign_that_is_retried_does_not_end_in_the_middle(ledger):
-    book = ledger.book
-    book.submit(make_submission("c", RUNS), NOW)
-    book.cancel("c", NOW)
-    steps = book.retry_in_steps(RetryRequest("c", ("cancelled",)), NOW)
-    do(book, steps, 1)
-    assert ledger.leased() == []
-    assert ledger.reader.campaigns()[0].finished_at is None
-    assert do(book, steps) == RUNS
-    assert ledger.leased() == ["c.0"]
-    ledger.sound()
-
-
-def test_what_is_given_up_holds_nothing_back(ledger):
-    ledger.book.submit(make_submission("c", RUNS), NOW)
-    steps = ledger.book.cancel_in_steps("c", NOW)
-    do(ledger.book, steps, 1)
-    steps.close()
-    assert ledger.leased() == ["c.250"]
-
-
-def test_a_deleted_campaign_is_gone_at_once_and_its_rows_soon(ledger):
+def test_a_deleted_campaign_is_gone_with_all_that_only_it_needs(ledger):
     book, reader = ledger.book, ledger.reader
     specs = [make_spec(i, scenario=f"S{i % 2}") for i in range(RUNS)]
     book.submit(replace(submission_of("old", *specs), reserve=(make_spec(9, scenario="R"),)), NOW)
@@ -198,11 +153,6 @@ def test_a_deleted_campaign_is_gone_at_once_and_its_rows_soon(ledger):
     with pytest.raises(Refused, match="there is no run"):
         reader.run("old.0")
     ledger.sound()
-    steps = book.remove_hidden_in_steps()
-    do(book, steps, 2)
-    ledger.sound()
-    steps.close()
-    assert do(book, book.remove_hidden_in_steps()) == 1
     counted = {table: ledger.rows(table) for table in ("campaign", "run", "spec", "reserve")}
     assert counted == {"campaign": 1, "run": 1, "spec": 1, "reserve": 0}
     assert ledger.rows("part") == 2
@@ -223,7 +173,6 @@ def test_a_trace_that_another_campaign_uses_is_handed_over(ledger):
     assert reader.run("third.1").row.cached == "old.1"
     with book.transaction():
         book.delete(("old",), NOW)
-    do(book, book.remove_hidden_in_steps())
     assert not (places.traces / "old").exists()
     rows = {name: reader.runs(RunQuery(name)).rows for name in ("second", "third")}
     assert [row.cached for row in rows["second"]] == ["", ""]
@@ -234,14 +183,24 @@ def test_a_trace_that_another_campaign_uses_is_handed_over(ledger):
     ledger.sound()
 
 
-def test_nothing_is_reused_of_what_is_being_removed(ledger):
-    book = ledger.book
+def test_traces_stay_when_the_deletion_is_undone(ledger):
+    book, places = ledger.book, ledger.places
     book.submit(submission_of("old", make_spec()), NOW)
     ledger.work()
     with book.transaction():
+        problem = book.attempt(lambda _: delete_and_fail(book))
+    assert isinstance(problem, ZeroDivisionError)
+    assert len(list((places.traces / "old").iterdir())) == 1
+    with book.transaction():
         book.delete(("old",), NOW)
-    receipt = book.submit(replace(submission_of("new", make_spec()), fresh=False), NOW)
-    assert receipt.cached == 0
+        book.submit(submission_of("old", make_spec(2)), NOW)
+    # They are of a campaign that is there again.
+    assert len(list((places.traces / "old").iterdir())) == 1
+
+
+def delete_and_fail(book):
+    book.delete(("old",), NOW)
+    raise ZeroDivisionError
 
 
 def test_campaigns_come_in_pages(ledger):
