@@ -17,7 +17,7 @@ from daemon.batch.errors import (
     DaemonError,
     WorkerBroken,
 )
-from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, DaskScheduler, RunLimits
+from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits
 from grammars.text.terminal_text import printable_streams
 
 _SETTINGS: Final = {"lease": float, "attempts": int, "patience": float}
@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     worker.add_argument("--connect", required=True)
     worker.add_argument("--state", type=Path)
     worker.add_argument("--parent", type=int, default=0)
-    worker.add_argument("--scheduler")
+    worker.add_argument("--dask", default="")
     worker.add_argument("--step-back", type=int, default=0)
     for command in (serve, worker):
         command.add_argument("--slots", type=int)
@@ -104,7 +104,7 @@ def _work(options: argparse.Namespace) -> None:
         parent=options.parent,
         keys=options.keys,
         tether=options.tether,
-        scheduler=DaskScheduler(options.scheduler) if options.scheduler else None,
+        dask=options.dask,
         nice=options.step_back,
     )
 

@@ -141,17 +141,3 @@ class RunLimits:
     def wall_of(self, simulated: float) -> float:
         """Wall clock limit [s] of a run limited to ``simulated`` seconds."""
         return self.wall or max(300.0, 10.0 * simulated)
-
-
-@dataclass(frozen=True, slots=True)
-class DaskScheduler:
-    """A Dask cluster: its scheduler's address, ``tcp://host:port`` or ``tls://host:port``.
-
-    The files of the certificate authority, our certificate and its key are for TLS; without them
-    Dask's own configuration is asked.
-    """
-
-    address: str
-    ca: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None

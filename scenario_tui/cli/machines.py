@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, TypeAlias
 
 import typer
 
-from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
+from daemon.model.execution import RunLimits, decide_on_commands
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.options import (
     AsJson,
@@ -156,26 +155,12 @@ def scenario_executable() -> Path:
     return beside if beside.exists() else Path(sys.argv[0]).absolute()
 
 
-_TLS_OPTIONS: Final = "--tls-ca, --tls-cert and --tls-key"
-
-
-class WorkerBackend(StrEnum):
-    """What executes the runs of a worker."""
-
-    LOCAL = "local"
-    DASK = "dask"
-
-
 def _check_scheduler(address: str) -> str:
     """Refuse what is no address of a Dask scheduler, as wrong usage."""
     protocol, _, rest = address.partition("://")
     if address and not (protocol in ("tcp", "tls") and rest.rpartition(":")[2].isdigit()):
         raise typer.BadParameter(f"{address!r} is no address, write tcp://<host>:<port> or tls://")
     return address
-
-
-def _file_option(name: str, what: str) -> object:
-    return typer.Option(name, metavar="FILE", exists=True, dir_okay=False, help=what)
 
 
 def worker(
@@ -187,26 +172,14 @@ def worker(
             help="Runs at a time. Default: one per core, or per thread of the cluster.",
         ),
     ] = None,
-    backend: Annotated[
-        WorkerBackend,
-        typer.Option("--backend", help="What executes: this machine or a Dask cluster."),
-    ] = WorkerBackend.LOCAL,
-    scheduler: Annotated[
+    dask: Annotated[
         str,
         typer.Option(
-            "--scheduler", metavar="ADDRESS", callback=_check_scheduler,
-            help="The scheduler of the Dask cluster, tcp://host:8786 or tls://host:8786.",
+            "--dask", metavar="ADDRESS", callback=_check_scheduler,
+            help="Execute runs in the Dask cluster whose scheduler is at tcp://host:8786 or "
+            "tls://host:8786, certificates as Dask is configured.",
         ),
     ] = "",
-    tls_ca: Annotated[
-        Path | None, _file_option("--tls-ca", "Who signed the scheduler's certificate.")
-    ] = None,
-    tls_cert: Annotated[
-        Path | None, _file_option("--tls-cert", "Our certificate for the scheduler.")
-    ] = None,
-    tls_key: Annotated[
-        Path | None, _file_option("--tls-key", "The key of our certificate.")
-    ] = None,
     memory: Annotated[
         str,
         typer.Option("--memory", metavar="SIZE", help="Address space of a run; 0B: no limit."),
@@ -235,9 +208,8 @@ def worker(
         read_size(memory),
         usual.nice if nice is None else nice,
     )
-    cluster = _cluster(backend, scheduler, tls_ca, tls_cert, tls_key)
     if print_unit:
-        _print_unit(connect, state, slots, limits, cluster, commands)
+        _print_unit(connect, state, slots, limits, dask, commands)
         return
     from daemon.batch.paths import endpoint_text, find_endpoint
     from daemon.batch.worker import work
@@ -254,7 +226,7 @@ def worker(
             slots=slots,
             state=state,
             limits=limits,
-            scheduler=cluster,
+            dask=dask,
             nice=nice or 0,
             commands=commands,
         )
@@ -265,30 +237,12 @@ def worker(
         raise
 
 
-def _cluster(
-    backend: WorkerBackend,
-    scheduler: str,
-    ca: Path | None,
-    certificate: Path | None,
-    key: Path | None,
-) -> DaskScheduler | None:
-    if backend is WorkerBackend.LOCAL:
-        if scheduler or ca or certificate or key:
-            raise typer.BadParameter(f"--scheduler, {_TLS_OPTIONS} need --backend dask")
-        return None
-    if not scheduler:
-        raise typer.BadParameter("--backend dask needs --scheduler tcp://<host>:<port>")
-    if not scheduler.startswith("tls://") and (ca or certificate or key):
-        raise typer.BadParameter(f"{_TLS_OPTIONS} need --scheduler tls://<host>:<port>")
-    return DaskScheduler(scheduler, ca, certificate, key)
-
-
 def _print_unit(
     connect: str,
     state: Path | None,
     slots: int | None,
     limits: RunLimits,
-    cluster: DaskScheduler | None,
+    dask: str,
     commands: bool | None,
 ) -> None:
     """A unit has no variables of this shell: what they say is written into it."""
@@ -300,7 +254,8 @@ def _print_unit(
     # Without an endpoint it is the state directory that says where the daemon is.
     names_state = state or os.environ.get("SCENARIO_STATE") or not named
     folder = StatePaths.find(state).state if names_state else None
-    options = [*_limit_options(limits), *_cluster_options(cluster), *_key_options()]
+    options = [*_limit_options(limits), *_key_options()]
+    options += ["--dask", dask] if dask else []
     options += [] if commands is None else ["--commands" if commands else "--no-commands"]
     unit = worker_unit(scenario_executable(), named, folder, slots, limits=limits, options=options)
     typer.echo(unit, nl=False)
@@ -312,17 +267,6 @@ def _limit_options(limits: RunLimits) -> Sequence[str]:
     words = ["--memory", f"{limits.memory}B"] if limits.memory != usual.memory else []
     words += ["--wall", f"{limits.wall:g}s"] if limits.wall != usual.wall else []
     return words + (["--nice", str(limits.nice)] if limits.nice != usual.nice else [])
-
-
-def _cluster_options(cluster: DaskScheduler | None) -> Sequence[str]:
-    if cluster is None:
-        return ()
-    words = ["--backend", "dask", "--scheduler", cluster.address]
-    files = {"ca": cluster.ca, "cert": cluster.certificate, "key": cluster.key}
-    for name, path in files.items():
-        # A unit runs in the home directory, not where it was written.
-        words += [f"--tls-{name}", str(path.absolute())] if path else []
-    return words
 
 
 def _key_options() -> Sequence[str]:

@@ -298,8 +298,9 @@ class WorkerLoop:
             self._deliveries.send_results()
 
     def _busy(self) -> WorkerInfo:
-        own = (self._shortage, self._trouble.words, self._deliveries.trouble.words)
-        words = (*own, self._backend.trouble)
+        # The backend's before that of the runs: it is their cause.
+        causes = (self._shortage, self._backend.trouble)
+        words = (*causes, self._trouble.words, self._deliveries.trouble.words)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
         # A run that is leased and waits for machine code has a slot as well.
         held = len(self._executions) + len(self._leased)

@@ -26,7 +26,6 @@ from daemon.batch.worker._loop import WorkerLoop
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.model.execution import (
     DEFAULT_EXECUTOR,
-    DaskScheduler,
     RunLimits,
     available_cores,
     decide_on_commands,
@@ -49,14 +48,14 @@ def work(
     parent: int = 0,
     keys: Path | None = None,
     tether: bool = False,
-    scheduler: DaskScheduler | None = None,
+    dask: str = "",
     nice: int = 0,
     commands: bool | None = None,
 ) -> None:
     """Execute runs of the daemon at ``connect`` until told to leave.
 
     ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster that
-    executes them if there is a ``scheduler``). Where the daemon's state directory can be reached,
+    at the address ``dask`` that executes them). Where the daemon's state directory can be reached,
     under the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a
     folder of its own, in ``state`` or the user's state folder, and sends traces.
     ``executor`` (``module:function``) executes runs and is never taken from the network. With
@@ -84,7 +83,7 @@ def work(
         stack.enter_context(signals.handled())
         # Before the session is opened: what is forked from here on never sees Zenoh. And a worker
         # that cannot execute runs shall not have leased any.
-        backend = _open_backend(slots, executor, scheduler, stack)
+        backend = _open_backend(slots, executor, dask, stack)
         holder = find_credentials(Role.WORKER, keys) if is_encrypted(connect) else None
         session = stack.enter_context(bus.open_client(connect, holder))
         daemon = DaemonConnection(session, connect, holder)
@@ -151,25 +150,23 @@ def _open_spool(paths: StatePaths, worker: str, holder: str) -> Spool:
         raise WorkerBroken(f"this worker cannot keep results: {error}") from error
 
 
-def _open_backend(
-    slots: int | None, executor: str, scheduler: DaskScheduler | None, stack: ExitStack
-) -> Backend:
+def _open_backend(slots: int | None, executor: str, dask: str, stack: ExitStack) -> Backend:
     """What executes runs, proven to; raises :class:`WorkerBroken`."""
-    if scheduler is None:
+    if not dask:
         prepare_environment(executor)
         pool = ForkServerPool(available_cores() if slots is None else slots)
         pool.warm_up()
         return pool
     try:
-        from daemon.batch.worker.cluster import Gateway
+        from daemon.batch.worker._dask import DaskPool
     except ImportError as error:
         raise WorkerBroken(
             f"a Dask cluster needs the extra: pip install 'scenario-tui[dask]' ({error})"
         ) from error
-    gateway = Gateway(scheduler, executor, slots=slots, log=_log)
-    stack.callback(gateway.close)
-    gateway.open()
-    return gateway
+    cluster = DaskPool(dask, executor, slots, _log)
+    stack.callback(cluster.close)
+    cluster.open()
+    return cluster
 
 
 def _log(message: str) -> None:

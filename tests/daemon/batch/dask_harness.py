@@ -64,7 +64,7 @@ class Dask:
         return [process.pid for process in self._started]
 
     def leftovers(self):
-        """What launchers have left behind."""
+        """What runs have left behind."""
         return list((self.folder / "scratch").rglob("scenario-*"))
 
     def close(self):
@@ -89,7 +89,7 @@ def dask_in(folder, *threads, kind="same"):
 def gateway(dask, daemon, *options, executor=EXECUTOR):
     """A gateway between both; to be finished by the caller."""
     log = dask.folder / f"gateway-{time.monotonic_ns()}.log"
-    base = ("--connect", daemon.endpoint, "--scheduler", dask.address, "--executor", executor)
+    base = ("--connect", daemon.endpoint, "--dask", dask.address, "--executor", executor)
     return Part("worker", log, *base, *options)
 
 

@@ -158,7 +158,7 @@ CASES = (
     ("worker --memory big", "big"),
     ("worker --connect somewhere:", "not an endpoint"),
     ("worker --connect tcp/127.0.0.1:1", "no daemon answers"),
-    ("worker --scheduler tcp://x:1", "need --backend dask"),
+    ("worker --dask somewhere", "somewhere"),
     ("keys issue king me --keys none", "is no role"),
     ("keys issue viewer me --keys none", "`scenario keys init` makes one"),
     ("keys list --keys none", "there are no keys in"),

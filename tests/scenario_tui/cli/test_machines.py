@@ -6,10 +6,7 @@ import pytest
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--backend", "dask"), "--backend dask needs --scheduler"),
-        (("--scheduler", "tcp://host:8786"), "need --backend dask"),
-        (("--backend", "dask", "--scheduler", "host"), "'host' is no address"),
-        (("--backend", "dask", "--scheduler", "tcp://h:1", "--tls-key", __file__), "tls://"),
+        (("--dask", "host"), "'host' is no address"),
         (("--memory", "much"), "'much' is not a size"),
         (("--wall", "long"), "'long' is not a time"),
         (("--nice", "20"), "'20' is no whole number from 0 to 19"),
@@ -21,13 +18,10 @@ def test_wrong_options_are_explained(scenario, options, words):
     assert words in said.err
 
 
-def test_the_unit_of_a_gateway_says_what_was_asked(scenario, tmp_path):
-    key = tmp_path / "key.pem"
-    key.touch()
-    scheduler = ("--backend", "dask", "--scheduler", "tls://host:8786", "--tls-key", str(key))
+def test_the_unit_of_a_worker_says_what_was_asked(scenario, tmp_path):
+    scheduler = ("--dask", "tls://host:8786")
     limits = ("--nice", "5", "--wall", "10min", "--memory", "1GiB", "--state", str(tmp_path))
     unit = scenario("worker", "--print-unit", *scheduler, *limits).out
-    words = f'"--backend" "dask" "--scheduler" "tls://host:8786" "--tls-key" "{key}"'
-    assert words in unit
+    assert '"--dask" "tls://host:8786"' in unit
     assert '"--memory" "1073741824B" "--wall" "600s" "--nice" "5"' in unit
     assert "\nNice=5\n" in unit

@@ -1,4 +1,4 @@
-"""A gateway between a real daemon and a real Dask cluster; what goes wrong, goes wrong for real."""
+"""A worker between a real daemon and a real Dask cluster; what goes wrong, goes wrong for real."""
 
 import hashlib
 from dataclasses import replace
@@ -129,36 +129,8 @@ def started(log, count):
     return going if len(going) >= count else []
 
 
-def test_running_runs_are_seen_live(client):
-    seen = []
-    with client.events(lambda _: None, seen.append):
-        client.submit(make_submission("live", 1, sleep=600.0))
-        eventually(lambda: [live.run for live in seen].count("live.0") > 1)
-        client.cancel("live")
-    times = [live.snapshot.time for live in seen if live.run == "live.0"]
-    assert times == sorted(times)
-
-
-def test_a_run_in_the_cluster_is_watched_and_judged(client, tmp_path):
-    seen = []
-    judged = []
-    log = tmp_path / "log"
-    client.submit(make_submission("watched", 1, sleep=600.0, log=str(log)))
-    with client.watch("watched.0", seen.append, judged.append):
-        eventually(lambda: any(live.snapshot.returns == (100, 200) for live in seen))
-        eventually(lambda: judged)
-        running = eventually(lambda: started(log, 1))
-        client.cancel("watched")
-        # It tells of itself more often than it is looked whether somebody still wants it.
-        eventually(lambda: not alive(running))
-    assert {one.run for one in judged} == {"watched.0"}
-    assert len(judged[-1].log) == 2000
-
-
-def test_a_run_that_dask_begins_anew_elsewhere_is_still_watched(tmp_path):
-    seen = []
-    judged = []
-    log = tmp_path / "log"
+def test_dask_begins_a_run_anew_when_its_worker_dies(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
     with (
         dask_in(tmp_path / "dask", kind="patient") as dask,
         daemon_at(tmp_path / "state") as daemon,
@@ -166,19 +138,16 @@ def test_a_run_that_dask_begins_anew_elsewhere_is_still_watched(tmp_path):
         gateway_for(dask, daemon),
     ):
         (victim,) = dask.start_workers(1)
-        client.submit(make_submission("anew", 1, sleep=600.0, log=str(log)))
-        with client.watch("anew.0", seen.append, judged.append):
-            eventually(lambda: judged)
-            dask.start_workers(1)
-            victim.kill()
-            eventually(lambda: log.read_text().count("\n") == 2)
-            seen.clear()
-            judged.clear()
-            eventually(lambda: any(live.snapshot.returns == (100, 200) for live in seen))
-            eventually(lambda: judged)
+        client.submit(make_submission("anew", 1, until=str(gate), log=str(log)))
+        running = eventually(lambda: started(log, 1))
+        dask.start_workers(1)
+        victim.kill()
+        eventually(lambda: not alive(running))
+        eventually(lambda: log.read_text().count("\n") == 2)
+        gate.touch()
+        eventually(lambda: done(client, "anew"))
         (row,) = client.runs("anew").rows
-        assert row.attempt == 1
-        client.cancel("anew")
+        assert (row.state, row.attempt) == (RunState.DONE, 1)
 
 
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask, tmp_path):
@@ -214,16 +183,42 @@ def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(client, dask, t
     eventually(lambda: client.workers()[0].slots == 2)
 
 
-def test_dask_workers_of_another_version_are_left_out(dask, client, worker):
-    slots = client.workers()[0].slots
-    dask.start_workers(8, kind="other")
-    dask.start_workers(8, kind="lacking")
-    eventually(lambda: worker.output.count("pip install 'scenario-tui==") == 2)
-    assert "engine 0, the gateway scenario-tui" in worker.output
-    assert client.workers()[0].slots == slots
-    client.submit(make_submission("versions", 8))
-    eventually(lambda: done(client, "versions"))
-    assert [row.attempt for row in client.runs("versions").rows] == [1] * 8
+@pytest.mark.parametrize("kind", ["other", "lacking"])
+def test_a_cluster_with_another_version_gets_no_runs(tmp_path, kind):
+    with (
+        dask_in(tmp_path / "dask", 1) as dask,
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        gateway_for(dask, daemon) as part,
+    ):
+        eventually(lambda: client.overview().workers == 1)
+        (stranger,) = dask.start_workers(8, kind=kind)
+        trouble = eventually(lambda: client.workers() and client.workers()[0].trouble)
+        assert "pip install 'scenario-tui==" in trouble
+        client.submit(make_submission("versions", 2))
+        stranger.kill()
+        eventually(lambda: done(client, "versions"))
+        assert [row.attempt for row in client.runs("versions").rows] == [1] * 2
+        assert "has workers again" in part.output
+
+
+def test_runs_go_on_with_a_scheduler_that_comes_back(tmp_path):
+    with (
+        dask_in(tmp_path / "dask", 1) as dask,
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        gateway_for(dask, daemon),
+    ):
+        log, gate = tmp_path / "log", tmp_path / "gate"
+        client.submit(make_submission("again", 2, until=str(gate), log=str(log)))
+        running = eventually(lambda: started(log, 1))
+        dask.scheduler.kill()
+        eventually(lambda: "does not answer" in client.overview().trouble)
+        eventually(lambda: not alive(running))
+        gate.touch()
+        dask.start_scheduler()
+        dask.start_workers(1)
+        eventually(lambda: done(client, "again"))
 
 
 def test_a_scheduler_without_this_version_is_refused(daemon, tmp_path):
