@@ -109,8 +109,6 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
             places=cell.places,
         )
     yield from check_limit(
-        cell.scene,
-        cell.robot,
         cell.mission,
         {sut.name: top_speed(sut, cell.robot) for sut in cell.suts},
         limit=cell.limit,

@@ -216,13 +216,6 @@ class ConnectedParts:
         nearest = int(np.argmin(distances))
         return nearest if float(distances[nearest]) <= reach else None
 
-    def near(self, point: Point2, reach: float) -> set[int]:
-        """Return all parts within ``reach`` [m] of ``point``."""
-        if not self.parts:
-            return set()
-        distances = shapely.distance(np.array(self.parts, dtype=object), Point(point))
-        return set(np.flatnonzero(distances <= reach).tolist())
-
 
 def region_area(region: Region) -> BaseGeometry:
     """Return the floor of a region, without its holes."""

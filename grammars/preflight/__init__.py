@@ -1,15 +1,14 @@
 """Pre-flight: what cannot work is said before a run is paid for.
 
 :func:`check_scene` looks at a compiled scene alone, :func:`check_run` at what a robot is asked to
-do in it, :func:`check_limit` at the time it has for it, :func:`check_map` at a map that it is
-given as it is.
+do in it, :func:`check_limit` at the time it has for its mission, :func:`check_map` at a map that
+it is given as it is.
 """
 
 from grammars.preflight._checked import places_of
 from grammars.preflight._map import check_map
-from grammars.preflight._run import check_run
+from grammars.preflight._run import check_limit, check_run
 from grammars.preflight._scene import check_scene
-from grammars.preflight._shortest import check_limit
 
 __all__ = [
     "check_limit",

@@ -8,50 +8,39 @@ from functools import partial
 from typing import Final, TypeAlias
 
 import shapely
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from grammars.model.behaviour import Behaviour, Hold, Walk
 from grammars.model.free_space import (
-    SNAP_DISTANCE,
     ConnectedParts,
     FreeSpace,
     inscribed_radius,
     link_shape,
     moving_links,
     still_links,
-    valid_polygon,
 )
-from grammars.model.geometry import Point2, Pose2
+from grammars.model.geometry import Point2
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Doorway, Scene, SceneObject
 from grammars.preflight._checked import free_space
-from grammars.preflight._turning import TurningSpace, circumscribed_radius, smallest_width
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
 _THIN: Final = 0.02
 """Half the width [m] of what is thought to pass any gap."""
-_EQUAL: Final = 1e-6
-"""Widths that differ by less [m] are the same."""
 _MOST_NAMED: Final = 3
 """So many doors are named, of more how many they are."""
 Spot: TypeAlias = tuple[str, Point2, Where]
 
 
 def check_reach(
-    scene: Scene,
-    robot: Robot,
-    start: Pose2,
-    points: Sequence[Spot],
-    behaviours: Sequence[Behaviour],
+    scene: Scene, robot: Robot, points: Sequence[Spot], behaviours: Sequence[Behaviour]
 ) -> list[Diagnostic]:
-    """Return why waypoints cannot be reached; ``points[0]`` is the start, where ``start`` looks.
+    """Return why waypoints cannot be reached; ``points[0]`` is the start.
 
-    The robot is first a disc of its inscribed radius, then one as wide as it is on its way (see
-    :func:`passing_width`), then its footprint that has to turn. Doors count as open, unless they
-    are frozen or held; these only give warnings, since a door that stays shut may be the point of
-    a test.
+    The robot is a disc of its inscribed radius. Doors count as open, unless they are frozen or
+    held; these only give warnings, since a door that stays shut may be the point of a test.
     """
     radius = inscribed_radius(robot.footprint)
     space = free_space(scene, robot.height)
@@ -67,12 +56,8 @@ def check_reach(
         else _no_way(scene, robot, space, home, p, 2.0 * radius)
         for p in away
     ]
+    findings = _once_for_all(zip(away, reasons, strict=True))
     reached = [p for p in waypoints if p not in away]
-    wide = _too_wide_for(robot, space, home, reached)
-    reasons += [_no_way(scene, robot, space, home, p, passing_width(robot)) for p in wide]
-    rest = [p for p in reached if p not in wide]
-    stuck = _cannot_turn(scene, robot, space, start, rest)
-    findings = _once_for_all([*zip((*away, *wide), reasons, strict=True), *stuck])
     shut = immobile_leaves(scene, robot.height, behaviours)
     if shut:
         movers = {body.name for body in scene.objects if is_mover(body.joints)}
@@ -96,61 +81,6 @@ def _once_for_all(found: Iterable[tuple[Spot, Diagnostic]]) -> list[Diagnostic]:
     ]
 
 
-def passing_width(robot: Robot) -> float:
-    """Return how wide a gap must at least be for a robot on its way through it [m].
-
-    One that drives ahead and back has its whole width across the way, one that drives any way can
-    take the way on which it is narrowest.
-    """
-    if robot.drive.kind == "omnidirectional":
-        return smallest_width(robot.footprint)
-    across = [corner[1] for corner in robot.footprint]
-    return max(across) - min(across)
-
-
-def _too_wide_for(
-    robot: Robot, space: FreeSpace, start: Spot, points: Sequence[Spot]
-) -> list[Spot]:
-    """Return the waypoints that a disc as wide as the robot on its way does not get to."""
-    radius = passing_width(robot) / 2.0
-    if radius <= inscribed_radius(robot.footprint) + _EQUAL:
-        return []
-    parts = space.for_radius(radius)
-    # The base frame need not be in the middle of the robot.
-    reach = circumscribed_radius(robot.footprint) + SNAP_DISTANCE
-    home = parts.near(start[1], reach)
-    return [point for point in points if home.isdisjoint(parts.near(point[1], reach))]
-
-
-def _cannot_turn(
-    scene: Scene, robot: Robot, space: FreeSpace, start: Pose2, points: Sequence[Spot]
-) -> list[tuple[Spot, Diagnostic]]:
-    turning = TurningSpace(space.area, robot.footprint)
-    stuck = turning.blocked(start, [point for _, point, _ in points])
-    (x_min, y_min), (x_max, y_max) = (
-        [pick(corner[axis] for corner in robot.footprint) for axis in (0, 1)] for pick in (min, max)
-    )
-    size = f"{x_max - x_min:.2f} m long and {y_max - y_min:.2f} m wide"
-    found = []
-    for number, at in stuck.items():
-        label, _, place = points[number]
-        message = (
-            f"{robot.name}, {size}, does not get round to {label}: it cannot turn "
-            f"near ({at[0]:.2f}, {at[1]:.2f}){_space_at(scene, at)}"
-        )
-        hint = "make room for it to turn there or take a shorter robot"
-        found.append((points[number], Diagnostic(place, message, hint)))
-    return found
-
-
-def _space_at(scene: Scene, point: Point2) -> str:
-    spot = Point(point)
-    floors = [(r.name, valid_polygon(r.outline)) for r in scene.regions]
-    floors += [(d.name, valid_polygon(d.footprint)) for d in scene.doorways]
-    names = [name for name, floor in floors if floor.distance(spot) <= SNAP_DISTANCE]
-    return f" in {names[0]}" if names else ""
-
-
 def _no_room(robot: Robot, spot: Spot) -> Diagnostic:
     label, _, place = spot
     message = f"{label} leaves no room for {robot.name}"
@@ -162,8 +92,6 @@ def _no_way(
 ) -> Diagnostic:
     label, point, place = spot
     width = f"{robot.name} is {needed:.2f} m wide"
-    if needed > smallest_width(robot.footprint) + _EQUAL:
-        width += " across the way it drives"
     # If not even a thread passes, the building is closed there; else something is too narrow.
     if not _connected(space.for_radius(_THIN), start[1], point):
         hint = "an entryway may be missing in the floor plan, or not list both of its walls"

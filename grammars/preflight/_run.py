@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -25,6 +27,8 @@ from grammars.preflight._sweeps import Sweeps, object_hits, wall_hits
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _TOLERANCE: Final = 1e-9
+_ARRIVAL: Final = 0.5
+"""So far from a waypoint [m] may a system be content; the tolerances of stacks are smaller."""
 
 
 def check_run(
@@ -61,7 +65,7 @@ def check_run(
     # A way is looked for between spots that stand free: from others there is none anyway.
     if problems[0] is None:
         findings.extend(_start_overlaps(checked, robot, mission, spots[0][2]))
-        findings.extend(check_reach(scene, robot, start, sound, behaviours))
+        findings.extend(check_reach(scene, robot, sound, behaviours))
     findings.extend(check_events(checked, mission, behaviours))
     findings.extend(check_walks(checked, behaviours))
     unsound = check_behaviours(checked, behaviours)
@@ -222,3 +226,28 @@ def _starting_in_range(body: SceneObject, used: Mapping[str, tuple[float, float]
         for j, q in zip(body.joints, body.initial, strict=True)
     )
     return dataclasses.replace(body, initial=initial)
+
+
+def check_limit(
+    mission: Mission, speeds: Mapping[str, float], *, limit: float, where: Where
+) -> list[Diagnostic]:
+    """Return a warning for a limit [s] in which no run can end its mission.
+
+    The way is straight from waypoint to waypoint. ``speeds`` are the largest of the systems under
+    test by name [m/s], ``where`` is the place of the limit.
+    """
+    points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
+    legs = [math.dist(a, b) for a, b in itertools.pairwise(points)]
+    # Only near to each waypoint: the first leg begins at the start itself, all others do not.
+    ends = [_ARRIVAL, *([2.0 * _ARRIVAL] * (len(legs) - 1))]
+    way = math.fsum(max(0.0, leg - end) for leg, end in zip(legs, ends, strict=True))
+    late = [
+        f"{name} at least {way / speed:.1f} s for {way:.1f} m at {speed:.2f} m/s"
+        for name, speed in speeds.items()
+        if way > limit * speed
+    ]
+    if not late:
+        return []
+    message = f"{limit:g} s are too short for mission {mission.name}: it takes {', '.join(late)}"
+    hint = "give it a longer limit, or the runs end before the last waypoint"
+    return [Diagnostic(where, message, hint, Severity.WARNING)]
