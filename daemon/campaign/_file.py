@@ -202,7 +202,7 @@ class VaryText(StrictModel):
         json_schema_extra={
             "anyOf": [
                 {"required": ["samples"]},
-                {"required": ["cover"], "properties": {"cover": {"enum": ["grid", "pairwise"]}}},
+                {"required": ["cover"], "properties": {"cover": {"const": "grid"}}},
             ]
         }
     )
@@ -210,15 +210,15 @@ class VaryText(StrictModel):
     floorplan: LayerName
     """A variation layer: NAME.variation beside this file. NAME: {draw: value} fixes draws."""
     samples: int | None = Field(default=None, ge=1, le=10_000)
-    """How many variants; grid and pairwise know it themselves."""
-    cover: Literal["random", "grid", "halton", "lhs", "pairwise"] = "random"
+    """How many variants; a grid knows it itself."""
+    cover: Literal["random", "grid", "halton", "lhs"] = "random"
     """How variants are spread over what may vary; lhs is a Latin hypercube."""
     seed: int | None = Field(default=None, ge=0, lt=2**32)
     """Seed of the variants; that of the campaign when left out."""
 
     @model_validator(mode="after")
     def _countable(self) -> VaryText:
-        if self.samples is None and self.cover not in ("grid", "pairwise"):
+        if self.samples is None and self.cover != "grid":
             raise ValueError(f'"cover: {self.cover}" needs a number of "samples"')
         return self
 

@@ -67,7 +67,7 @@ class PlanVariation:
 
     floorplan: LayerReference
     samples: int | None
-    cover: Literal["random", "grid", "halton", "lhs", "pairwise"]
+    cover: Literal["random", "grid", "halton", "lhs"]
     seed: int
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -22,7 +22,6 @@ from grammars.variation.designs import (
     grid,
     halton,
     latin_hypercube,
-    pairwise,
 )
 
 LAST_SEED: Final = 2**32 - 1
@@ -48,10 +47,9 @@ def sample(
     from the same stream, at most ``tries`` times, so a variant depends on its own seed only.
 
     The other methods are designs over all variants; ``seed`` scrambles ``halton`` and ``lhs``.
-    ``grid`` takes every combination, ``pairwise`` enough of them to meet every pair, of ``levels``
-    values per range or normal distribution and of all listed values; for these two ``n`` is only
-    an upper bound. Rejected points of ``grid`` and ``lhs`` are left out, ``halton`` goes on to the
-    next point, ``pairwise`` takes others.
+    ``grid`` takes every combination of ``levels`` values per range or normal distribution and of
+    all listed values; there ``n`` is only an upper bound. Rejected points of ``grid`` and ``lhs``
+    are left out, ``halton`` goes on to the next point.
 
     ``check`` is the radius [m] of a robot that must reach every space of a sound plan; ``None``
     leaves soundness unchecked. ``suffix`` writes the seed into the plan's name.
@@ -62,7 +60,7 @@ def sample(
     """
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}")
-    if n is None and method not in ("grid", "pairwise"):
+    if n is None and method != "grid":
         raise ValueError(f"{method} needs a number of variants")
     if n is not None and not 1 <= n <= MAX_POINTS:
         raise ValueError(f"the number of variants is between 1 and {MAX_POINTS}")
@@ -129,7 +127,7 @@ def _design_variants(
     wanted = n if method == "halton" else None
     found: list[Variant] = []
     seen, missed = 0, 0
-    for k, point in enumerate(_points(trials, method, n, levels, tries, rejected)):
+    for k, point in enumerate(_points(trials, method, n, levels, tries)):
         seen = k + 1
         # Rejected points keep their number: a requirement more leaves the others their names.
         variant = trials.variant(point, trials.seed + k, rejected)
@@ -150,42 +148,13 @@ def _design_variants(
 
 
 def _points(
-    trials: VariantBuilder,
-    method: Method,
-    n: int | None,
-    levels: int,
-    tries: int,
-    rejected: Rejections,
+    trials: VariantBuilder, method: Method, n: int | None, levels: int, tries: int
 ) -> Iterator[Point]:
     where = Where(trials.variation.file, 1, 1)
     distributions = [draw.distribution for draw in trials.variation.draws]
     if method == "grid":
         return grid(distributions, levels, where)
-    if method == "pairwise":
-        accepted = _bounded_acceptance(trials, _MISSES_PER_TRY * tries, rejected)
-        return pairwise(distributions, levels, accepted, where)
     assert n is not None
     if method == "lhs":
         return latin_hypercube(distributions, n, trials.seed)
     return itertools.islice(halton(distributions, trials.seed), n * tries)
-
-
-def _bounded_acceptance(
-    trials: VariantBuilder, misses: int, rejected: Rejections
-) -> Callable[[Point], bool]:
-    """Return whether a point will do, asking once for each and giving up after ``misses``.
-
-    The search for pairs may ask for every combination there is when none of them will do.
-    """
-    known: dict[Point, bool] = {}
-    left = itertools.count(misses - 1, -1)
-
-    def accepted(point: Point) -> bool:
-        if point not in known:
-            known[point] = trials.variant(point, trials.seed, rejected) is not None
-            if not known[point] and next(left) == 0:
-                message = f"pairwise design: given up after {misses} points were rejected"
-                raise rejected.error(Where(trials.variation.file, 1, 1), message)
-        return known[point]
-
-    return accepted

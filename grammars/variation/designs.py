@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Final, Literal, TypeAlias, get_args
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.extras import load_extra
 from grammars.variation._distributions import Distribution
 
-Method: TypeAlias = Literal["random", "grid", "halton", "lhs", "pairwise"]
+Method: TypeAlias = Literal["random", "grid", "halton", "lhs"]
 METHODS: Final[tuple[str, ...]] = get_args(Method)
 MAX_POINTS: Final = 100_000
 """Points a design may have."""
@@ -37,7 +36,7 @@ def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> It
     size = math.prod(len(axis) for axis in axes)
     if size > MAX_POINTS:
         message = f"the full grid has {size:,} points, more than {MAX_POINTS:,}"
-        raise InputError.at(where, message, "lower the levels, or take pairwise or lhs")
+        raise InputError.at(where, message, "lower the levels, or take lhs")
     return itertools.product(*axes)
 
 
@@ -74,34 +73,6 @@ def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) ->
     for axis in slices:
         rng.shuffle(axis)
     return _points_at(distributions, ((slices.T - within) / n).tolist())
-
-
-def pairwise(
-    distributions: Sequence[Distribution],
-    levels: int,
-    accepted: Callable[[Point], bool],
-    where: Where,
-) -> Iterator[Point]:
-    """Return points such that every two levels of every two draws meet in one of them.
-
-    Points that are not ``accepted`` are avoided and their pairs covered by others where that is
-    possible. With fewer than two draws this is the grid.
-    """
-    axes = [list(distribution.levels(levels)) for distribution in distributions]
-    if len(axes) < 2:
-        return (point for point in itertools.product(*axes) if accepted(point))
-    pairs = sum(len(a) * len(b) for a, b in itertools.combinations(axes, 2))
-    if pairs > MAX_POINTS:
-        message = f"there are {pairs:,} pairs of values, more than {MAX_POINTS:,}"
-        raise InputError.at(where, message, "lower the levels, or take lhs")
-    complete = len(axes)
-
-    def kept(row: Sequence[float]) -> bool:
-        return len(row) < complete or accepted(tuple(row))
-
-    # allpairspy asks for every beginning of a row: only complete ones can be judged.
-    rows = _allpairs()(axes, filter_func=kept)
-    return (tuple(row) for row in rows)
 
 
 def _points_at(
@@ -148,7 +119,3 @@ def _radical_inverse(
         mirrored += digits[last] * weight
         weight /= base
     return mirrored
-
-
-def _allpairs() -> Any:
-    return load_extra("allpairspy", "sampling", "a pairwise design", "scenario vary").AllPairs

@@ -36,7 +36,6 @@ class SamplingMethod(StrEnum):
     GRID = "grid"
     HALTON = "halton"
     LHS = "lhs"
-    PAIRWISE = "pairwise"
 
 
 class DrawnValue(OutputPart):
@@ -90,7 +89,7 @@ def vary(
             "-n",
             min=1,
             max=100_000,
-            help=f"Variants to make. Default: {_DEFAULT_NUMBER}; grid and pairwise: all they have.",
+            help=f"Variants to make. Default: {_DEFAULT_NUMBER}; a grid: all it has.",
         ),
     ] = None,
     seed: Annotated[
@@ -100,12 +99,10 @@ def vary(
         SamplingMethod,
         typer.Option(
             help="random: draw each by its seed. grid: every combination. halton, lhs: fill the "
-            "space evenly. pairwise: every pair of values meets."
+            "space evenly."
         ),
     ] = SamplingMethod.RANDOM,
-    levels: Annotated[
-        int, typer.Option(min=1, max=100, help="Values per range, for grid and pairwise.")
-    ] = 3,
+    levels: Annotated[int, typer.Option(min=1, max=100, help="Values per range of a grid.")] = 3,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")
     ] = Path(),
@@ -144,8 +141,8 @@ def vary(
     report_diagnostics(source.warnings)
     if check is not None:
         report_diagnostics(source_defects(source, check))
-    # Grid and pairwise have an end of their own; the others could go on for ever.
-    if number is None and method not in (SamplingMethod.GRID, SamplingMethod.PAIRWISE):
+    # A grid has an end of its own; the others could go on for ever.
+    if number is None and method is not SamplingMethod.GRID:
         number = _DEFAULT_NUMBER
     with wrong_usage():
         variants = sample(

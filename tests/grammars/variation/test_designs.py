@@ -1,7 +1,6 @@
 """Designs besides random: what they cover, and what becomes of points that are rejected."""
 
-import sys
-from itertools import combinations, islice, product
+from itertools import islice, product
 
 import numpy as np
 import pytest
@@ -38,34 +37,9 @@ def test_the_grid_is_every_combination_once(variation):
     assert found == list(product(gaps, turns, widths, shifts))
 
 
-def test_pairwise_meets_every_pair_in_few_points(variation):
-    found = rows(variation, "pairwise")
-    levels = [sorted({row[k] for row in found}) for k in range(4)]
-    for (i, one), (j, other) in combinations(enumerate(levels), 2):
-        assert {(row[i], row[j]) for row in found} == set(product(one, other))
-    assert len(found) < 81 / 3
-
-
-def test_pairwise_goes_around_what_is_rejected(tmp_path):
-    rule = "require gap + room.location.translation.x / 10 != 0.85"
-    found = rows(vary(tmp_path, FOUR + rule), "pairwise")
-    assert (0.8, 0.5) not in {(row[0], row[3]) for row in found}
-    pairs = {(row[0], row[1]) for row in found}
-    assert len(pairs) == 9
-
-
-def test_pairwise_gives_up_on_what_is_always_rejected(tmp_path):
-    many = "let {0} = uniform([1, 2, 3, 4, 5]) "
-    statements = "".join(many.format(name) for name in "abcdefgh")
-    statements += "gap: a require a + b + c + d + e + f + g + h > 100"
-    with pytest.raises(InputError, match="given up after 100 points") as caught:
-        sample(vary(tmp_path, statements), seed=0, method="pairwise", tries=5)
-    assert "rejected 100 times: require" in caught.value.diagnostics[1].message
-
-
 def test_a_design_of_one_draw_is_its_levels(tmp_path):
     alone = vary(tmp_path, "gap: uniform([0.8, 0.9, 0.8])")
-    assert rows(alone, "pairwise") == rows(alone, "grid") == [(0.8,), (0.9,)]
+    assert rows(alone, "grid") == [(0.8,), (0.9,)]
 
 
 def test_halton_and_latin_hypercubes_fill_every_range_evenly():
@@ -100,7 +74,7 @@ def test_the_header_says_which_design_it_was(variation):
     ]
 
 
-@pytest.mark.parametrize("method", ["random", "grid", "halton", "lhs", "pairwise"])
+@pytest.mark.parametrize("method", ["random", "grid", "halton", "lhs"])
 def test_a_design_nothing_is_left_of_says_why(tmp_path, method):
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) turn: uniform([1, 2]) require gap > 2")
     with pytest.raises(InputError) as caught:
@@ -111,21 +85,12 @@ def test_a_design_nothing_is_left_of_says_why(tmp_path, method):
 def test_a_design_with_more_points_than_wanted_is_refused(variation):
     with pytest.raises(InputError, match="the grid design has more than 20 variants"):
         sample(variation, 20, seed=0, method="grid")
-    with pytest.raises(InputError, match="more than 5 variants"):
-        sample(variation, 5, seed=0, method="pairwise")
 
 
 def test_an_enormous_grid_is_refused(tmp_path):
     statements = "gap: uniform(0.8 .. 1) turn: uniform(0 .. 1) reach: uniform(-2 .. -1)"
     with pytest.raises(InputError, match="1,000,000 points"):
         sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
-
-
-def test_a_missing_package_is_named_with_its_extra(variation, monkeypatch):
-    monkeypatch.setitem(sys.modules, "allpairspy", None)
-    with pytest.raises(InputError, match="allpairspy, which is not installed") as caught:
-        sample(variation, 5, seed=0, method="pairwise")
-    assert "scenario-tui[sampling]" in caught.value.diagnostics[0].hint
 
 
 class _Share:
