@@ -26,7 +26,7 @@ and ``sill`` of an opening, ``height`` of a feature, ``distance(a, b)`` between 
 ``+ - * /``, ``abs``, ``min``, ``max`` and one comparison.
 
 Comments and layout of the plan survive in its variants: sampled numbers replace those in its
-text, attributes that were not written are inserted.
+text. What a plan does not write is not varied.
 """
 
 from grammars.variation._distributions import Categorical, Fixed, Normal, Range

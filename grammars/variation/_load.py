@@ -204,7 +204,7 @@ class _VariationReader:
     _shared: dict[str, Dimension] = field(default_factory=dict)
     _lets: dict[str, SyntaxNode] = field(default_factory=dict)
     _used: set[str] = field(default_factory=set)
-    _varied: dict[tuple[int, str], tuple[str, SyntaxNode]] = field(default_factory=dict)
+    _varied: dict[int | str, tuple[str, SyntaxNode]] = field(default_factory=dict)
 
     def read(self, node: SyntaxNode) -> None:
         """Read one statement."""
@@ -273,6 +273,10 @@ class _VariationReader:
     def _assign(self, node: SyntaxNode, slot: Slot | None, value: ValueNode) -> None:
         """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
         where = self.source.at(node)
+        if slot is not None and slot.number is None:
+            hint = f'write "{slot.remedy}" there, then vary it'
+            self.findings.error(node, f"{slot.name} is not written in the plan", hint)
+            slot = None
         if slot is not None and self._is_twice(node, slot):
             return
         if isinstance(value, SumNode):

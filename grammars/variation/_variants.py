@@ -18,7 +18,7 @@ from grammars.variation._expressions import Expression, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
 from grammars.variation._soundness import Defect, check_soundness, defects
 from grammars.variation.designs import Method
-from grammars.variation.plan_text import Slot, SlotValue, inserted_lines, rewrite
+from grammars.variation.plan_text import Slot, SlotValue, rewrite
 
 _HEADER_LINES: Final = 2
 """Lines above the text of the plan: where a variant comes from, and its seed."""
@@ -66,13 +66,10 @@ class VariantBuilder:
     radius: float | None
     suffix: bool
     _source: Mapping[str, Defect] = field(init=False)
-    _inserted: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         radius = self.radius
         self._source = {} if radius is None else defects(self.variation.source, radius)
-        slots = [assignment.slot for assignment in self.variation.assignments]
-        self._inserted = inserted_lines(self.variation.plan_text, slots)
 
     def variant(
         self, point: Sequence[float], seed: int, rejected: Rejections, tries: int = 1
@@ -122,8 +119,6 @@ class VariantBuilder:
         moved = []
         for finding in findings:
             line = max(0, finding.where.line - _HEADER_LINES)
-            for before in self._inserted:
-                line -= line > before
             where = Where(str(self.variation.plan_file), line, finding.where.column)
             moved.append(Diagnostic(where, finding.message))
         return moved
@@ -144,7 +139,7 @@ class SampledPoint:
         }
         self.compiled: FloorPlan | None = None
         self.settings: dict[str, SlotValue] = {}
-        self._by_key: dict[tuple[int, str], SlotValue] = {}
+        self._by_key: dict[int | str, SlotValue] = {}
         for assignment in variation.assignments:
             setting = self._setting(assignment.slot, assignment.source, assignment.dimension)
             self.settings[assignment.slot.name] = setting

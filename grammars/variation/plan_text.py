@@ -1,12 +1,12 @@
 """The plan that is varied, as text: its elements by address, its attributes as places to write in.
 
-Values are written into the text itself: comments, order and layout stay as they are.
+Values take the place of those that are written: comments, order and layout stay as they are.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -18,26 +18,12 @@ from grammars.text.units import NAMES, read_unit, to_si
 Span: TypeAlias = tuple[int, int]
 
 _REAL: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_STEP: Final = "    "
 _DEFAULT_UNIT: Final = {"length": "m", "angle": "rad"}
 _WALL: Final = {"defaults.wall.thickness": "thickness", "defaults.wall.height": "height"}
 _AXES: Final = {
     "floor": {"translation": "xy", "rotation": "z"},
     "wall": {"translation": "xz", "rotation": "y"},
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """A place where something new may be written: ``header``, then items joined by ``joiner``.
-
-    Gaps of one ``offset`` are filled in the order of ``rank``.
-    """
-
-    offset: int
-    rank: int
-    header: str
-    joiner: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +39,8 @@ class Slot:
     """An attribute or variable as a place in the text of the plan.
 
     ``number`` is where the number (or the reference to a variable) stands, ``unit_at`` where its
-    unit does; both are ``None`` when nothing is written there yet, then ``label`` and the number
-    go into ``gap``. ``unit`` is the one that a number without a unit takes. ``value`` is what the
+    unit does. What is not written has neither: it can be asked about, not varied; ``remedy`` is
+    what to write. ``unit`` is the one that a number without a unit takes. ``value`` is what the
     plan says now, in metres or radians.
     """
 
@@ -64,16 +50,12 @@ class Slot:
     value: float | VariableReference
     number: Span | None = None
     unit_at: Span | None = None
-    gap: Gap | None = None
-    label: str = ""
+    remedy: str = ""
 
     @property
-    def key(self) -> tuple[int, str]:
+    def key(self) -> int | str:
         """Identity: slots that share a place in the text are one slot."""
-        if self.number is not None:
-            return (self.number[0], "")
-        assert self.gap is not None
-        return (self.gap.offset, self.label)
+        return self.name if self.number is None else self.number[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,16 +182,8 @@ class PlanText:
         for component in vector.components if vector else ():
             if component.axis == axis:
                 return self._quantity(name, component.value, kind)
-        if vector is None:
-            references = [parts[key] for key in ("wrt", "of", "in") if key in parts]
-            anchor = max(references, key=lambda node: node._tx_position)
-            if part == "rotation" and "translation" in parts:
-                anchor = parts["translation"]
-            gap = self._gap_after(anchor, 0 if part == "translation" else 1, f"{part}: ", ", ")
-        else:
-            header = ", " if vector.components else " "
-            gap = Gap(vector._tx_position_end, 0, header, ", ")
-        return Slot(name, kind, _DEFAULT_UNIT[kind], 0.0, gap=gap, label=f"{axis}: ")
+        remedy = f"{part}: {axis}: {'0 m' if kind == 'length' else '0 deg'}"
+        return Slot(name, kind, _DEFAULT_UNIT[kind], 0.0, remedy=remedy)
 
     def _wall_slot(self, element: PlanElement, name: str, key: str, shared_defaults: bool) -> Slot:
         own = {d.key: d.value for d in element.node.dimensions}
@@ -219,50 +193,9 @@ class PlanText:
         inherited = self._quantity(name, shared[key], "length")
         if shared_defaults:
             return inherited
-        gap = self._walls_gap(element)
-        return Slot(name, "length", "m", inherited.value, gap=gap, label=f"{key}: ")
-
-    def _walls_gap(self, element: PlanElement) -> Gap:
-        """Return the place for wall dimensions of a space that inherits some or all of them."""
-        node = element.node
-        if node.dimensions:
-            last = node.dimensions[-1]
-            around = self._gap_after(last, 2, "", " ")
-            return Gap(around.offset, 2, around.header, around.header)
-        end = node.features[0]._tx_position if node.features else node._tx_position_end
-        block = re.compile(r"walls\s*:").search(self.bare, node.parts[-1]._tx_position_end, end)
-        if block:
-            return Gap(block.end(), 2, " ", " ")
-        location = re.compile(r"location\s*:")
-        found = location.search(self.bare, node.shape._tx_position_end)
-        assert found is not None
-        around = self._gap_after(node.parts[-1], 2, "", "")
-        if not around.header.strip(" "):
-            return Gap(around.offset, 2, " walls: ", " ")
-        lead = self.newline + self._indent(found.start())
-        return Gap(around.offset, 2, f"{lead}walls:{lead}{_STEP}", f"{lead}{_STEP}")
-
-    def _gap_after(self, node: SyntaxNode, rank: int, header: str, joiner: str) -> Gap:
-        """Return a gap on a new line after a node, or behind it when more stands on its line."""
-        end = node._tx_position_end
-        stop = self.text.find("\n", end)
-        stop = len(self.text) if stop < 0 else stop
-        if self.bare[end:stop].strip():
-            return Gap(end, rank, f" {header}", joiner)
-        if self.text[end:stop].endswith("\r"):
-            stop -= 1
-        indent = self._indent(node._tx_position)
-        begin = self.bare.rfind("\n", 0, node._tx_position) + 1
-        if self.bare[begin : node._tx_position].strip():
-            indent += _STEP
-        return Gap(stop, rank, f"{self.newline}{indent}{header}", joiner)
-
-    def _indent(self, offset: int) -> str:
-        """Return the blanks that the line of ``offset`` starts with."""
-        begin = self.text.rfind("\n", 0, offset) + 1
-        found = re.compile(r"[ \t]*").match(self.text, begin)
-        assert found is not None
-        return found[0]
+        written = self.text[shared[key]._tx_position : shared[key]._tx_position_end]
+        remedy = f"walls: {key}: {written}"
+        return Slot(name, "length", "m", inherited.value, remedy=remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,35 +214,15 @@ def rewrite(plan: PlanText, settings: Iterable[SlotValue], *, name: str = "") ->
     """
     # By place and not by name: several spaces may share one default in the text.
     latest = {setting.slot.key: setting for setting in settings}
-    replaced: list[tuple[Span, str]] = []
-    for setting in latest.values():
-        if setting.slot.gap is None:
-            replaced.extend(_replacements(setting))
+    replaced = [one for setting in latest.values() for one in _replacements(setting)]
     if name:
         replaced.append((plan.name_at, name))
-    return _apply(plan.text, replaced, _insertions(latest.values()))
-
-
-def inserted_lines(plan: PlanText, slots: Iterable[Slot]) -> tuple[int, ...]:
-    """Return after which lines of ``plan`` a new line appears when ``slots`` are set, in order."""
-    settings = [SlotValue(slot, 0.0) for slot in slots]
-    lines: list[int] = []
-    for gap, text in _insertions(settings):
-        lines += [plan.source.where(gap.offset).line] * text.count("\n")
-    return tuple(sorted(lines))
-
-
-def _insertions(settings: Iterable[SlotValue]) -> list[tuple[Gap, str]]:
-    filled: dict[Gap, dict[str, str]] = {}
-    for setting in settings:
-        slot = setting.slot
-        if slot.gap is not None:
-            number = f"{slot.label}{_text(setting)} {setting.unit or slot.unit}"
-            filled.setdefault(slot.gap, {})[slot.label] = number
-    return [
-        (gap, gap.header + gap.joiner.join(items[label] for label in sorted(items)))
-        for gap, items in filled.items()
-    ]
+    pieces: list[str] = []
+    at = 0
+    for (start, end), new in sorted(replaced):
+        pieces += (plan.text[at:start], new)
+        at = end
+    return "".join((*pieces, plan.text[at:]))
 
 
 def _replacements(setting: SlotValue) -> list[tuple[Span, str]]:
@@ -327,17 +240,3 @@ def _replacements(setting: SlotValue) -> list[tuple[Span, str]]:
 def _text(setting: SlotValue) -> str:
     # Shortest text that reads back as the same number; + 0.0 makes -0.0 plain.
     return repr(setting.number + 0.0)
-
-
-def _apply(
-    text: str, replaced: Sequence[tuple[Span, str]], inserted: Sequence[tuple[Gap, str]]
-) -> str:
-    edits = [(start, 0, end, new) for (start, end), new in replaced]
-    edits.extend((gap.offset, gap.rank + 1, gap.offset, new) for gap, new in inserted)
-    pieces: list[str] = []
-    at = 0
-    # A gap may open where a replaced number ends: what starts first is written first.
-    for start, _, end, new in sorted(edits):
-        pieces += (text[at:start], new)
-        at = end
-    return "".join((*pieces, text[at:]))

@@ -20,6 +20,9 @@ Floor plan: house
         location:
             wrt: world // the anchor
             of: this
+            translation: x: 0 m
+            rotation: z: 0 deg
+        walls: thickness: 0.2 m
         features:
             Column pillar:
                 shape: Circle radius=0.2 m
@@ -53,7 +56,7 @@ Floor plan: house
         shape: Rectangle width=1 m, height=1 m
         location:
             in: hall.walls[0] // to the garden
-            translation: z: 1.5 m
+            translation: z: 1.5 m, x: 0 m
             rotation: y:
               0 rad
 """  # noqa: E501

@@ -45,7 +45,8 @@ Floor plan: house
     var gap = 0.9 m
     Space hall:
         shape: Rectangle width=6 m, length=4.0 m
-        location: wrt: world of: this rotation: z: turn
+        location: wrt: world of: this translation: x: 0 m rotation: z: turn
+        walls: thickness: 0.2 m
         features: Column pillar: shape: Circle radius=0.2 m height: 2.5
             location: wrt: this.walls[1] translation: y: -1.0 m
     Space room:

@@ -190,14 +190,6 @@ def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path):
     assert "must be positive" in reason.message
 
 
-def test_lines_that_were_inserted_do_not_move_the_explanation(tmp_path):
-    statements = "hall: {location.translation.x: uniform([1])} room: {shape.width: uniform([-1])}"
-    with pytest.raises(InputError) as caught:
-        sample(vary(tmp_path, statements), 1, seed=0, tries=1)
-    line = 1 + HOUSE[: HOUSE.index("width=3.0")].count("\n")
-    assert caught.value.diagnostics[1].where.line == line
-
-
 def test_equal_features_in_two_spaces_are_told_apart(tmp_path):
     plan = HOUSE.replace("Column post", "Column pillar")
     variant = one(tmp_path, "closet.pillar: {height: uniform([1.25])}", plan)

@@ -14,10 +14,11 @@ Defaults: walls: thickness: 0.2 m height: 2.5 m
 var shift = 0 m
 var wide = 1 m
 Space a: shape: Rectangle width=5 m, length=4 m location: wrt: world of: this
+    walls: thickness: 0.2 m
     features: Divider screen: shape: Rectangle width=1 m, length=0.1 m height: 2 m
-        location: wrt: this translation: x: 0 m
+        location: wrt: this translation: x: 0 m rotation: z: 0 deg
 Space b: shape: Rectangle width=4 m, length=3 m
-    location: wrt: a.walls[1] of: this.walls[3] spaced translation: x: shift
+    location: wrt: a.walls[1] of: this.walls[3] spaced translation: x: shift rotation: z: 0 deg
 Space c: shape: Rectangle width=4 m, length=3 m
     location: wrt: world of: this translation: y: -10 m
 Entryway door: shape: Rectangle width=wide, height=2 m
@@ -25,7 +26,7 @@ Entryway door: shape: Rectangle width=wide, height=2 m
 Entryway second: shape: Rectangle width=0.2 m, height=2 m
     location: in: a.walls[1] and b.walls[3] translation: x: 1 m, z: 1 m
 Window pane: shape: Rectangle width=1 m, height=1 m
-    location: in: a.walls[0] translation: z: 1.5 m
+    location: in: a.walls[0] translation: z: 1.5 m, x: 0 m
 """
 
 UNSOUND = {

@@ -10,7 +10,7 @@ from grammars.floorplan import load_floorplan
 PLAN = """Floor plan: cell
 Defaults: walls: thickness: 0.1 m height: 2 m
 var wide = 2 m
-Space room: shape: Rectangle width=wide, length=3 m location: wrt: world of: this
+Space room: shape: Rectangle width=wide, length=3 m location: wrt: world of: this rotation: z: 0 deg
 """
 
 
