@@ -82,7 +82,7 @@ def start():
             for name in ("key", "relay", "grace", "idle", "values")
             if name in more
         }
-        settings = Ros2Settings(launch=launch, **{"python": PYTHON} | more)
+        settings = Ros2Settings(launch=launch, **{"python": "sh"} | more)
         stack = StackProcess(settings, **{"values": {}, "key": "key", "relay": QUIET_RELAY} | own)
         started.append(stack)
         if begin:
@@ -171,7 +171,7 @@ def test_a_stack_that_was_never_started_leaves_nothing(start):
 
 def test_nothing_is_left_when_the_holder_is_killed(tmp_path):
     launch = f"{program(tmp_path, DAEMONISED)} marked stays"
-    with holder(launch=launch, relay=relay_file(tmp_path)) as (process, told):
+    with holder(launch=launch, relay=relay_file(tmp_path), python=PYTHON) as (process, told):
         folder = Path(told["folder"])
         eventually(lambda: len(marked(folder.name)) >= 3)
         process.send_signal(signal.SIGKILL)
