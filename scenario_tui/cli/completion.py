@@ -205,6 +205,8 @@ def oracles(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer the oracles of the run that was named."""
     from daemon.batch.ledger import names as ledger_names
 
+    if _names_daemon(ctx):
+        return []
     return _starting_with(
         ledger_names.oracles(_ledger(ctx), _argument_before(ctx, "run")), incomplete
     )
@@ -215,6 +217,8 @@ def names_in_campaign(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer scenarios, systems under test and oracles of the campaign that was named."""
     from daemon.batch.ledger import names as ledger_names
 
+    if _names_daemon(ctx):
+        return []
     campaign = _argument_before(ctx, "campaign")
     return _starting_with(
         ledger_names.column_values(_ledger(ctx), campaign, ("scenario", "sut", "oracle")),

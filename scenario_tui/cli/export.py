@@ -84,8 +84,8 @@ _ENDINGS: Final = frozenset(
 
 
 _OF_FILES: Final = (
-    "templates", "laser_height", "resolution", "distance", "first", "backward", "closed", "yaw",
-    "repeats", "timestamp", "base",
+    "laser_height", "resolution", "distance", "first", "backward", "closed", "yaw", "repeats",
+    "timestamp", "base",
 )  # fmt: skip
 """Parameters that mean nothing for recorded runs."""
 _OF_KINDS: Final[dict[Artefact, tuple[str, ...]]] = {

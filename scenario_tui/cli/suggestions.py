@@ -28,15 +28,13 @@ def _hint(path: Path) -> str:
     from scenario_tui.campaign_files import find_files, is_campaign
 
     files = find_files(Path(), is_campaign)
-    meant = _closest_file(path, files)
-    parts = [f"did you mean {meant}?"] if meant else []
-    if not meant and files:
-        shown = ", ".join(map(str, files[:_LISTED]))
-        more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
-        parts.append(f"campaign files here: {shown}{more}")
-    if not parts:
-        parts.append("there is no campaign file here: `scenario new NAME` writes one")
-    return "; ".join(parts)
+    if meant := _closest_file(path, files):
+        return f"did you mean {meant}?"
+    if not files:
+        return "there is no campaign file here: `scenario new NAME` writes one"
+    shown = ", ".join(map(str, files[:_LISTED]))
+    more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
+    return f"campaign files here: {shown}{more}"
 
 
 def _closest_file(path: Path, files: tuple[Path, ...]) -> Path | None:

@@ -145,6 +145,8 @@ def test_nothing_without_a_usable_ledger(tab, tmp_path, monkeypatch, content):
 def test_another_daemon_has_other_names(tab, monkeypatch):
     assert tab("scenario results --connect tcp/127.0.0.1:7 old") == []
     assert tab("scenario replay --connect tcp/127.0.0.1:7 old-1.") == []
+    assert tab("scenario replay --connect tcp/127.0.0.1:7 old-1.2 --from arr") == []
+    assert tab("scenario results --connect tcp/127.0.0.1:7 old-1 --filter ") == []
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     assert tab("scenario results old") == []
 
