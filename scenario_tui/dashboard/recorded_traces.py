@@ -64,7 +64,8 @@ class UnavailableTrace:
 def local_trace(detail: RunDetail, source: DaemonClient | None = None) -> Path | UnavailableTrace:
     """Return where the trace of a run lies on this machine, or why there is none.
 
-    One that lies elsewhere is brought here if ``source`` is given; that may take a while.
+    One that lies elsewhere is brought here if ``source`` is given; that may take a while. Another
+    machine may have another file under the same path, so that the digest decides.
     """
     run, path = detail.row.id, Path(detail.row.trace)
     if detail.row.state in UNFINISHED_STATES:
@@ -76,12 +77,23 @@ def local_trace(detail: RunDetail, source: DaemonClient | None = None) -> Path |
         return UnavailableTrace(run, f"{what}\n\nr queues it again.")
     if not detail.row.trace:
         return UnavailableTrace(run, "No trace of this run was kept.")
+    if source is not None and not _matches(detail):
+        fetched = _fetch_trace(detail, source)
+        # Of a file that is damaged, what can be read is shown all the same.
+        return path if isinstance(fetched, UnavailableTrace) and path.is_file() else fetched
     if path.is_file():
         return path
-    if source is not None:
-        return _fetch_trace(detail, source)
     what = "Look at it where its worker is, or run it again."
     return UnavailableTrace(run, f"Its trace is not on this machine (any more): {path}\n\n{what}")
+
+
+def _matches(detail: RunDetail) -> bool:
+    """Whether the file at the place of a trace is that trace."""
+    from daemon.batch.stores import matches_digest
+
+    assert detail.result is not None
+    trace = detail.result.trace
+    return matches_digest(Path(detail.row.trace), trace.size, trace.sha256)
 
 
 def _fetch_trace(detail: RunDetail, source: DaemonClient) -> Path | UnavailableTrace:
@@ -98,10 +110,12 @@ def can_fetch_trace(detail: RunDetail, source: DaemonClient) -> bool:
     from daemon.batch.stores import is_url
 
     row = detail.row
-    if detail.result is None or not row.trace or Path(row.trace).is_file():
+    if detail.result is None or not row.trace:
         return False
     if is_url(row.trace):
         return True
+    if _matches(detail):
+        return False
     # Only the daemon knows whether it can: asked for the first piece, it says so.
     try:
         source.piece(row.id, 0)

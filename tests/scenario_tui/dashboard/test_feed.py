@@ -193,6 +193,22 @@ def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monke
     assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
 
 
+def test_another_file_under_the_path_of_a_trace_is_not_shown(fake, feed, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    here = record_run(tmp_path / "here.mcap", speed=0.1)
+    data = record_run(tmp_path / "there.mcap").read_bytes()
+    text, digest = encode_chunk(data)
+    detail = fake.run(f"{CAMPAIGN}.0")
+    result = replace(detail.result, trace=TraceInfo(digest, len(data), 1))
+    detail = replace(detail, row=replace(detail.row, trace=str(here)), result=result)
+    monkeypatch.setattr(fake, "run", lambda run: detail)
+    monkeypatch.setattr(fake, "piece", lambda *_: DownloadChunk(0, len(data), digest, text, digest))
+    feed.start()
+    feed.set_query(Query(run=f"{CAMPAIGN}.0"))
+    eventually(lambda: isinstance(feed._state.recording, TraceSummary))
+    assert feed._state.recording.pose.x == pytest.approx(6.0)
+
+
 def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_again(
     fake, feed, tmp_path, monkeypatch
 ):
