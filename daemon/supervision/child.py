@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import errno
 import os
 import resource
 import signal
@@ -27,38 +26,25 @@ def become_supervisor() -> None:
     # A run may have but so much address space; C++ and DDS reserve far more than they touch.
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    adopt_orphans()
+
+
+def adopt_orphans() -> None:
+    """Become the parent of what descendants leave behind."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
-def adopt_orphans() -> bool:
-    """Become the parent of what descendants leave behind; returns whether this system has that."""
-    try:
-        _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    except OSError:
-        return False
-    return True
-
-
-def die_with_parent(parent: int) -> bool:
-    """Have this process killed when the thread that forked it ends, now if ``parent`` has ended.
-
-    Returns whether this system has that.
-    """
-    try:
-        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    except OSError:
-        return False
+def die_with_parent(parent: int) -> None:
+    """Have this process killed when the thread that forked it ends, now if ``parent`` has ended."""
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)  # killed in between
-    return True
 
 
 def prepare_child(supervisor: int) -> None:
     """Give a new process what one has that is started in a terminal; between fork and exec."""
     # Nobody kills a supervisor, except people and the kernel short of memory.
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != supervisor:
-        os._exit(1)  # killed in between
+    die_with_parent(supervisor)
     # A session has an autogroup of its own (sched(7)), which does not inherit how far a run steps
     # back behind other processes.
     with suppress(OSError):
@@ -68,7 +54,7 @@ def prepare_child(supervisor: int) -> None:
 
 def session_niceness() -> int:
     """Return how far this session steps back behind others (sched(7)): 0 to 19, mostly 0."""
-    with suppress(OSError, ValueError):  # another system, or a kernel without autogroups
+    with suppress(OSError, ValueError):  # a kernel without autogroups
         return max(0, int(_AUTOGROUP.read_text().rpartition(" ")[2]))
     return 0
 
@@ -83,7 +69,7 @@ def lower_session(niceness: int) -> bool:
     except BlockingIOError:
         return True
     except OSError:
-        pass  # another system, or a kernel without autogroups
+        pass  # a kernel without autogroups
     return False
 
 
@@ -97,8 +83,6 @@ def reset_signals() -> None:
 
 
 def _prctl(option: int, value: int) -> None:
-    if not hasattr(_LIBC, "prctl"):
-        raise OSError(errno.ENOSYS, "this system has no prctl")
     if _LIBC.prctl(option, value, 0, 0, 0):
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))

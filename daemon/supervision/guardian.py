@@ -6,8 +6,7 @@ The guardian is the subreaper (prctl(2)) of all that: whose parent ends becomes 
 whatever session and process group. It ends everything when the run has ended, when its holder or
 its own parent is gone, and when it is told to by SIGTERM; then it ends as the run did, with the
 same code or by the same signal. A guardian that is killed takes the run with it, and leaves what
-the run has left behind to the next subreaper. Where there is no prctl (macOS), the process group of
-the run ends with it, and nothing beyond.
+the run has left behind to the next subreaper.
 
 What the run prints goes through the guardian into a file that is bounded, and nobody waits for it.
 """
@@ -20,7 +19,6 @@ import resource
 import selectors
 import signal
 import socket
-import threading
 from contextlib import suppress
 from multiprocessing import parent_process
 from multiprocessing.process import BaseProcess
@@ -54,7 +52,6 @@ def guard(output: Path | None = None, *, niceness: int = 0) -> None:
     if holder is None:
         raise RuntimeError("only a child of multiprocessing has a holder")
     parent = _open_parent()
-    lifeline, held = os.pipe()
     reading, writing = (-1, -1) if output is None else os.pipe()
     printed = None if output is None else OutputFile(output)
     niceness = max(niceness, session_niceness())
@@ -71,13 +68,10 @@ def guard(output: Path | None = None, *, niceness: int = 0) -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         raise
     if run:
-        os.close(lifeline)
         if writing >= 0:
             os.close(writing)
         _Guardian(run, holder.sentinel, parent, reading, printed, niceness).watch()
-    os.close(held)
-    if not die_with_parent(guardian):
-        threading.Thread(target=_die_with, args=(lifeline,), daemon=True).start()
+    die_with_parent(guardian)
     os.setpgid(0, 0)
     if parent is not None:
         os.close(parent)
@@ -101,16 +95,11 @@ def end_guarded(process: BaseProcess) -> None:
 
 
 def _open_parent() -> int | None:
-    """Return a descriptor that is ready when the parent ends, where there is such a thing."""
+    """Return a descriptor that is ready when the parent ends, ``None`` before Linux 5.3."""
     try:
         return os.pidfd_open(os.getppid())
-    except (AttributeError, OSError):
+    except OSError:
         return None
-
-
-def _die_with(lifeline: int) -> None:
-    os.read(lifeline, 1)
-    os._exit(1)
 
 
 class _Guardian:
@@ -200,12 +189,6 @@ class _Guardian:
                 self._code = code
 
     def _end(self) -> None:
-        if not Path("/proc/self/stat").exists():
-            # Best effort elsewhere. In its group is also who has lost it as a parent.
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._run, signal.SIGKILL)
-            if self._code is None:
-                self._code = os.waitstatus_to_exitcode(os.waitpid(self._run, 0)[1])
         end_children(os.getpid(), reap=self._reap)
         if self._printed is not None:
             for _ in range(_MOST_READS):

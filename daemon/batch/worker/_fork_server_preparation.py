@@ -6,9 +6,7 @@ for those like it, which are forked from the server and find it done.
 
 from __future__ import annotations
 
-import atexit
 import os
-import tempfile
 import time
 from collections.abc import Callable, Hashable
 from multiprocessing.connection import Connection
@@ -162,10 +160,6 @@ def _may_be_prepared(spec: RunSpec) -> bool:
 
 def _new_list() -> tuple[int, str]:
     """Return a file, open, and its path: read by the fork server, gone with this process."""
-    if hasattr(os, "memfd_create"):
-        # Of Linux alone; there on a full disk as well.
-        opened = os.memfd_create("preparation")
-        return opened, f"/proc/{os.getpid()}/fd/{opened}"
-    opened, path = tempfile.mkstemp(prefix="scenario-preparation-")
-    atexit.register(Path(path).unlink, missing_ok=True)
-    return opened, path
+    # It is there on a full disk as well.
+    opened = os.memfd_create("preparation")
+    return opened, f"/proc/{os.getpid()}/fd/{opened}"

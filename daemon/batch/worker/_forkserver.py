@@ -51,11 +51,11 @@ def prepare_environment(executor: str) -> None:
 def lower_session_priority(nice: int) -> None:
     """Let this worker's session step back as a whole, if it has one of its own.
 
-    With autogroups (sched(7), usual on Linux) sessions share processors evenly whatever the
+    With autogroups (sched(7)) sessions share processors evenly whatever the
     niceness of their processes: that of the runs counts inside the worker's session only.
     """
     if os.getsid(0) == os.getpid():
-        with suppress(OSError):  # another system, or a kernel without them
+        with suppress(OSError):  # a kernel without them
             Path("/proc/self/autogroup").write_text(str(nice))
 
 
