@@ -31,7 +31,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "sut check": ("scenario sut check my_stack.yaml",),
     "sut relay": ("scenario sut relay > relay.py",),
     "tui": ("scenario tui", "scenario tui --read-only", "scenario tui --bindings"),
-    "status": ("scenario status", "scenario status --metrics", "scenario status --json"),
+    "status": ("scenario status", "scenario status --json"),
     "results": (
         "scenario results",
         "scenario results nightly --runs",

@@ -1,4 +1,4 @@
-"""Commands that keep an installation well: doctor, metrics, gc."""
+"""Commands that keep an installation well: doctor, gc."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenario_tui.cli.output import Output, OutputPart, stderr_console, stdout_c
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import StrayFile, SweepResult, VerificationProgress
-    from daemon.batch.operation import DaemonStatus, DoctorFinding
+    from daemon.batch.operation import DoctorFinding
     from daemon.batch.paths import Endpoint
 
 _SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
@@ -115,37 +115,6 @@ def _check_settings() -> DoctorFinding:
     return DoctorFinding(
         FindingLevel.OK, "config", f"{config.path} {', '.join(parts)}".rstrip(), ""
     )
-
-
-class MetricsOutput(Output, schema="metrics"):
-    """The daemon's numbers."""
-
-    standing: DaemonStatus
-
-    def print(self) -> None:
-        """Print them as Prometheus reads them."""
-        from daemon.batch.operation import prometheus_text
-
-        typer.echo(prometheus_text(self.standing), nl=False)
-
-
-def metrics(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
-    """Write the daemon's numbers in the text format of Prometheus.
-
-    Runs by state and outcome, workers and their slots, rate, disk; for node_exporter's textfile
-    collector, say.
-    """
-    from daemon.batch.operation import DaemonStatus
-    from scenario_tui.cli.target import DaemonTarget
-
-    with DaemonTarget(connect, state).open() as daemon:
-        standing = DaemonStatus(
-            daemon.overview(),
-            daemon.campaigns(unfinished=True),
-            daemon.workers(),
-            daemon.disk(),
-        )
-    MetricsOutput(standing).show(as_json)
 
 
 class SweptCampaign(OutputPart):

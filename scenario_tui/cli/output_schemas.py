@@ -79,7 +79,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     coverage.CoverageOutput,
     blame.BlameOutput,
     operate.DoctorOutput,
-    operate.MetricsOutput,
     operate.GcOutput,
     keys.KeysOutput,
     sut.SutOutput,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Final
-
-import typer
+from typing import TYPE_CHECKING, Final
 
 from scenario_tui.cli.options import AsJson, Connect, State
 from scenario_tui.cli.output import Output, plain_table, stdout_console, wrap_parts
@@ -83,27 +81,8 @@ class StatusOutput(Output, schema="status"):
                 console.print(words, markup=False, style="yellow", soft_wrap=True)
 
 
-def status(
-    numbers: Annotated[
-        bool,
-        typer.Option(
-            "--metrics", help="Instead the daemon's numbers in the text format of Prometheus."
-        ),
-    ] = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
-    """Say how everything stands: daemon, workers, campaigns.
-
-    Its numbers, runs by state and outcome, workers and their slots, rate, disk, can be had for
-    node_exporter's textfile collector, say.
-    """
-    if numbers:
-        from scenario_tui.cli.operate import metrics
-
-        metrics(connect, state, as_json)
-        return
+def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
+    """Say how everything stands: daemon, workers, campaigns."""
     from contextlib import suppress
 
     from daemon.batch.errors import Unavailable

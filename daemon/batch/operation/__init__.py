@@ -1,19 +1,16 @@
-"""Keeping a daemon going: what is wrong with it, its numbers, its systemd units."""
+"""Keeping a daemon going: what is wrong with it, and its systemd units."""
 
 from daemon.batch.operation._checks import check_keys
 from daemon.batch.operation._doctor import examine
 from daemon.batch.operation._findings import DoctorFinding, FindingLevel, guarded
-from daemon.batch.operation._metrics import DaemonStatus, prometheus_text
 from daemon.batch.operation._systemd import daemon_unit, worker_unit
 
 __all__ = [
-    "DaemonStatus",
     "DoctorFinding",
     "FindingLevel",
     "check_keys",
     "daemon_unit",
     "examine",
     "guarded",
-    "prometheus_text",
     "worker_unit",
 ]

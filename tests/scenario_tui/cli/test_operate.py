@@ -1,4 +1,4 @@
-"""gc, doctor, metrics, units: against a real daemon where it matters."""
+"""gc, doctor, units: against a real daemon where it matters."""
 
 from functools import partial
 from pathlib import Path
@@ -7,7 +7,6 @@ import pytest
 
 from scenario_tui.cli import invoke
 from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.daemon.batch.operation.test_metrics import read_exposition
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.conftest import Said
@@ -57,10 +56,8 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path, real):
         levels = {finding["subject"]: finding["level"] for finding in told["findings"]}
         assert (healthy.code, told["schema"]) == (0, "scenario/doctor/1")
         assert levels["daemon"] == levels["workers"] == levels["ledger"] == levels["state"] == "ok"
-        numbers = read_exposition(scenario("status", "--metrics").out)
-        assert numbers["scenario_outcomes", frozenset({("outcome", "pass")})] == 34
-        assert numbers["scenario_workers", frozenset()] == 1
-        assert numbers["scenario_ledger_bytes", frozenset()] > 4096
+        numbers = declared(scenario("status", "--json").out)
+        assert (numbers["overview"]["passed"], numbers["overview"]["workers"]) == (34, 1)
         assert client.runs("first").rows[0].reason == "its trace is gone"
         rows = client.runs("second").rows
         assert all(Path(row.trace).is_file() and row.outcome == "pass" for row in rows)

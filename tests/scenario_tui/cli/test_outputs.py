@@ -67,14 +67,6 @@ def test_numbers_that_json_has_not_are_null(capsys):
     assert body["campaign"] == [None, {"a": None}, [1.5]]
 
 
-def test_numbers_for_machines_and_for_prometheus(scenario):
-    assert (
-        declared(scenario("status", "--metrics", "--json").out)["standing"]["disk"]["total"]
-        == 10**12
-    )
-    assert scenario("status", "--metrics").out.startswith("# HELP")
-
-
 def test_stopping_says_what_goes_on(scenario, monkeypatch):
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     body = declared(scenario("daemon", "--stop", "--json").out)

@@ -60,7 +60,7 @@ CASES = {
     "wait": (("first", "--timeout", "0s"), ("none{NAME}",), (SEARCH,)),
     "serve": (("broken/campaign.yaml",), ("demo/campaign.yaml", "{NAME}")),
     "tui": ((), ("--keys", "{NAME}")),
-    "status": ((), ("--json",), ("--metrics",), ("--metrics", "--json")),
+    "status": ((), ("--json",)),
     "results": (("first",), (SEARCH,), ("first", "--runs"), ("first", "--json"), ("none{NAME}",)),
     "show": (
         (RUN,),
