@@ -11,7 +11,8 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -31,7 +32,7 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import RunResult
 from daemon.model.verbs import COMPLETE, UPLOAD
-from grammars.text.files import replacing
+from grammars.text.files import move_durably, sync_directory
 
 LONGEST_TURN: Final = 0.5
 """Seconds of sending before the worker looks after its runs and leases again."""
@@ -66,29 +67,55 @@ class TracePlacement:
         return cls(attempt.folder / TRACE, target, result.trace.sha256)
 
     def put(self) -> bool:
-        """Put the trace there unless there is one; returns whether it is this one now.
+        """Put the trace there unless there is one; returns whether it is one like this now.
 
         It is put there before the ledger is told, so that a recorded run always has its trace; the
         first stays, since another worker may have recorded the run with it in the meantime.
         """
         stores.make_folder(self.target.parent)
-        if self.target.exists():
-            return stores.file_sha256(self.target) == self.sha256
-        self.replace()
+        with self._prepared() as temporary:
+            try:
+                # Not a look and then a rename: another worker may come in between.
+                os.link(temporary, self.target)
+            except FileExistsError:
+                same = stores.file_sha256(self.target) == self.sha256
+                if same:
+                    # Of this attempt from now on: whoever withdraws the other leaves it.
+                    move_durably(temporary, self.target)
+                return same
+            except OSError:  # a file system without hard links
+                if self.target.exists():
+                    return stores.file_sha256(self.target) == self.sha256
+                move_durably(temporary, self.target)
+        sync_directory(self.target.parent)
         return True
 
     def replace(self) -> None:
         """Put the trace there whatever is there; the spool keeps its own."""
-        with replacing(self.target) as temporary:
-            try:
-                os.link(self.source, temporary)
-            except OSError:  # no hard links here, or another file system
-                shutil.copyfile(self.source, temporary)
+        with self._prepared() as temporary:
+            move_durably(temporary, self.target)
 
     def withdraw(self) -> None:
-        """Remove the trace from there if it is this one."""
-        if self.target.exists() and stores.file_sha256(self.target) == self.sha256:
-            self.target.unlink()
+        """Remove the trace from there if it is that of this attempt."""
+        with suppress(FileNotFoundError):
+            if self.source.samefile(self.target):
+                self.target.unlink()
+
+    @contextmanager
+    def _prepared(self) -> Iterator[Path]:
+        """Give the trace, on the disk, another name in the folder of the target."""
+        temporary = self.target.with_name(f".{self.target.name}.{os.urandom(4).hex()}.tmp")
+        try:
+            try:
+                os.link(self.source, temporary)
+            except OSError:  # another file system
+                shutil.copyfile(self.source, temporary)
+            with temporary.open("rb") as file:
+                os.fsync(file.fileno())
+            yield temporary
+        finally:
+            # Also when all went well: of two hard links to one file, rename(2) removes neither.
+            temporary.unlink(missing_ok=True)
 
 
 class ResultUploader:

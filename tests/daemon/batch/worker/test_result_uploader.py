@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +14,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.stores import decode_chunk, encode_chunk
 from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths
+from daemon.batch.worker._uploader import TracePlacement
 from daemon.model import verbs
 from daemon.model.messages import (
     CHUNK,
@@ -155,3 +157,41 @@ def test_a_slow_link_leaves_time_for_everything_else(daemon, attempt, tmp_path):
         turns += 1
     assert turns > 3
     assert daemon.arrived == DATA
+
+
+def placement_of(folder, name, target, data=DATA):
+    source = folder / name
+    source.write_bytes(data)
+    return TracePlacement(source, target, hashlib.sha256(data).hexdigest())
+
+
+def test_of_two_workers_at_one_run_the_first_trace_stays(tmp_path, monkeypatch):
+    """Also when both have seen nothing there."""
+    target = tmp_path / "traces" / "c.mcap"
+    target.parent.mkdir()
+    first = placement_of(tmp_path, "first", target)
+    second = placement_of(tmp_path, "second", target, DATA[:-1])
+    link = os.link
+
+    def late_link(*paths):
+        """The first comes between the look of the second and what it does."""
+        monkeypatch.undo()
+        assert first.put()
+        link(*paths)
+
+    monkeypatch.setattr(os, "link", late_link)
+    assert not second.put()
+    second.withdraw()
+    assert target.read_bytes() == DATA
+
+
+def test_who_withdraws_leaves_the_same_trace_of_another_attempt(tmp_path):
+    target = tmp_path / "traces" / "c.mcap"
+    target.parent.mkdir()
+    first, second = (placement_of(tmp_path, name, target) for name in ("first", "second"))
+    assert first.put()
+    assert second.put()
+    first.withdraw()
+    assert target.read_bytes() == DATA
+    second.withdraw()
+    assert not target.exists()
