@@ -13,7 +13,7 @@ from typing import IO, Final
 
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import StatePaths, is_same_folder
 from daemon.batch.permissions import open_private_log
 from daemon.batch.tether import end_tethered
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
@@ -34,7 +34,8 @@ def running_daemon(state: Path) -> str | None:
     try:
         with Client.open(endpoint, timeout=2.0) as client:
             # Another directory's daemon may have taken the port since.
-            return endpoint if Path(client.overview().state) == paths.state else None
+            kept = Path(client.overview().state)
+            return endpoint if is_same_folder(kept, paths.state) else None
     except DaemonError:
         return None
 

@@ -287,6 +287,11 @@ class StatePaths:
         return self.endpoint if self.socket.is_socket() else None
 
 
+def is_same_folder(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one folder, whatever they are called."""
+    return one == other or (one.is_dir() and other.is_dir() and one.samefile(other))
+
+
 def _make_private(folder: Path) -> None:
     """Make ``folder`` and see to it that it is ours alone; raises ``OSError``."""
     folder.mkdir(mode=0o700, exist_ok=True)

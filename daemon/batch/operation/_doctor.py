@@ -29,6 +29,7 @@ from daemon.batch.paths import (
     is_encrypted,
     is_endpoint,
     is_local,
+    is_same_folder,
 )
 from daemon.batch.permissions import find_exposure, state_files, state_folders
 from daemon.batch.security import keys_folder
@@ -257,7 +258,8 @@ def _answering(
     overview: DaemonOverview, paths: StatePaths, endpoint: Endpoint
 ) -> Iterator[DoctorFinding]:
     own = version("scenario-tui")
-    if Path(overview.state) != paths.state and endpoint.origin in ("daemon.json", "default"):
+    own_daemon = is_same_folder(Path(overview.state), paths.state)
+    if not own_daemon and endpoint.origin in ("daemon.json", "default"):
         yield problem(
             "daemon",
             f"the one at {endpoint_text(endpoint.address)} keeps {overview.state}",

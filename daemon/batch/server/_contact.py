@@ -7,12 +7,17 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from typing import IO, Final
 
 from daemon.batch.errors import AlreadyRunning, PlaceUnusable
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.permissions import open_private
 from grammars.text import codec
 from grammars.text.files import write_atomically
+
+_PATIENCE: Final = 1.0
+_AGAIN: Final = 0.02
+"""Seconds to try for the lock of a state directory, and between two tries."""
 
 
 @contextmanager
@@ -29,13 +34,28 @@ def hold_alone(paths: StatePaths) -> Iterator[None]:
         except OSError as error:
             words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
             raise PlaceUnusable(f"{words}; choose another directory with --state") from error
+        if not _lock_soon(lock):
+            contact = paths.read_contact()
+            where = f", process {contact.pid}" if contact else ""
+            raise AlreadyRunning(f"a daemon already keeps {paths.state}{where}")
+        yield
+
+
+def _lock_soon(lock: IO[str]) -> bool:
+    """Lock within a second; returns whether that was possible.
+
+    Programs that only look whether there is a daemon hold the lock for a moment.
+    """
+    deadline = time.monotonic() + _PATIENCE
+    while True:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            contact = paths.read_contact()
-            where = f", process {contact.pid}" if contact else ""
-            raise AlreadyRunning(f"a daemon already keeps {paths.state}{where}") from None
-        yield
+            if time.monotonic() >= deadline:
+                return False
+            time.sleep(_AGAIN)
+        else:
+            return True
 
 
 class ContactFile:

@@ -1,10 +1,12 @@
 """Processes are killed, frozen and restarted: every run still ends in exactly one result."""
 
+import fcntl
 import random
 import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from contextlib import closing
 from pathlib import Path
@@ -15,6 +17,9 @@ import pytest
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
+from daemon.batch.locks import is_locked
+from daemon.batch.paths import StatePaths
+from daemon.batch.server._contact import hold_alone
 from daemon.model.run_state import RunState
 from tests.daemon.batch.harness import (
     EXECUTOR,
@@ -307,3 +312,19 @@ def test_a_daemon_that_does_not_come_up_shows_why(tmp_path):
         embedded_daemon(state, slots=0),
     ):
         pass
+
+
+def test_a_state_directory_has_its_daemon_under_every_name(tmp_path):
+    with daemon_at(tmp_path / "state") as daemon:
+        daemon.client().close()
+        (tmp_path / "other").symlink_to(daemon.state)
+        assert running_daemon(tmp_path / "other") == running_daemon(daemon.state) is not None
+
+
+def test_who_looks_whether_there_is_a_daemon_keeps_none_from_starting(tmp_path):
+    paths = StatePaths(tmp_path)
+    with paths.lock.open("a") as looking:
+        fcntl.flock(looking, fcntl.LOCK_SH)
+        threading.Timer(0.2, looking.close).start()
+        with hold_alone(paths):
+            assert is_locked(paths.lock)
