@@ -42,9 +42,7 @@ from daemon.model.messages import (
 from grammars.text.files import move_durably
 
 _MOST_UPLOADS: Final = 1024
-"""Uploads at a time, finished ones whose result has not come included."""
-_MOST_FILES: Final = 4096
-"""Files kept, those under way included."""
+"""Uploads at a time, of traces or of files; finished traces whose result has not come count."""
 _STALE: Final = 3600.0
 """Seconds after which an upload that nobody goes on with is given up."""
 _SWEEP: Final = 60.0
@@ -221,6 +219,7 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         if now < self._sweep_at:
             return
         self._sweep_at = now + _SWEEP
+        self._begun = {token: at for token, at in self._begun.items() if now - at < _STALE}
         for path in self.paths.incoming.iterdir():
             with suppress(FileNotFoundError):
                 idle = time.time() - path.stat().st_mtime
@@ -255,9 +254,9 @@ class FileUploads(_Uploads[FileUploadChunk]):
         return "the file"
 
     def _make_room(self, chunk: FileUploadChunk) -> None:
-        if sum(1 for _ in self.paths.files.iterdir()) >= _MOST_FILES:
+        if sum(1 for _ in self.paths.files.glob(".*.part")) >= _MOST_UPLOADS:
             raise Unavailable(
-                f"{_MOST_FILES} files are kept already: remove some in {self.paths.files}"
+                f"{_MOST_UPLOADS} files are on their way already: this one has to wait"
             )
 
     def _log_end(self, chunk: FileUploadChunk, *, accepted: bool) -> None:

@@ -212,3 +212,9 @@ def test_a_submission_without_its_files_is_refused(tmp_path):
         admit_submission(pack_submission(submission), places)
     (places.files / DIGEST).write_bytes(MODEL)
     admit_submission(pack_submission(submission), places)
+
+
+def test_as_many_files_are_kept_as_campaigns_need(files):
+    for number in range(5000):
+        (files.paths.files / f"{number:064x}").touch()
+    assert files.add_chunk(None, keep(0, MODEL)).complete
