@@ -14,6 +14,7 @@ from daemon.batch.ledger._results import (
     begin_era,
     check_result,
     lease_problem,
+    note_of_result,
     queue_reserve,
     read_trace_location,
     require_era,
@@ -24,9 +25,7 @@ from daemon.batch.ledger._results import (
 from daemon.batch.ledger._searches import search_state
 from daemon.batch.ledger._waiting import (
     end_waits,
-    end_waits_for,
     note_attempt,
-    postpone,
     shift_waits,
 )
 from daemon.batch.ledger.transitions import (
@@ -40,6 +39,7 @@ from daemon.batch.ledger.transitions import (
     RunTransition,
     advance,
 )
+from daemon.model.deadline import was_stopped
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec
@@ -168,16 +168,12 @@ _NEXT_RUN: Final = (
     " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
     " FROM run JOIN spec ON spec.run = run.id"
     " WHERE state = 'queued' AND not_before = 0{able} AND run.campaign = (SELECT id FROM campaign"
-    " AS c WHERE finished_at IS NULL AND paused = 0 AND EXISTS (SELECT 1 FROM run"
+    " AS c WHERE finished_at IS NULL AND paused = 0 AND lacks = '' AND EXISTS (SELECT 1 FROM run"
     " WHERE run.campaign = c.id AND state = 'queued' AND not_before = 0{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
 _ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
 _LONGEST_REASON: Final = 4000
-_LONGEST_SEARCH: Final = 256
-"""Runs that one request for work may find to lack something; the next one goes on."""
-_LOOK_AGAIN: Final = 60.0
-"""Seconds until it is looked again whether what a run lacks is there; whoever brings it says so."""
 
 
 class LeaseUpdates(RunUpdates):
@@ -210,12 +206,11 @@ class LeaseUpdates(RunUpdates):
 
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
         Within a campaign the first submitted run goes first. Runs of systems under test whose
-        kind the worker ``lacks`` wait for another one. What ``missing`` says that a run lacks here
-        (its scene, say) it waits for, with that as its reason.
+        kind the worker ``lacks`` wait for another one. A campaign waits as a whole for what
+        ``missing`` says that a run of it lacks here: its scene, say.
         """
         end_waits(self._db, now)
         leases: list[Lease] = []
-        searched = 0
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
         values = (json.dumps(lacks),) if lacks else ()
         while len(leases) < count:
@@ -225,10 +220,7 @@ class LeaseUpdates(RunUpdates):
             run, campaign, trace, body, leads = row
             spec = self._specs.read(body)
             if why := missing(spec):
-                postpone(self._db, run, why, now + _LOOK_AGAIN)
-                searched += 1
-                if searched == _LONGEST_SEARCH:
-                    break
+                self._hold(campaign, run, why, now)
                 continue
             token = self._next_token()
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
@@ -239,8 +231,31 @@ class LeaseUpdates(RunUpdates):
             leases.append(lease)
         return tuple(leases)
 
+    def _hold(self, campaign: str, run: str, why: str, now: float) -> None:
+        """Lease nothing of a campaign while it lacks something; a run of it has that as reason."""
+        self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (why, campaign))
+        self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (why, run))
+        self.record_event(now, "campaign", campaign, campaign, "held", why)
+
+    def end_hold(self, why: str, now: float) -> int:
+        """Go on with the campaigns that lack this; returns how many there are."""
+        held = self._db.execute(
+            "UPDATE campaign SET lacks = '' WHERE lacks = ? RETURNING id", (why,)
+        ).fetchall()
+        for (campaign,) in held:
+            self._db.execute(
+                "UPDATE run SET reason = '' WHERE campaign = ? AND state = 'queued' AND reason = ?",
+                (campaign, why),
+            )
+            self.record_event(now, "campaign", campaign, campaign, "resumed")
+        return len(held)
+
     def begin_era(self) -> str:
-        """Begin to keep this ledger; leases are of the era that this returns from now on."""
+        """Begin to keep this ledger; leases are of the era that this returns from now on.
+
+        What campaigns lacked may have come while no daemon looked: that is found out anew.
+        """
+        self._db.execute("UPDATE campaign SET lacks = '' WHERE lacks <> ''")
         self._era = begin_era(self._db)
         return self._era
 
@@ -291,7 +306,11 @@ class LeaseUpdates(RunUpdates):
         """Record a result, exactly one per run, whichever lease it comes under and however late."""
         campaign = self.check_completion(completion)
         digest = completion.result.digest
-        event = Completed(completion.token, digest, completion.worker)
+        stopped = was_stopped(completion.result.note)
+        recorded = was_stopped(note_of_result(self._db, completion.run))
+        event = Completed(
+            completion.token, digest, completion.worker, comparable=not (stopped or recorded)
+        )
         before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
@@ -299,7 +318,7 @@ class LeaseUpdates(RunUpdates):
         change = self._apply(completion.run, event, now, before)
         if before is not None and change.run.state is RunState.DONE:
             self._stop_others(completion, before, campaign, now)
-        if change.record and change.run.repeatable:
+        if change.record and change.run.repeatable and not stopped:
             self._check_determinism(completion, digest, campaign, now)
         if change.answer is LedgerAnswer.DIFFERS:
             reason = change.run.reason
@@ -320,12 +339,17 @@ class LeaseUpdates(RunUpdates):
     def _check_determinism(
         self, completion: Completion, digest: str, campaign: str, now: float
     ) -> None:
-        """Raise an alarm when another run of the same specification came out differently."""
-        other = self._db.execute(
+        """Raise an alarm when another run of the same specification came out differently.
+
+        Runs that the wall clock ended prove nothing.
+        """
+        others = self._db.execute(
             "SELECT id, result FROM run WHERE digest = ? AND result <> '' AND result <> ?"
-            " ORDER BY serial DESC LIMIT 1",
+            " ORDER BY serial DESC",
             (completion.result.spec, digest),
-        ).fetchone()
+        )
+        notes = ((other, note_of_result(self._db, other[0])) for other in others)
+        other = next((other for other, note in notes if not was_stopped(note)), None)
         if other is None:
             return
         run = completion.run
@@ -404,7 +428,3 @@ class LeaseUpdates(RunUpdates):
     def end_waits(self, now: float) -> int:
         """Make ready the runs that have waited long enough; returns how many."""
         return end_waits(self._db, now)
-
-    def end_waits_for(self, reason: str) -> int:
-        """Make ready the runs that wait for this reason; returns how many."""
-        return end_waits_for(self._db, reason)

@@ -1,4 +1,4 @@
-"""Runs that wait: after an attempt that left no result, and for inputs that are gone.
+"""Runs that wait after an attempt that left no result.
 
 A run that was given back is not leased again at once, but after a delay that doubles with each
 such attempt in a row: what fails at once would otherwise be tried hundreds of times in a minute. A
@@ -81,11 +81,6 @@ def _count_setback(db: sqlite3.Connection, run: str, now: float) -> None:
     )
 
 
-def postpone(db: sqlite3.Connection, run: str, reason: str, until: float) -> None:
-    """Let a queued run wait for something that is no attempt's doing."""
-    db.execute("UPDATE run SET not_before = ?, reason = ? WHERE id = ?", (until, reason, run))
-
-
 def end_waits(db: sqlite3.Connection, now: float) -> int:
     """Make ready whose time has come; returns how many runs that are.
 
@@ -103,15 +98,6 @@ def end_waits(db: sqlite3.Connection, now: float) -> int:
         f"UPDATE run SET not_before = 0 WHERE serial IN (SELECT serial {_DELAYED}"
         f" AND not_before {when} LIMIT ?)",
         (limit, _READY_AT_A_TIME),
-    ).rowcount
-
-
-def end_waits_for(db: sqlite3.Connection, reason: str) -> int:
-    """Make ready at once the runs that wait for this reason; returns how many."""
-    return db.execute(
-        "UPDATE run SET not_before = 0, reason = ''"
-        f" WHERE serial IN (SELECT serial {_DELAYED} AND reason = ?)",
-        (reason,),
     ).rowcount
 
 

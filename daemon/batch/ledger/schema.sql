@@ -29,7 +29,8 @@ CREATE TABLE campaign (
     paused       INTEGER NOT NULL DEFAULT 0,
     priority     INTEGER NOT NULL DEFAULT 0,
     served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
-    origin       BLOB NOT NULL DEFAULT x''   -- its file and the commit it was written at
+    origin       BLOB NOT NULL DEFAULT x'',  -- its file and the commit it was written at
+    lacks        TEXT NOT NULL DEFAULT ''    -- scene or file that is gone, in words: it waits for that
 ) STRICT;
 
 -- Whose turn it is: campaigns of one priority take turns.

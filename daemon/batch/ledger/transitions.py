@@ -86,11 +86,16 @@ class Renewed:
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """A result with this digest arrived, executed under ``token``; ``worker`` brought it."""
+    """A result with this digest arrived, executed under ``token``; ``worker`` brought it.
+
+    It is not ``comparable`` with the recorded one when the wall clock ended one of them: such a run
+    differs every time.
+    """
 
     token: int
     digest: str
     worker: str = ""
+    comparable: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +227,7 @@ def _complete(run: ExecutionState, event: Completed) -> RunTransition:
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
     if run.result == digest:
         return RunTransition(_settled(run, token, run.reason), LedgerAnswer.KNOWN)
-    if not run.repeatable:
+    if not (run.repeatable and event.comparable):
         return RunTransition(_settled(run, token, run.reason), LedgerAnswer.REDUNDANT)
     told = f"another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
     reason = f"{NONDETERMINISTIC}: {told}"

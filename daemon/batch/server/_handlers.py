@@ -260,7 +260,7 @@ class Handlers(SearchHandlers):
     def _end_waits(self, ledger: LedgerWriter) -> None:
         """Let runs go on whose scene or file somebody has brought back."""
         for reason in self._inputs.take_restored():
-            ledger.end_waits_for(reason)
+            ledger.end_hold(reason, self.clock.now())
 
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
         count = ledger.cancel(request.id, self.clock.now())

@@ -5,7 +5,9 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
+from daemon.model.deadline import stopped_after
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
+from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1_000_000.0
@@ -58,3 +60,39 @@ def test_two_runs_of_one_specification_that_differ_are_both_doubted(ledger):
         made = make_result(grant.spec, margin=margin)
         ledger.book.complete(Completion("a", grant.run, 1, grant.token, made), NOW)
     assert ledger.submit("third", 1) == 0
+
+
+def stopped(spec):
+    """What a run gives that the wall clock ended."""
+    made = make_result(spec, outcome=Outcome.ERROR, margin=0.1)
+    return replace(made, note=stopped_after(5.0))
+
+
+@pytest.mark.parametrize("order", [(stopped, make_result), (make_result, stopped)])
+def test_a_run_that_the_wall_clock_ended_says_nothing_about_others(ledger, order):
+    events = []
+    for name, make in zip(("first", "second"), order, strict=True):
+        # Submitted to run anew: a result there is would be taken otherwise.
+        ledger.book.submit(make_submission(name, 1), NOW)
+        (grant,) = ledger.book.lease("w", 1, NOW)
+        done = Completion("w", grant.run, 1, grant.token, make(grant.spec))
+        assert ledger.book.complete(done, NOW) is LedgerAnswer.RECORDED
+        events += [event.kind for event in ledger.book.events]
+    assert "alarm" not in events
+    assert ledger.submit("third", 1) == 1
+
+
+@pytest.mark.parametrize("order", [(stopped, make_result), (make_result, stopped)])
+def test_nor_about_another_attempt_at_the_same_run(ledger, order):
+    ledger.submit("first", 1)
+    (grant,) = ledger.book.lease("a", 1, NOW)
+    ledger.book.expire_leases(NOW + 100.0)
+    (again,) = ledger.book.lease("b", 1, NOW + 110.0)
+    answers = [
+        ledger.book.complete(
+            Completion("w", one.run, one.attempt, one.token, make(one.spec)), NOW + 120.0
+        )
+        for one, make in zip((grant, again), order, strict=True)
+    ]
+    assert answers == [LedgerAnswer.RECORDED, LedgerAnswer.REDUNDANT]
+    assert "alarm" not in {event.kind for event in ledger.book.events}

@@ -83,16 +83,30 @@ def test_a_clock_that_was_set_lets_nobody_wait_for_ever(book, tmp_path):
     assert book.end_waits(NOW) == 1  # it was set back while no daemon looked
 
 
-def test_what_lacks_something_waits_for_it_and_others_go_first(book, tmp_path):
-    lacks = {0: "its scene is gone", 1: "its scene is gone"}
-    grants = book.lease("w", 9, NOW, missing=lambda spec: lacks.get(spec.repeat, ""))
-    assert [grant.run for grant in grants] == ["c.2"]
-    assert [(r.attempt, r.setbacks, r.reason) for r in rows(tmp_path)[:2]] == [
-        (0, 0, "its scene is gone")
-    ] * 2
-    assert book.lease("w", 9, NOW) == ()
-    assert book.end_waits_for("its scene is gone") == 2
-    assert len(book.lease("w", 9, NOW)) == 2
+def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(book, tmp_path):
+    book.submit(make_submission("gone", 600, scenario="gone"), NOW)
+    book.submit(make_submission("d", 2), NOW)
+
+    def missing(spec):
+        return "its scene is gone" if spec.scenario == "gone" else ""
+
+    grants = [book.lease("w", 1, NOW, missing=missing) for _ in range(5)]
+    assert [grant.campaign for (grant,) in grants] == ["c", "d", "c", "d", "c"]
+    assert book.lease("w", 1, NOW, missing=missing) == ()
+    with LedgerReader.open(StatePaths(tmp_path)) as reader:
+        first, *others = reader.runs(RunQuery("gone")).rows
+    assert (first.attempt, first.setbacks, first.reason) == (0, 0, "its scene is gone")
+    assert {row.reason for row in others} == {""}
+    assert book.end_hold("its scene is gone", NOW) == 1
+    assert len(book.lease("w", 600, NOW)) == 600
+    assert rows(tmp_path)[0].reason == ""
+
+
+def test_what_a_campaign_lacked_is_looked_for_anew_by_the_next_daemon(book):
+    assert book.lease("w", 1, NOW, missing=lambda _: "its scene is gone") == ()
+    assert book.lease("w", 1, NOW) == ()
+    book.begin_era()
+    assert len(book.lease("w", 1, NOW)) == 1
 
 
 def test_runs_that_wait_are_not_looked_through(db, book):
