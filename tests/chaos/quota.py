@@ -6,7 +6,7 @@ from tests.chaos.disk import fill, may_mount, small_disk
 from tests.chaos.executions import Executions
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import daemon_at, eventually, finished
+from tests.daemon.batch.harness import Part, daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
@@ -36,7 +36,7 @@ def quota(folder, *, runs=10, seconds=60.0):
 
 
 def full_start(folder):
-    """The disk is full when the daemon starts: it says so, and works once there is room."""
+    """The disk is full when the daemon starts: it says so and leaves; with room it starts."""
     report = Report("full start: a daemon on a full disk")
     if not may_mount():
         report.fact("skipped", "mounting a small file system needs root")
@@ -47,11 +47,13 @@ def full_start(folder):
             daemon.client().close()
             daemon.kill()
             fill(ballast)
+            early = Part("serve", folder / "early.log", "--state", str(state))
+            report.expect(early.wait() == 3, f"it ended with {early.process.returncode}")
+            words = ("No space left", "is full")
+            report.expect(any(one in early.output for one in words), f"it said {early.output}")
+            ballast.unlink()
             daemon.restart()
             with daemon.client() as client:
-                eventually(lambda: "full" in client.overview().trouble)
-                ballast.unlink()
-                eventually(lambda: not client.overview().trouble)
                 client.submit(make_submission("after", 2))
                 eventually(lambda: finished(client, 2))
         verify(report, state, 2)

@@ -276,9 +276,7 @@ class LedgerReader:
         return tuple((row[0], row[1], row[2]) for row in rows)
 
     def result_of_trace(self, name: str) -> RunResult | None:
-        """The result of the run whose own trace has that name; raises ``ValueError`` for an old one
-        that cannot be understood any more.
-        """
+        """Return the result of the run whose own trace has that name."""
         row = self._db.execute(
             "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?", (name,)
         ).fetchone()

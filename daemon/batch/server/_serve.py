@@ -273,9 +273,7 @@ class _Daemon:
                 f"{ALIVE}/*/*", self._on_liveliness, history=True
             )
         )
-        # The second is how versions before this one asked: they shall hear that they are refused.
-        for keys in (f"{ASK}/*/*", f"{ASK}/*"):
-            stack.enter_context(session.declare_queryable(keys, dispatcher.on_query))
+        stack.enter_context(session.declare_queryable(f"{ASK}/*/*", dispatcher.on_query))
         return writer, threads
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:

@@ -28,7 +28,7 @@ from daemon.batch.run_process import FILES, LEASE, RESULT, WATCHED, Wanted, read
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
-from daemon.model.spec import RunResult, SutReference, bound_result
+from daemon.model.spec import RunResult, SutReference
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -84,8 +84,7 @@ class Attempt:
             data = file.read(LARGEST_REQUEST + 1)
         if len(data) > LARGEST_REQUEST:
             raise ValueError(f"its result has more than {LARGEST_REQUEST} bytes")
-        # An earlier version left larger ones in the spool.
-        return bound_result(codec.from_json(RunResult, data))
+        return codec.from_json(RunResult, data)
 
     def output(self) -> str:
         """The end of what the run printed, empty when it printed nothing."""
@@ -202,8 +201,7 @@ class Spool:
             shutil.rmtree(folder)
 
     def _may_adopt(self, folder: Path) -> bool:
-        # Empty: of a version that did not write it down.
-        return (folder / _LOCK).read_text("utf-8", "replace") in ("", self._holder)
+        return (folder / _LOCK).read_text("utf-8", "replace") == self._holder
 
     def _move(self, attempt: Attempt) -> Attempt:
         target = self._folder / attempt.lease.run / attempt.folder.name

@@ -63,9 +63,3 @@ def test_what_was_leased_under_another_key_waits_for_that_key(places):
     assert adopt(places, "owners") == AdoptedWork()
     assert adopt(places, "others", "worker.other") == AdoptedWork()
     assert len(adopt(places, "heir", "worker.spare").finished) == 1
-
-
-def test_what_an_earlier_version_left_is_anybodys(places):
-    leave(places)
-    (places.spool / "dead" / "lock").write_text("")
-    assert len(adopt(places, "heir", "worker.spare").unfinished) == 1
