@@ -28,13 +28,17 @@ QUIET_RELAY = Path(__file__).with_name("quiet_relay.sh")
 
 def eventually(condition, seconds=PATIENCE):
     deadline = time.monotonic() + seconds
-    while not condition():
+    while not (value := condition()):
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.02)
+    return value
 
 
 def marked(token):
-    """Everything that runs and has the marker of a stack in its environment."""
+    """Everything that runs and has the marker of a stack in its environment.
+
+    A process that is just replacing its program has no environment to be read, and is missing.
+    """
     found = []
     for process in psutil.process_iter():
         try:
@@ -47,7 +51,8 @@ def marked(token):
 
 def marked_without_relay(token):
     """What runs of the stack alone."""
-    return [p for p in marked(token) if not _is_quiet_relay(p.cmdline())]
+    programs = [(p, p.cmdline()) for p in marked(token)]
+    return [p for p, words in programs if words and not _is_quiet_relay(words)]
 
 
 def _is_quiet_relay(words):

@@ -48,7 +48,7 @@ if os.fork() == 0:
     os.setsid()
     if os.fork() == 0:
         if sys.argv[1] == "unmarked":
-            os.execve("/bin/sleep", ["sleep", "601.25"], {})
+            os.execve("/bin/sleep", ["sleep", sys.argv[3]], {})
         print("daemonised", flush=True)
         time.sleep(600)
     os._exit(0)
@@ -119,6 +119,11 @@ def is_free(domain):
     return True
 
 
+def own_seconds():
+    """A time to sleep by which a process is known from those of other suites on this machine."""
+    return f"601.{secrets.randbelow(10**9):09d}"
+
+
 def sleepers(seconds):
     return [p for p in psutil.process_iter(["cmdline"]) if p.info["cmdline"] == ["sleep", seconds]]
 
@@ -146,7 +151,9 @@ def test_one_that_ignores_everything_is_killed(start, tmp_path):
 @pytest.mark.parametrize("launcher", ["stays", "ends"])
 @pytest.mark.parametrize("variables", ["marked", "unmarked"])
 def test_what_has_left_its_parent_and_its_session_is_ended(start, tmp_path, launcher, variables):
-    stack = start(f"{program(tmp_path, DAEMONISED)} {variables} {launcher}", grace=0.3)
+    seconds = own_seconds()
+    launch = f"{program(tmp_path, DAEMONISED)} {variables} {launcher} {seconds}"
+    stack = start(launch, grace=0.3)
     printed(stack, "launched")
     if launcher == "ends":
         eventually(stack.ended)
@@ -154,9 +161,9 @@ def test_what_has_left_its_parent_and_its_session_is_ended(start, tmp_path, laun
     if variables == "marked":
         printed(stack, "daemonised")
     else:
-        eventually(lambda: sleepers("601.25"))
+        eventually(lambda: sleepers(seconds))
     stack.release(keep=False)
-    assert not sleepers("601.25")
+    assert not sleepers(seconds)
     nothing_left(stack)
 
 
@@ -217,7 +224,7 @@ def test_stacks_that_live_are_left_alone_by_the_next_one(start):
     third = start()
     assert first.folder.exists()
     assert second.ended() == third.ended() == ""
-    assert marked(second.folder.name)
+    eventually(lambda: marked(second.folder.name))
 
 
 # A participant of Fast DDS, as far as its files in shared memory are concerned.
@@ -284,7 +291,7 @@ def test_the_end_of_the_launch_command_is_told(start, launch, words):
 
 def test_a_killed_stack_is_noticed(start):
     stack = start("exec sleep 600")
-    (process,) = marked_without_relay(stack.folder.name)
+    (process,) = eventually(lambda: marked_without_relay(stack.folder.name))
     process.kill()
     eventually(stack.ended)
     assert stack.ended() == "the launch command was killed by SIGKILL"
@@ -299,7 +306,7 @@ def relay_file(folder, text="import time\nprint('here')\ntime.sleep(600)\n"):
 def test_a_killed_relay_is_noticed(start, tmp_path):
     stack = start(relay=Path(relay_file(tmp_path)), python=PYTHON)
     eventually(lambda: stack.outputs().get("relay.txt") == b"here\n")
-    (relay,) = (p for p in marked(stack.folder.name) if "relay.py" in p.cmdline()[-1])
+    (relay,) = (p for p in marked(stack.folder.name) if "relay.py" in " ".join(p.cmdline()))
     relay.kill()
     eventually(stack.ended)
     assert stack.ended() == 'the relay was killed by SIGKILL: "here"'
@@ -363,13 +370,14 @@ def test_a_placeholder_without_a_value_is_named(start):
 
 def test_what_a_setup_file_starts_belongs_to_the_stack(start, tmp_path):
     setup = tmp_path / "setup.bash"
-    setup.write_text("setsid sleep 601.5 >/dev/null 2>&1 &\n")
+    seconds = own_seconds()
+    setup.write_text(f"setsid sleep {seconds} >/dev/null 2>&1 &\n")
     stack = start(setup=(str(setup),))
-    eventually(lambda: sleepers("601.5"))
+    eventually(lambda: sleepers(seconds))
     assert stack.ended() == ""
     supervisor_of(stack.folder).kill()
     stack.release(keep=False)
-    assert not sleepers("601.5")
+    assert not sleepers(seconds)
     nothing_left(stack)
 
 
@@ -549,7 +557,7 @@ def test_a_kept_stack_makes_room_for_another_in_its_domain(start):
 def test_a_kept_stack_that_crashes_is_gone(start):
     stack = start("exec sleep 600", reuse=True)
     stack.release(keep=True)
-    (process,) = marked_without_relay(stack.folder.name)
+    (process,) = eventually(lambda: marked_without_relay(stack.folder.name))
     process.kill()
     eventually(lambda: not stack.folder.exists())
     assert not start(reuse=True).reused
@@ -558,7 +566,7 @@ def test_a_kept_stack_that_crashes_is_gone(start):
 def test_a_kept_stack_dies_with_its_owner():
     with holder(launch="sleep 600", reuse=True, keep=True) as (process, told):
         folder = Path(told["folder"])
-        assert marked(folder.name)
+        eventually(lambda: marked(folder.name))
         process.send_signal(signal.SIGKILL)
         eventually(lambda: not folder.exists())
         assert marked(folder.name) == []
@@ -585,7 +593,7 @@ def test_the_owner_of_a_kept_stack_is_the_worker_not_the_runs_process():
         assert (first, second) == (False, True)
         assert folder == same
         token = Path(folder).name
-        assert marked(token)
+        eventually(lambda: marked(token))
         process.kill()
         eventually(lambda: not Path(folder).exists())
         assert marked(token) == []
