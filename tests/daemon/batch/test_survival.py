@@ -7,7 +7,6 @@ import sqlite3
 import subprocess
 import sys
 import threading
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -32,7 +31,7 @@ from tests.daemon.batch.harness import (
     finished,
     worker_for,
 )
-from tests.daemon.batch.samples import make_submission
+from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 
 
 def check_ledger(state, runs):
@@ -91,19 +90,45 @@ def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
         check_ledger(tmp_path / "state", 16)
 
 
-def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path):
+def answered(daemon, question):
+    """Ask a daemon that may just have been killed; nothing comes of it then."""
+    try:
+        with Client.open(daemon.endpoint) as client:
+            return question(client)
+    except DaemonError:
+        return None
+
+
+def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
     rng = random.Random(7)
     settings = {"lease": 1.0, "attempts": 50}
+    gates = [tmp_path / f"gate-{number}" for number in range(30)]
+    specs = [make_spec(number, until=str(gate)) for number, gate in enumerate(gates)]
+
+    def waiting(client):
+        """The gates at which runs stand."""
+        running = [row for row in client.runs("c").rows if row.state is RunState.RUNNING]
+        return [gates[row.repeat] for row in running if not gates[row.repeat].exists()]
+
+    def let_through(client, count):
+        for gate in waiting(client):
+            gate.touch()
+        return client.overview().done >= count
+
     with daemon_at(tmp_path / "state", 2, **settings) as daemon:
         with daemon.client() as client:
-            client.submit(make_submission("c", 30, sleep=0.05))
-        for _ in range(5):
-            time.sleep(rng.uniform(0.2, 0.6))
+            client.submit(submission_of("c", *specs))
+        for number in range(1, 6):
+            # Neither is idle: two runs are under way, and cannot end.
+            eventually(lambda: len(answered(daemon, waiting) or ()) == 2)
             if rng.random() < 0.5:
                 daemon.kill()
                 daemon.restart()
             else:
                 local_worker(daemon).kill()
+            eventually(lambda n=number: answered(daemon, lambda c: let_through(c, 4 * n)))
+        for gate in gates:
+            gate.touch()
         settled(daemon, 30)
         check_ledger(tmp_path / "state", 30)
         assert daemon.journal()
