@@ -84,11 +84,12 @@ def _runs(process):
 class Part:
     """A daemon or worker process of this test."""
 
-    def __init__(self, command, log, *options, module="daemon", through=()):
+    def __init__(self, command, log, *options, module="daemon", through=(), cold=False):
         self._command = [*through, sys.executable, "-m", module, command, *options]
         self._log = log
         # Elsewhere, in benchmarks, what is started is started as by everybody.
-        self._prepared = module == "daemon" and not through and "PYTEST_CURRENT_TEST" in os.environ
+        forked = module == "daemon" and not through and not cold
+        self._prepared = forked and "PYTEST_CURRENT_TEST" in os.environ
         self.process = self._start()
 
     def _start(self):
@@ -139,11 +140,11 @@ class DaemonPart(Part):
     def __init__(self, state, slots, **settings):
         self.state = state
         self.endpoint = str(settings.pop("listen", "")) or free_endpoint()
-        module = str(settings.pop("module", "daemon"))
+        how = {"module": settings.pop("module", "daemon"), "cold": settings.pop("cold", False)}
         options = ["--state", str(state), "--listen", self.endpoint, "--slots", str(slots)]
         for name, value in settings.items():
             options += [f"--{name}", str(value)]
-        super().__init__("serve", state.parent / f"{state.name}.log", *options, module=module)
+        super().__init__("serve", state.parent / f"{state.name}.log", *options, **how)
 
     def journal(self):
         log = self.state / "daemon.log"  # there from the first line on
@@ -187,7 +188,8 @@ def end(processes):
 def daemon_at(state, slots=0, **settings):
     """A daemon for the block; nothing of it is left afterwards.
 
-    ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``.
+    ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``. A ``cold`` one
+    is not forked from a process that has loaded everything: it imports what it needs itself.
     """
     state.parent.mkdir(parents=True, exist_ok=True)
     part = DaemonPart(state, slots, **({"patience": 2.0, "executor": EXECUTOR} | settings))

@@ -72,7 +72,7 @@ def settled(daemon, runs):
 def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
     log = tmp_path / "log"
     # The lease outlasts the test: no run is started again because one has lapsed.
-    with daemon_at(tmp_path / "state", 2, lease=1800.0) as daemon:
+    with daemon_at(tmp_path / "state", 2, lease=1800.0, cold=True) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 16, sleep=0.1, log=str(log)))
             eventually(lambda: client.overview().done >= 5)
