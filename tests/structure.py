@@ -41,6 +41,18 @@ class Module:
         """Lines that are only a comment."""
         return sum(line.strip().startswith("#") for line in self.lines)
 
+    def libraries(self):
+        """Top names of everything that is imported anywhere, also by ``import_module``."""
+        found = set()
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module)
+            elif isinstance(node, ast.Call) and _called(node) in ("import_module", "__import__"):
+                found |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
+        return {str(name).partition(".")[0] for name in found}
+
     def imports(self, known):
         """Modules of ours that this one imports anywhere, for type checkers only as well."""
         found = set()
@@ -52,6 +64,12 @@ class Module:
                     inner = f"{node.module}.{alias.name}"
                     found.add(inner if inner in known else node.module)
         return (found & known) - {self.name}
+
+
+def _called(call):
+    """Return the last part of the name of what is called."""
+    function = call.func
+    return getattr(function, "attr", "") or getattr(function, "id", "")
 
 
 def _is_header(node):

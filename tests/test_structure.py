@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.structure import circles, class_homes, import_graph, read_modules
+from tests.structure import Module, circles, class_homes, import_graph, read_modules
 
 ROOT = Path(__file__).parents[1]
 _FILES = re.compile(r"(?<![\w/.])(?:grammars|templates|daemon|scenario_tui|tests)/[\w./-]*\w")
@@ -37,13 +37,12 @@ def test_circles_are_found():
 
 
 def test_only_the_ledger_speaks_sql_and_only_traces_speak_mcap(modules):
-    """The library of each is imported in its room alone; elsewhere for no more than its errors."""
+    """The library of each is imported in its room alone."""
     speaking = {
         library: sorted(
             module.name
             for module in modules
-            if not module.name.startswith(rooms)
-            and any(f"{word} {library}" in module.text for word in ("import", "from"))
+            if not module.name.startswith(rooms) and library in module.libraries()
         )
         for library, rooms in {
             "sqlite3": ("daemon.batch.ledger",),
@@ -51,3 +50,21 @@ def test_only_the_ledger_speaks_sql_and_only_traces_speak_mcap(modules):
         }.items()
     }
     assert speaking == {"sqlite3": [], "mcap": []}
+
+
+@pytest.mark.parametrize(
+    ("text", "libraries"),
+    [
+        ('"""What comes from mcap, by import sqlite3."""\n', set()),
+        ("def read():\n    import sqlite3.dbapi2\n", {"sqlite3"}),
+        ("from mcap.reader import make_reader\n", {"mcap"}),
+        (
+            'import importlib\nread = importlib.import_module("mcap.reader")\n',
+            {"importlib", "mcap"},
+        ),
+        ("from ._reader import mcap\n", set()),
+    ],
+)
+def test_libraries_are_what_is_imported_not_what_is_spoken_of(tmp_path, text, libraries):
+    (tmp_path / "room.py").write_text(text)
+    assert Module(tmp_path / "room.py", tmp_path).libraries() == libraries

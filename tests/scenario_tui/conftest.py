@@ -62,8 +62,6 @@ def _styles_are_read_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Stylesheet, "_parse_rules", parse_rules)
-        # The same value, some hundred times a widget.
-        patch.setattr(RuleSet, "__hash__", object.__hash__)
         yield
 
 
