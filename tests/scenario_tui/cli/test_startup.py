@@ -17,15 +17,15 @@ NEEDED_BY_FEW = {
 LANGUAGES = {"numpy", "shapely", "textx"}
 BUS = {"zenoh", "cryptography"}
 DEMO = "campaigns/demo/campaign.yaml"
-BUDGETS = (
-    # (words, exit code, most modules, what may not be among them beside NEEDED_BY_FEW)
-    ("--help", 0, 260, LANGUAGES | BUS | {"pydantic", "rich.markdown"}),
-    ("check --help", 0, 390, LANGUAGES | BUS | {"rich.markdown"}),
-    ("status", 3, 360, LANGUAGES | BUS),
-    ("results nothing", 3, 450, LANGUAGES),
-    ("search", 3, 460, LANGUAGES),
-    (f"check {DEMO}", 0, 700, BUS | {"daemon.model.messages", "grammars.variation"}),
-    ("check campaigns/demo/flat.fpm", 0, 630, BUS | {"daemon.campaign"}),
+LOADED = (
+    # (words, exit code, what may not be loaded beside NEEDED_BY_FEW)
+    ("--help", 0, LANGUAGES | BUS | {"pydantic", "rich.markdown"}),
+    ("check --help", 0, LANGUAGES | BUS | {"rich.markdown"}),
+    ("status", 3, LANGUAGES | BUS),
+    ("results nothing", 3, LANGUAGES),
+    ("search", 3, LANGUAGES),
+    (f"check {DEMO}", 0, BUS | {"daemon.model.messages", "grammars.variation"}),
+    ("check campaigns/demo/flat.fpm", 0, BUS | {"daemon.campaign"}),
 )
 HEAVY = ("numba", "numpy", "pymunk", "textual", "zenoh", "pydantic", "textx", "rdflib", "shapely")
 
@@ -66,8 +66,8 @@ invoke([])
     assert loaded.isdisjoint(set(HEAVY) - {"pydantic"})
 
 
-@pytest.mark.parametrize(("words", "code", "most", "unneeded"), BUDGETS)
-def test_a_command_loads_no_more_than_it_needs(words, code, most, unneeded, monkeypatch, tmp_path):
+@pytest.mark.parametrize(("words", "code", "unneeded"), LOADED)
+def test_a_command_loads_no_more_than_it_needs(words, code, unneeded, monkeypatch, tmp_path):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     monkeypatch.chdir(Path(command_line.__file__).parents[2])
@@ -76,7 +76,6 @@ def test_a_command_loads_no_more_than_it_needs(words, code, most, unneeded, monk
         f"assert invoke({words.split()!r}) == {code}"
     )
     assert not loaded & (NEEDED_BY_FEW | unneeded)
-    assert len(loaded) <= most
 
 
 def test_who_submits_loads_nothing_that_reads_ledgers_and_traces():
@@ -95,7 +94,6 @@ Dashboard(Feed(None), config=read_config(Path("/nowhere/config.toml")))
 """)
     unneeded = {"daemon.model.spec", "daemon.model.status", "numpy", "pydantic", "zenoh"}
     assert not loaded & ((NEEDED_BY_FEW | unneeded) - {"textual"})
-    assert len(loaded) <= 520
 
 
 @pytest.mark.parametrize(
