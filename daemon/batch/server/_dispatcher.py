@@ -62,11 +62,11 @@ class RequestDispatcher:
         # Nothing is parsed or refused here: Zenoh calls from the thread that reads its sockets,
         # and whatever takes long in it delays everybody, heartbeats included.
         name, word = split_key(str(query.key_expr))
-        no = self.revoked.problem(name) if name else None
+        no = self.revoked.problem(name)
         if no is not None:
             self._turn_away(query, no)
             return
-        verb = VERBS.get(word) if name else None
+        verb = VERBS.get(word)
         if verb is None:
             self._queue(self.reader, query, lambda _: _refuse_unknown(query))
             return

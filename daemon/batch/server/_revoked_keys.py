@@ -20,8 +20,8 @@ _LOOK_EVERY: Final = 1.0
 
 
 def split_key(key: str) -> tuple[str, str]:
-    """Return name and verb of a question's key; the name is empty when there is none in it."""
-    name, _, verb = key.removeprefix(f"{ASK}/").rpartition("/")
+    """Return name and verb of a question's key."""
+    name, _, verb = key.removeprefix(f"{ASK}/").partition("/")
     return name, verb
 
 

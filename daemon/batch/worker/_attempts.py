@@ -33,7 +33,6 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 _LOCK: Final = "lock"
-_OWNER: Final = "owner"
 """Stands in the lock of a worker without a key: the daemon's owner started it."""
 _SHOWN_OUTPUT: Final = 2000
 
@@ -107,7 +106,7 @@ class AdoptedWork:
 
 
 class Spool:
-    """This worker's part of the spool; ``holder`` is the name of its key, empty without one.
+    """This worker's part of the spool.
 
     Its disk may become unusable while the worker works. Then nothing of it is lost, ``log`` gets
     the reason once, and what could not be removed or taken over is tried again.
@@ -117,20 +116,17 @@ class Spool:
         self,
         paths: StatePaths,
         worker: str,
-        holder: str = "",
         log: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._paths = paths
         self._log = log
         self._remains: list[Attempt] = []
         self._problems: set[str] = set()
-        self._holder = holder or _OWNER
         self._folder = paths.spool / worker
         # Locked before it has its name: nobody adopts it in between.
         unborn = paths.spool / f".{worker}"
         unborn.mkdir(mode=0o700)
         self._lock = _lock(unborn)
-        (unborn / _LOCK).write_text(self._holder, "utf-8")
         unborn.rename(self._folder)
 
     def open(self, lease: Lease) -> Attempt:
@@ -190,7 +186,7 @@ class Spool:
         with lock:
             # A removed folder can still be locked by who had its lock open: the first to
             # come has adopted it, name and all.
-            if not folder.exists() or not self._may_adopt(folder):
+            if not folder.exists():
                 return
             for attempt in _attempts(folder):
                 if attempt.finished:
@@ -199,9 +195,6 @@ class Spool:
                     unfinished.append(attempt.lease)
             # A run's process may be dying and still write: what is left goes later.
             shutil.rmtree(folder)
-
-    def _may_adopt(self, folder: Path) -> bool:
-        return (folder / _LOCK).read_text("utf-8", "replace") == self._holder
 
     def _move(self, attempt: Attempt) -> Attempt:
         target = self._folder / attempt.lease.run / attempt.folder.name

@@ -105,8 +105,7 @@ def _serve(
     me = replace(describe_worker(), era=welcome.era)
     with ExitStack() as stack:
         paths = choose_paths(state, welcome)
-        holder = daemon.holder.name if daemon.holder else ""
-        spool = _open_spool(paths.state, me.id, holder)
+        spool = _open_spool(paths.state, me.id)
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
         session = daemon.session
@@ -142,10 +141,10 @@ def _ask_again(daemon: DaemonConnection, signals: WorkerSignals) -> WelcomeReply
     return None
 
 
-def _open_spool(paths: StatePaths, worker: str, holder: str) -> Spool:
+def _open_spool(paths: StatePaths, worker: str) -> Spool:
     """Make the worker's part of the spool; raises :class:`WorkerBroken`."""
     try:
-        return Spool(paths, worker, holder, _log)
+        return Spool(paths, worker, _log)
     except OSError as error:
         raise WorkerBroken(f"this worker cannot keep results: {error}") from error
 

@@ -23,16 +23,11 @@ def lease(position):
     return Lease(f"c.{position}", "c", 1, 7 + position, f"c/{position}.mcap", make_spec(position))
 
 
-def leave(places, holder=""):
+def leave(places):
     """A worker that dies with two attempts, the first of them finished."""
-    with closing(Spool(places, "dead", holder)) as spool:
+    with closing(Spool(places, "dead")) as spool:
         (spool.open(lease(0)).folder / RESULT).touch()
         spool.open(lease(1))
-
-
-def adopt(places, worker, holder=""):
-    with closing(Spool(places, worker, holder)) as spool:
-        return spool.adopt()
 
 
 def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
@@ -56,10 +51,3 @@ def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(place
         assert (again.folder / LEASE).exists()
         again.discard()
         assert not again.folder.parent.exists()
-
-
-def test_what_was_leased_under_another_key_waits_for_that_key(places):
-    leave(places, "worker.spare")
-    assert adopt(places, "owners") == AdoptedWork()
-    assert adopt(places, "others", "worker.other") == AdoptedWork()
-    assert len(adopt(places, "heir", "worker.spare").finished) == 1
