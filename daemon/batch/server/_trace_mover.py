@@ -13,6 +13,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import LedgerJob, WriterThread
 from daemon.batch.stores import copy_between, matches_digest, trace_url
+from daemon.model.spec import RunResult
 
 _PERIOD: Final = 2.0
 """Seconds between two looks at the traces of the state directory."""
@@ -39,19 +40,25 @@ class TraceMover(threading.Thread):
                 pause = _AFTER_PROBLEM
 
     def _move_all(self) -> None:
-        with LedgerReader.open(self._paths) as ledger:
-            for path in self._paths.traces.glob("*/*.mcap"):
-                name = path.relative_to(self._paths.traces).as_posix()
-                result = ledger.result_of_trace(name)
-                if self._closing.is_set() or result is None:
-                    continue
-                # Another attempt's trace may lie there until its worker has replaced it.
-                trace = result.trace
-                if matches_digest(path, trace.size, trace.sha256):
-                    url = trace_url(self._store, name, trace.sha256)
+        copied: list[tuple[Path, str, str, str]] = []
+        try:
+            with LedgerReader.open(self._paths) as ledger:
+                for path in self._paths.traces.glob("*/*.mcap"):
+                    if self._closing.is_set():
+                        break
+                    name = path.relative_to(self._paths.traces).as_posix()
+                    result = ledger.result_of_trace(name)
+                    # Another attempt's trace may lie there until its worker has replaced it.
+                    if result is None or not _is_trace_of(path, result):
+                        continue
+                    url = trace_url(self._store, name, result.trace.sha256)
                     copy_between(str(path), url)
-                    os.sync()  # the copy that is certainly on a disk goes
-                    self._record(path, name, result.digest, url)
+                    copied.append((path, name, result.digest, url))
+        finally:
+            if copied:
+                os.sync()  # a trace leaves the disk when its copy is certainly on one
+            for copy in copied:
+                self._record(*copy)
 
     def _record(self, path: Path, name: str, digest: str, url: str) -> None:
         def record(book: LedgerWriter) -> bool:
@@ -67,3 +74,7 @@ class TraceMover(threading.Thread):
         """Finish the trace that is on its way."""
         self._closing.set()
         self.join()
+
+
+def _is_trace_of(path: Path, result: RunResult) -> bool:
+    return matches_digest(path, result.trace.size, result.trace.sha256)
