@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from ruamel.yaml import YAML, YAMLError
+import yaml
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
@@ -120,10 +120,8 @@ def _is_plan_folder(folder):
 def _keys(path):
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
-        told = (
-            json.loads(text) if path.suffix in (".json", ".jsonld") else YAML(typ="safe").load(text)
-        )
-    except (ValueError, YAMLError):
+        told = json.loads(text) if path.suffix in (".json", ".jsonld") else yaml.safe_load(text)
+    except (ValueError, yaml.YAMLError):
         return set()
     return set(told) if isinstance(told, dict) else set()
 
@@ -233,7 +231,7 @@ def _object(path, scratch):
 def _map(path, scratch):
     file = scratch / path.name
     shutil.copy(path, file)
-    name = Path(YAML(typ="safe").load(path.read_text(encoding="utf-8"))["image"]).name
+    name = Path(yaml.safe_load(path.read_text(encoding="utf-8"))["image"]).name
     # Some were renamed where they are kept, large ones are gzipped there.
     images = [path.with_name(name), path.with_suffix(".pgm"), path.with_suffix(".pgm.gz")]
     image = next((image for image in images if image.is_file()), None)
@@ -294,7 +292,7 @@ def _key_frames(path, scratch):
 
 
 def _task(path, scratch):
-    told = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["waypoints"]
+    told = yaml.safe_load(path.read_text(encoding="utf-8"))["waypoints"]
     lines = [
         f"  - {{id: {json.dumps(str(w['id']))}, x: {w['x']}, y: {w['y']}, yaw: {w['yaw']}}}\n"
         for w in told

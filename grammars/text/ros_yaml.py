@@ -3,7 +3,7 @@
 Robots' files are YAML 1.1 and hold what a strict reader refuses: a key twice in one mapping (ROS
 takes the last one), ``yes`` for true, anchors, angles in degrees. All of it is read here the way
 ROS reads it; what is probably a slip is a warning. Nothing is run, and a file is bounded in
-size, depth and number of values. Source: rosparam (ROS Noetic), YAML 1.1.
+size, depth and number of values. PyYAML is what rosparam reads with.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ import ast
 import math
 import operator
 import re
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+import yaml
+
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import KeyPath, YamlDocument, read_text
-from grammars.text.yaml_composer import mark_place
+from grammars.text.yaml_composer import mark_place, yaml_loader
 
 _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
@@ -30,7 +31,6 @@ _COLLECTIONS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("map", 
 _NULL: Final = "tag:yaml.org,2002:null"
 _NO_VALUE: Final = "write a value or leave it out"
 _DATE: Final = "tag:yaml.org,2002:timestamp"
-_FLOAT: Final = "tag:yaml.org,2002:float"
 _ANGLE: Final = re.compile(r"^(deg|rad)\(([^)]*)\)$")
 _LONGEST_ANGLE: Final = 100
 _ANGLE_TAGS: Final = {"!degrees": "deg", "!radians": "rad"}
@@ -62,8 +62,6 @@ def parse_ros_yaml(
     ``locate`` places a text that is a part of its file. With ``any_value`` the text may be a
     list or a single value as well, otherwise it is a mapping.
     """
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
     def place(mark: Any) -> Where:
         return (
@@ -72,26 +70,18 @@ def parse_ros_yaml(
             else locate(mark.line + 1, mark.column + 1)
         )
 
-    yaml = YAML(typ="safe", pure=True)
-    yaml.version = (1, 1)
     begin = Where(file, 1, 1) if locate is None else locate(1, 1)
     try:
-        if len(text) > 2 * _MOST_VALUES:
-            _refuse_monstrous(yaml.parse(text), place)
-        with warnings.catch_warnings():
-            # An anchor of one name written twice: the later one counts, as in rosparam.
-            warnings.simplefilter("ignore")
-            root = yaml.compose(text)
-    except MarkedYAMLError as error:
+        _refuse_monstrous(yaml.parse(text, Loader=yaml_loader()), place)
+        root = yaml.compose(text, Loader=yaml_loader())
+    except yaml.MarkedYAMLError as error:
         where = place(error.problem_mark or error.context_mark)
         message = str(error.problem or error.context or "").splitlines()[0]
         raise InputError.at(where, f"is not valid YAML: {message}") from error
-    except RecursionError as error:
-        raise InputError.at(begin, "is nested too deeply") from error
-    except (YAMLError, ValueError, ArithmeticError, TypeError, AttributeError) as error:
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
+        first = str(error).splitlines()[0]
         raise InputError.at(begin, f"is not valid YAML: {first}") from error
-    reader = _RosYamlReader(place, yaml.constructor)
+    reader = _RosYamlReader(place)
     if root is None or root.tag == _NULL:
         return YamlDocument(file, {}, {(): begin}, text), ()
     data = reader.value(root, ())
@@ -101,8 +91,16 @@ def parse_ros_yaml(
 
 
 def _refuse_monstrous(events: Iterable[Any], place: Callable[[Any], Where]) -> None:
-    """Refuse what could not be read to its end in good time, before it is read as a whole."""
+    """Refuse what is too large or too deep, before it is put together: that recurses."""
+    depth = 0
     for count, event in enumerate(events):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > _DEEPEST + 1:
+            message = f"is nested deeper than {_DEEPEST} levels"
+            raise InputError.at(place(event.start_mark), message)
         if count > 2 * _MOST_VALUES:
             raise InputError.at(place(event.start_mark), f"holds more than {_MOST_VALUES} values")
 
@@ -112,7 +110,7 @@ class _RosYamlReader:
     """Turns YAML nodes into plain data."""
 
     locate: Callable[[Any], Where]
-    constructor: Any
+    constructor: Any = field(default_factory=yaml.constructor.SafeConstructor)
     places: dict[KeyPath, Where] = field(default_factory=dict)
     warnings: list[Diagnostic] = field(default_factory=list)
     count: int = 0
@@ -182,8 +180,6 @@ class _RosYamlReader:
         found = _ANGLE.match(node.value) if node.tag.endswith(":str") else None
         if found:
             return self.angle(node, found[1], found[2])
-        if node.tag == _FLOAT and re.fullmatch(r"[-+]?\d+[eE][-+]?\d+", node.value):
-            return str(node.value)  # PyYAML, which rosparam uses, takes 1e-3 for text.
         try:
             return self.constructor.construct_object(node)
         except (ValueError, LookupError) as error:

@@ -1,17 +1,17 @@
 """From the text of a YAML 1.2 document to plain data, with the place of every key and list item.
 
-Events come from libyaml (PyYAML's) where it reads a text as YAML 1.2 has it, from ruamel.yaml where
-it may not: libyaml is forty times as fast and knows YAML 1.1. Both are read into the same data
-here. What a plain scalar means is said in this module alone: YAML 1.2, core schema, with the
-underscores and binary numbers that ruamel.yaml takes as well.
+Events come from PyYAML: by libyaml, or by its own parser where it was built without. What a plain
+scalar means is said in this module alone: YAML 1.2, core schema, with underscores in numbers and
+binary numbers as well.
 """
 
 from __future__ import annotations
 
-import functools
 import re
 from collections.abc import Iterator
 from typing import Any, Final, TypeAlias
+
+import yaml
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 
@@ -23,8 +23,6 @@ _DEEPEST: Final = 50
 """Levels of nesting: reading recurses, and nobody follows a file that deep."""
 _MOST_NODES: Final = 150_000
 """Keys and values of a document; more are refused: no campaign of people comes near."""
-_MOST_SLOW_CHARACTERS: Final = 262_144
-"""Longer texts are read by libyaml or not at all: the other reader takes ten seconds a megabyte."""
 _LARGEST: Final = 2**64
 """Whole numbers from here on fit no 64 bits, neither in a ledger nor in what reads our JSON."""
 _LONGEST_NUMBER: Final = 400
@@ -32,11 +30,6 @@ _MOST_FINDINGS: Final = 20
 
 _CONTROL: Final = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What YAML 1.2 allows in no document, escaped in quotes aside."""
-_READ_OTHERWISE: Final = re.compile(
-    "[\t\r\x85\u2028\u2029\ufeff\\\\]|^%|(?:^|[-:,?\\[{])[ \n]*[?&*!|>]", re.MULTILINE
-)
-"""Where the two readers may differ: blanks and line ends of YAML 1.1, directives, escapes, and
-signs that begin a key, an anchor, an alias, a tag or a block of text."""
 
 
 def compose(text: str, file: str) -> tuple[Any, Places]:
@@ -52,54 +45,20 @@ def compose(text: str, file: str) -> tuple[Any, Places]:
         sign = f"U+{ord(control[0]):04X}"
         message = f"is not valid YAML: holds the control character {sign}"
         raise InputError.at(_place_of(text, file, control.start()), message, "take it out")
-    fast = _fast_loader()
-    long = len(text) > _MOST_SLOW_CHARACTERS
-    if fast is not None and (long or not _READ_OTHERWISE.search(text)):
-        from yaml import YAMLError
-
-        try:
-            return _Composer(text, file).read(_fast_events(text, fast))
-        except YAMLError as error:
-            if long:
-                raise InputError(_explain(text, file, error)) from error
-            # What is wrong is said by one reader alone, in its words and at its places.
-    elif long:
-        message = f"is longer than {_MOST_SLOW_CHARACTERS} characters"
-        raise InputError.at(Where(file, 1, 1), message, "PyYAML with libyaml reads longer ones")
-    return _compose_slowly(text, file)
-
-
-def _compose_slowly(text: str, file: str) -> tuple[Any, Places]:
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
-    yaml = YAML(typ="safe", pure=True)
-    yaml.version = (1, 2)
     composer = _Composer(text, file)
     try:
-        return composer.read(iter(yaml.parse(text)))
-    except YAMLError as error:
+        return composer.read(yaml.parse(text, Loader=yaml_loader()))
+    except yaml.YAMLError as error:
         raise InputError(_explain(text, file, error)) from error
-    except (ValueError, TypeError, ArithmeticError, RecursionError, AttributeError) as error:
-        # Its scanner has no words of its own for, say, the escape of a sign there is none of.
-        first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        message = f"is not valid YAML: {first_line}"
+    except (ValueError, OverflowError) as error:
+        # Its scanner has no words of its own for the escape of a sign there is none of.
+        message = f"is not valid YAML: {error}"
         raise InputError.at(composer.last_place, message) from error
 
 
-@functools.cache
-def _fast_loader() -> Any:
-    """Return PyYAML's parser on libyaml, ``None`` where its wheel came without."""
-    import yaml
-
-    return getattr(yaml, "CSafeLoader", None)
-
-
-def _fast_events(text: str, loader: Any) -> Iterator[Any]:
-    import yaml
-
-    events: Iterator[Any] = yaml.parse(text, Loader=loader)
-    return events
+def yaml_loader() -> Any:
+    """Return PyYAML's loader on libyaml, its own where the wheel came without."""
+    return getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Composer:
@@ -221,7 +180,7 @@ _NOTHING: Final = frozenset({"", "~", "null", "Null", "NULL"})
 _FIRST: Final = frozenset("+-.0123456789")
 _FLOAT: Final = re.compile(
     r"[-+]?[0-9][0-9_]*\.[0-9_]*(?:[eE][-+]?[0-9]+)?|[-+]?[0-9][0-9_]*[eE][-+]?[0-9]+"
-    r"|[-+]?\.[0-9_]+(?:[eE][-+][0-9]+)?"
+    r"|[-+]?\.[0-9_]+(?:[eE][-+]?[0-9]+)?"
 )
 _NOT_FINITE: Final = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _WHOLE: Final = re.compile(
@@ -272,27 +231,26 @@ def source_at(text: str, where: Where, pattern: re.Pattern[str]) -> str:
 
 
 def mark_place(file: str, mark: Any) -> Where:
-    """Return the place of a mark of either reader, which count from 0."""
+    """Return the place of a mark of PyYAML, which counts from 0."""
     return Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
 
 
-# The readers tell their errors apart by nothing but their text.
+# PyYAML tells its errors apart by nothing but their text.
 _REMEDIES: Final = (
-    ("'\\t'", "indents with a tab", "indent with spaces"),
     ("found character", "", "put quotes around a value that starts with @ ` % & or *"),
+    ("line break", "a value starts with > or |", "put the value in quotes"),
     ("chomping", "a value starts with > or |", "put the value in quotes"),
     (
         "mapping values",
         "has a second colon or is indented too far",
         "put text with a colon in quotes",
     ),
-    ("stream end", "ends in the middle of a list or mapping", "a bracket or value is missing"),
 )
 """What YAML's own messages mean to a person: part of the message, our words, what to do."""
 
 
 def _explain(text: str, file: str, error: Any) -> Diagnostic:
-    """Return what is wrong in the words of people; ``error`` is of either reader."""
+    """Return what is wrong in the words of people."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -301,6 +259,12 @@ def _explain(text: str, file: str, error: Any) -> Diagnostic:
         return Diagnostic(where, f"is not valid YAML: {first_line}")
     where = mark_place(file, mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
+    # libyaml and PyYAML's own parser say these two in words that have nothing in common.
+    if text.startswith("\t", mark.index):
+        return Diagnostic(where, "is not valid YAML: indents with a tab", "indent with spaces")
+    if mark.index >= len(text) and "expected" in problem.split():
+        message = "is not valid YAML: ends in the middle of a list or mapping"
+        return Diagnostic(where, message, "a bracket or value is missing")
     for part, ours, hint in _REMEDIES:
         if part in problem:
             return Diagnostic(where, f"is not valid YAML: {ours or problem}", hint)

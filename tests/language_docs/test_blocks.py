@@ -5,16 +5,13 @@ import textwrap
 import tomllib
 
 import pytest
-from ruamel.yaml import YAML
+import yaml
 
 from tests.language_docs.markdown import ROOT, blocks, pages
 
-_YAML = YAML(typ="safe")
-_YAML.allow_duplicate_keys = True  # two ways of saying something stand in one block
-
 
 def _yaml(text):
-    return list(_YAML.load_all(text))
+    return list(yaml.safe_load_all(text))
 
 
 def _python(text):

@@ -2,9 +2,9 @@ import math
 
 import pytest
 import shapely
+import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from ruamel.yaml import YAML
 
 from grammars.floorplan import load_floorplan
 from grammars.model.geometry import Pose2
@@ -114,13 +114,13 @@ def test_both_published_forms_are_written(tmp_path):
         "tasks/right_route.yaml", "tasks/era/right_task.yaml",
         "tasks/mission/rounds_route.yaml", "tasks/era/mission/rounds_task.yaml",
     }  # fmt: skip
-    now = YAML(typ="safe").load((tmp_path / "tasks/left_route.yaml").read_text())
+    now = yaml.safe_load((tmp_path / "tasks/left_route.yaml").read_text())
     assert now["id"] == "left_route"
     (task,) = now["task"]
     assert (task["name"], task["type"]) == ("left", "waypoint_following")
     first = task["waypoints"][0]
     assert first == {"id": "left-point-0000", "x": 1.3, "y": 1.3, "yaw": 0, "z": 0}
-    era = YAML(typ="safe").load((tmp_path / "tasks/era/left_task.yaml").read_text())
+    era = yaml.safe_load((tmp_path / "tasks/era/left_task.yaml").read_text())
     assert [w["id"] for w in era["waypoints"]] == [f"left-point-{i}" for i in range(4)]
 
 
@@ -135,7 +135,7 @@ def test_a_mission_survives_as_a_task_file(tmp_path):
 
 
 def _published(path):
-    waypoints = YAML(typ="safe").load(path.read_text())["waypoints"]
+    waypoints = yaml.safe_load(path.read_text())["waypoints"]
     return [(w["x"], w["y"]) for w in waypoints]
 
 

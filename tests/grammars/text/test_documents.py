@@ -59,7 +59,7 @@ def test_a_quantity_of_the_wrong_kind_is_explained():
         ("3.10: x\n", 'write it as "3.10"'),
         ("a: " + 5000 * "[", "h.yaml:1:53: is nested deeper than 50 levels"),
         ("a: x\nb: \x00", "h.yaml:2:4: is not valid YAML: holds the control character U+0000"),
-        ('a: "\\U00110000"', "h.yaml:1:1: is not valid YAML"),
+        ('a: "\\U00110000"', "h.yaml:1:7: is not valid YAML: found invalid Unicode"),
         ("a: 1\n---\nb: 2\n", "h.yaml:2:1: is not valid YAML: a second document begins"),
         ("? [a]\n: 1\n", "h.yaml:1:3: key [a] is a list, not text"),
         ("a: " + 5000 * "9", "h.yaml:1:4: is a number too large"),

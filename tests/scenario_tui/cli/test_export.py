@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
+import yaml
 
 from grammars.floorplan import load_floorplan
 from grammars.model.grid import OCCUPIED
@@ -240,7 +240,7 @@ def test_waypoints_are_chosen_on_the_command_line(campaigns, tmp_path):
     plan = campaigns / "demo" / "flat.fpm"
     how = ["--distance", "0.4", "--first", "1", "--closed", "--backward", "--yaw", "path"]
     assert invoke(["export", str(plan), "tasks", "-o", str(tmp_path), *how]) == 0
-    task = YAML(typ="safe").load((tmp_path / "tasks" / "bedroom_route.yaml").read_text())
+    task = yaml.safe_load((tmp_path / "tasks" / "bedroom_route.yaml").read_text())
     waypoints = task["task"][0]["waypoints"]
     assert [w["id"][-1] for w in waypoints] == ["1", "0", "3", "2", "1"]
     assert any(w["yaw"] != 0 for w in waypoints)

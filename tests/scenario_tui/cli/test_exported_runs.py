@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import make_reader
 from rdflib import Graph, Namespace
 from rdflib.namespace import RDF
-from ruamel.yaml import YAML
 
 from daemon.campaign import expand, load_campaign
 from daemon.model import ros_messages as ros
@@ -207,9 +207,8 @@ def test_tasks_are_the_missions_of_the_runs(worlds):
     for world in worlds:
         mission = world.runs[0].mission
         file = f"mission/{mission.name}"
-        reader = YAML(typ="safe")
-        now = reader.load((world.folder / "tasks" / f"{file}_route.yaml").read_text())
-        era = reader.load((world.folder / "tasks/era" / f"{file}_task.yaml").read_text())
+        now = yaml.safe_load((world.folder / "tasks" / f"{file}_route.yaml").read_text())
+        era = yaml.safe_load((world.folder / "tasks/era" / f"{file}_task.yaml").read_text())
         for found, digits in ((now["task"][0]["waypoints"], 6), (era["waypoints"], 2)):
             assert [stop["id"] for stop in found] == [w.id for w in mission.waypoints]
             for stop, waypoint in zip(found, mission.waypoints, strict=True):

@@ -12,7 +12,7 @@ from scenario_tui.cli.commands import COMMANDS, load_command
 
 NEEDED_BY_FEW = {
     "cmaes", "dask", "jinja2", "matplotlib", "mcap", "numba", "optuna", "pyarrow", "pymunk",
-    "rdflib", "rosbags", "ruamel.yaml", "scipy", "sqlalchemy", "textual",
+    "rdflib", "rosbags", "scipy", "sqlalchemy", "textual",
 }  # fmt: skip
 LANGUAGES = {"numpy", "shapely", "textx"}
 BUS = {"zenoh", "cryptography"}

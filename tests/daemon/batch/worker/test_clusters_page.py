@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from ruamel.yaml import YAML
+import yaml
 
 from tests.daemon.batch.harness import ROOT, daemon_at, end, eventually, family
 
@@ -30,7 +30,7 @@ def test_shell_is_shell(kind):
 
 
 def test_the_deployment_starts_a_worker_with_options_there_are(tmp_path):
-    spec = YAML(typ="safe").load(block("yaml"))["spec"]
+    spec = yaml.safe_load(block("yaml"))["spec"]
     pod = spec["template"]
     assert pod["metadata"]["labels"] == spec["selector"]["matchLabels"]
     (container,) = pod["spec"]["containers"]

@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+import yaml
 from pydantic import ValidationError
-from ruamel.yaml import YAML
 
 from daemon.stacks.findings import FindingCollector
 from daemon.stacks.ros1.base_local_planner.map_grid import contains_cell, empty_set
@@ -197,7 +197,7 @@ def test_published_files_are_read(files, name, reference_data):
     given = {}
     for file in files:
         text = (reference_data / "robots" / file).read_text("utf-8")
-        given |= YAML(typ="safe", pure=True).load(text)["TrajectoryPlannerROS"]
+        given |= yaml.safe_load(text)["TrajectoryPlannerROS"]
     report = FindingCollector()
     read = read_section(
         TrajectoryPlannerParameters, given, ("x",), report, without_effect=WITHOUT_EFFECT
