@@ -28,7 +28,6 @@ LONG = (
     "daemon/batch/worker/test_process_trees.py",
     "scenario_tui/cli/test_verify.py",
     "daemon/batch/test_quota.py",
-    "daemon/batch/server/test_slices.py",
     "scenario_tui/cli/test_real_runs.py",
     "scenario_tui/cli/test_real_parts.py",
     "scenario_tui/dashboard/test_playback_process.py",

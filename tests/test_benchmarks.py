@@ -28,7 +28,7 @@ def test_every_benchmark_yields_measurements(name):
     tree = ast.parse((FOLDER / f"bench_{name}.py").read_text("utf-8"))
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     (measure,) = [one for one in functions if one.name == "measure"]
-    assert ast.unparse(measure.returns or ast.Constant("")) == "Iterator[Measurement]"
+    assert any(isinstance(node, ast.Yield | ast.YieldFrom) for node in ast.walk(measure))
     assert "main" not in {one.name for one in functions}
     left_out = [
         ast.literal_eval(node.value)
