@@ -1,0 +1,77 @@
+"""A worker whose spool cannot be written any more goes on when it can, and blames no run."""
+
+import subprocess
+from contextlib import contextmanager
+
+import pytest
+
+from daemon.model.run_state import RunState
+from tests.chaos.disk import may_mount
+from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
+from tests.daemon.batch.samples import make_submission
+
+pytestmark = pytest.mark.skipif(not may_mount(), reason="mounting needs root")
+
+
+@contextmanager
+def mounted(folder, *options):
+    """A file system over ``folder`` for the block, unless the block takes it away."""
+    subprocess.run(["mount", *options, str(folder)], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@contextmanager
+def read_only(folder):
+    with mounted(folder, "--bind", str(folder)):
+        subprocess.run(["mount", "-o", "remount,ro,bind", str(folder)], check=True)
+        yield
+
+
+def executions(log):
+    return len(log.read_text().splitlines()) if log.exists() else 0
+
+
+@contextmanager
+def working(folder, **settings):
+    with (
+        daemon_at(folder / "state", attempts=1, **settings) as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2, "--state", str(folder / "elsewhere")) as worker,
+    ):
+        yield client, worker
+
+
+def test_a_spool_that_becomes_read_only_ends_no_worker(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    with working(tmp_path) as (client, worker):
+        client.submit(make_submission("c", 4, until=str(gate), log=str(log)))
+        eventually(lambda: executions(log) == 2)
+        (spool,) = (tmp_path / "elsewhere" / "work").glob("*/spool")
+        with read_only(spool):
+            gate.touch()
+            eventually(lambda: "Read-only file system" in "".join(client.overview().troubles))
+        eventually(lambda: finished(client, 4))
+        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        assert worker.process.poll() is None, worker.output
+        eventually(lambda: not client.overview().troubles)
+
+
+def test_a_folder_that_cannot_be_removed_ends_no_worker(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    with working(tmp_path, lease=3.0) as (client, worker):
+        client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
+        eventually(lambda: executions(log) == 1)
+        (attempt,) = (tmp_path / "elsewhere" / "work").glob("*/spool/*/*/attempt-*")
+        busy = attempt / "busy"
+        busy.mkdir()
+        with mounted(busy, "-t", "tmpfs", "tmpfs"):
+            gate.touch()
+            eventually(lambda: finished(client, 1))
+            eventually(lambda: "cannot be removed" in worker.output)
+            client.submit(make_submission("d", 2))
+            eventually(lambda: finished(client, 3))
+        eventually(lambda: not attempt.exists())
+        assert worker.process.poll() is None, worker.output
