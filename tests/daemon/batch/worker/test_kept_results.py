@@ -11,6 +11,7 @@ import pytest
 from daemon.model.run_state import RunState
 from daemon.model.verbs import COMPLETE, RELEASE, RENEW, UPLOAD
 from tests.chaos.disk import may_mount
+from tests.chaos.lines import slow_line
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_submission
 
@@ -162,3 +163,21 @@ def use_up_inodes(folder):
             made[-1].touch()
     except OSError:
         return made[:-1]
+
+
+def test_a_large_result_passes_a_slow_line(tmp_path):
+    """Of a third of a Mbit/s, which it takes for longer than a question usually may last."""
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        slow_line(daemon.endpoint, rate=40_000) as line,
+        worker_for(daemon, 1, "--state", str(tmp_path / "elsewhere"), connect=line.endpoint),
+    ):
+        client.submit(make_submission("c", 1, evidence=230_000))
+        eventually(lambda: finished(client, 1))
+        (row,) = client.runs("c").rows
+        assert (row.state, row.attempt) == (RunState.DONE, 1)
+        result = client.run(row.id).result
+        assert len(result.verdicts[0].evidence.note) == 230_000
+        # The worker has its acknowledgement.
+        eventually(lambda: not spooled(tmp_path))
