@@ -13,7 +13,7 @@ from typing import Any, Final, Generic, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
 from daemon.stacks.ros1 import dwa, global_planner, navfn, trajectory_planner
-from daemon.stacks.ros1.base_local_planner import Contradiction
+from daemon.stacks.ros1.base_local_planner import Objection
 from daemon.stacks.ros1.dwa import Dwa, DwaParameters
 from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
 from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
@@ -36,7 +36,7 @@ _ELSEWHERE: Final = (
 )
 
 
-def _nothing(parameters: Any) -> tuple[Contradiction, ...]:
+def _nothing(parameters: Any) -> tuple[Objection, ...]:
     return ()
 
 
@@ -47,9 +47,9 @@ class _Planner(Generic[P]):
     model: type[P]
     without_effect: Mapping[str, str]
     renamed: Mapping[str, str] = field(default_factory=dict)
-    contradictions: Callable[[P], tuple[Contradiction, ...]] = _nothing
+    contradictions: Callable[[P], tuple[Objection, ...]] = _nothing
     """Limits no robot can drive with: errors."""
-    remarks: Callable[[P], tuple[Contradiction, ...]] = _nothing
+    doubts: Callable[[P], tuple[Objection, ...]] = _nothing
     """What will probably not do what its user wants: warnings."""
 
 
@@ -58,12 +58,12 @@ GLOBAL: Final[Mapping[str, _Planner[Any]]] = {
     GLOBAL_PLANNER: _Planner(GlobalPlannerParameters, global_planner.WITHOUT_EFFECT),
 }
 LOCAL: Final[Mapping[str, _Planner[Any]]] = {
-    DWA: _Planner(DwaParameters, dwa.WITHOUT_EFFECT, dwa.RENAMED, dwa.contradictions, dwa.remarks),
+    DWA: _Planner(DwaParameters, dwa.WITHOUT_EFFECT, dwa.RENAMED, dwa.contradictions, dwa.doubts),
     TRAJECTORY: _Planner(
         TrajectoryPlannerParameters,
         trajectory_planner.WITHOUT_EFFECT,
         contradictions=trajectory_planner.contradictions,
-        remarks=trajectory_planner.doubts,
+        doubts=trajectory_planner.doubts,
     ),
 }
 
@@ -169,12 +169,12 @@ def _read(tree: ParameterTree, name: str, planner: _Planner[P], inherited: Mappi
     if len(tree.report.fatal) == before:
         tree.report.fatal += _findings(planner.contradictions(read), path, given)
     if len(tree.report.fatal) == before:
-        tree.report.problems += _findings(planner.remarks(read), path, given)
+        tree.report.problems += _findings(planner.doubts(read), path, given)
     return read
 
 
 def _findings(
-    found: Iterable[Contradiction], path: ParameterLocation, given: Mapping[str, Any]
+    found: Iterable[Objection], path: ParameterLocation, given: Mapping[str, Any]
 ) -> list[ParameterFinding]:
     # At the first of its parameters that somebody wrote; the others have their defaults.
     return [

@@ -6,9 +6,9 @@ The plan near the robot, distances from it on the local costmap, and what a foot
 from daemon.stacks.ros1.base_local_planner.controller import (
     NO_POINTS,
     NO_VELOCITY,
-    Contradiction,
     ControllerAnswer,
     FollowedPlan,
+    Objection,
     sim_period,
 )
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
@@ -16,9 +16,9 @@ from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 __all__ = [
     "NO_POINTS",
     "NO_VELOCITY",
-    "Contradiction",
     "ControllerAnswer",
     "FollowedPlan",
+    "Objection",
     "footprint_cost",
     "sim_period",
 ]

@@ -33,8 +33,8 @@ class ControllerAnswer:
 NO_VELOCITY: Final = ControllerAnswer(False, Twist2(), NO_POINTS)
 
 
-class Contradiction(NamedTuple):
-    """Parameters that do not mean what they seem to: their ``names``, and why in words."""
+class Objection(NamedTuple):
+    """Words against values of parameters: the ``names`` they stand under, and the reason."""
 
     names: tuple[str, ...]
     text: str

@@ -11,8 +11,8 @@ from daemon.stacks.ros1.dwa._parameters import (
     DwaParameters,
     DwaSettings,
     contradictions,
+    doubts,
     longest_trajectory,
-    remarks,
     settings_of,
 )
 
@@ -24,8 +24,8 @@ __all__ = [
     "DwaSettings",
     "Oscillation",
     "contradictions",
+    "doubts",
     "longest_trajectory",
-    "remarks",
     "settings_of",
     "warm_up",
 ]

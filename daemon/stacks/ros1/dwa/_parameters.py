@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner import Contradiction, sim_period
+from daemon.stacks.ros1.base_local_planner import Objection, sim_period
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 from daemon.stacks.ros1.quirks import Quirks
 
@@ -130,9 +130,9 @@ RENAMED: Final[Mapping[str, str]] = {
 (``DWAPlannerROS::initialize``)."""
 
 
-def contradictions(parameters: DwaParameters) -> tuple[Contradiction, ...]:
+def contradictions(parameters: DwaParameters) -> tuple[Objection, ...]:
     """Return what in ``parameters`` keeps the robot from moving as asked."""
-    return tuple(Contradiction(names, text) for names, wrong, text in _rules(parameters) if wrong)
+    return tuple(Objection(names, text) for names, wrong, text in _rules(parameters) if wrong)
 
 
 def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
@@ -199,7 +199,7 @@ def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
     )
 
 
-def remarks(parameters: DwaParameters) -> tuple[Contradiction, ...]:
+def doubts(parameters: DwaParameters) -> tuple[Objection, ...]:
     """Return what will probably not do what its user wants: a robot that can never start.
 
     A standing robot is sampled up to what it reaches within a control period (``sim_time``
@@ -220,7 +220,7 @@ def remarks(parameters: DwaParameters) -> tuple[Contradiction, ...]:
         f"both min_vel_trans {p.min_vel_trans:g} and min_vel_theta {p.min_vel_theta:g}"
     )
     names = ("acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency")
-    return (Contradiction(names, text),)
+    return (Objection(names, text),)
 
 
 class DwaSettings(NamedTuple):

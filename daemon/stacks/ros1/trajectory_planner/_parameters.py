@@ -14,7 +14,7 @@ from typing import Annotated, Final, TypeAlias
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner import Contradiction
+from daemon.stacks.ros1.base_local_planner import Objection
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 
 _Optional: TypeAlias = Annotated[float | None, Field(allow_inf_nan=False)]
@@ -215,7 +215,7 @@ def strafe_speeds(parameters: TrajectoryPlannerParameters) -> tuple[float, ...]:
     return tuple(float(number.group()) if number else 0.0 for number in found)
 
 
-def doubts(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]:
+def doubts(parameters: TrajectoryPlannerParameters) -> tuple[Objection, ...]:
     """Return what the original takes, or may take, differently from how it is written."""
     found = []
     for name, (low, high) in _RANGES.items():
@@ -223,21 +223,21 @@ def doubts(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]
         if value is not None and not low <= value <= high:
             used = in_range(parameters, name)
             text = f"{name} {value} is beyond what the controller takes: {used:g} counts"
-            found.append(Contradiction((name,), text))
+            found.append(Objection((name,), text))
     if not isinstance(parameters.y_vels, str):
         text = 'y_vels is a list, which is not heard: write text, such as "-0.3, -0.1, 0.1, 0.3"'
-        found.append(Contradiction(("y_vels",), text))
+        found.append(Objection(("y_vels",), text))
     elif any(speed == 0.0 for speed in strafe_speeds(parameters)):
         text = f'y_vels "{parameters.y_vels}" is not all numbers: the rest is never tried'
-        found.append(Contradiction(("y_vels",), text))
+        found.append(Objection(("y_vels",), text))
     if parameters.meter_scoring:
-        found.append(Contradiction(("meter_scoring",), _METER_SCORING))
+        found.append(Objection(("meter_scoring",), _METER_SCORING))
     return tuple(found)
 
 
-def contradictions(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]:
+def contradictions(parameters: TrajectoryPlannerParameters) -> tuple[Objection, ...]:
     """Return what in ``parameters`` keeps the robot from moving as asked."""
-    return tuple(Contradiction(names, text) for names, wrong, text in _rules(parameters) if wrong)
+    return tuple(Objection(names, text) for names, wrong, text in _rules(parameters) if wrong)
 
 
 def _rules(p: TrajectoryPlannerParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:

@@ -9,8 +9,8 @@ import pytest
 from daemon.stacks.ros1.dwa import (
     DwaParameters,
     contradictions,
+    doubts,
     longest_trajectory,
-    remarks,
     settings_of,
 )
 from daemon.stacks.ros1.quirks import FAST, FIXED
@@ -88,12 +88,12 @@ SLOW_START = replace(
 
 
 def test_a_robot_that_can_never_start_is_remarked_on():
-    (found,) = remarks(SLOW_START)
+    (found,) = doubts(SLOW_START)
     assert found.names == (
         "acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency",
     )  # fmt: skip
     assert "within 0.1 s it reaches 0.1 m/s and 0.2 rad/s" in found.text
-    assert remarks(A2S) == remarks(OMNI) == remarks(DwaParameters()) == ()
+    assert doubts(A2S) == doubts(OMNI) == doubts(DwaParameters()) == ()
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_a_robot_that_can_never_start_is_remarked_on():
     ],
 )
 def test_a_robot_starts_when_it_reaches_either_smallest_speed(changed, starts):
-    assert (remarks(replace(SLOW_START, **changed)) == ()) is starts
+    assert (doubts(replace(SLOW_START, **changed)) == ()) is starts
 
 
 def test_kernels_get_every_parameter_under_its_own_name():
