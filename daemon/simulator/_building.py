@@ -9,13 +9,14 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pymunk
 
 from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly
 from daemon.simulator._mobile_base import MobileBase
 from daemon.simulator._physics import BUILDING_FILTER, FRICTION, ROBOT_COLLISION_TYPE, ring_edges
-from daemon.simulator._sensors import LaserPlane, OwnerIds
+from daemon.simulator._sensors import LaserPlane
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition import static_segments
@@ -23,40 +24,31 @@ from grammars.scenery.composition import static_segments
 Edge = tuple[float, float, float, float]
 
 
-def cut_at(scene: Scene, assembly: BodyAssembly, z: float, names: dict[str, int]) -> LaserPlane:
-    """Return what a laser at height ``z`` can hit; new owners are added to ``names``."""
-    walls, wall_number, wall_names = wall_outline(scene.solids, z)
-    known = [names.setdefault(name, len(names)) for name in wall_names]
-    wall_owner = _ids(known)[wall_number] if known else wall_number
+def cut_at(scene: Scene, assembly: BodyAssembly, z: float) -> LaserPlane:
+    """Return what a laser at height ``z`` can hit."""
+    walls, _, _ = wall_outline(scene.solids, z)
     static: list[Edge] = []
-    static_owner: list[int] = []
     moving: list[Edge] = []
-    moving_owner: list[int] = []
     slots: list[int] = []
     # By body, as the laser wants moving segments.
     for placement in sorted(assembly.placements, key=lambda p: p.slot):
         if not placement.link.z_min <= z < placement.link.z_max:
             continue
         edges = [edge for ring in placement.rings for edge in ring_edges(_counter_clockwise(ring))]
-        owners = [names.setdefault(placement.owner, len(names))] * len(edges)
         if placement.slot == WORLD:
             static += edges
-            static_owner += owners
         else:
             moving += edges
-            moving_owner += owners
             slots += [placement.slot] * len(edges)
     return LaserPlane(
-        np.vstack([walls, _rows(static)]),
-        np.concatenate([wall_owner, _ids(static_owner)]),
-        _rows(moving),
-        _ids(moving_owner),
-        _ids(slots),
+        np.vstack([walls, _rows(static)]), _rows(moving), np.array(slots, dtype=np.int32)
     )
 
 
 @lru_cache(maxsize=8)
-def wall_outline(solids: tuple[Solid, ...], z: float) -> tuple[Floats, OwnerIds, tuple[str, ...]]:
+def wall_outline(
+    solids: tuple[Solid, ...], z: float
+) -> tuple[Floats, npt.NDArray[np.int32], tuple[str, ...]]:
     """Return the union outline of solids at a height, see ``static_segments``.
 
     Remembered, since runs share their scene.
@@ -71,10 +63,6 @@ def _counter_clockwise(ring: Ring) -> Ring:
 
 def _rows(edges: Sequence[Edge]) -> Floats:
     return np.array(edges, dtype=np.float64).reshape(-1, 4)
-
-
-def _ids(values: Sequence[int]) -> OwnerIds:
-    return np.array(values, dtype=np.int32)
 
 
 def build_walls(space: pymunk.Space, scene: Scene, height: float) -> dict[pymunk.Shape, str]:

@@ -26,7 +26,7 @@ from daemon.model.sut import Odometry
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 from grammars.model.robot import Laser, OdometryNoise
 
-OwnerIds = npt.NDArray[np.int32]
+Slots = npt.NDArray[np.int32]
 
 _POSE: Final = struct.Struct("=3d")
 _TOLERANCE = 1e-9
@@ -42,14 +42,12 @@ class LaserPlane:
     """What lasers at one height can hit, cut there once for all of them.
 
     ``static`` segments (n, 4) in the world; ``moving`` ones (m, 4) in the frame of the body in row
-    ``moving_slot`` of the table of bodies, sorted by it. Owners are indices of names.
+    ``moving_slot`` of the table of bodies, sorted by it.
     """
 
     static: Floats
-    static_owner: OwnerIds
     moving: Floats
-    moving_owner: OwnerIds
-    moving_slot: OwnerIds
+    moving_slot: Slots
 
 
 @kernel
@@ -60,13 +58,11 @@ def _draw_segment(
     qy: float,
     from_angle: float,
     to_angle: float,
-    owner: int,
     first: float,
     density: float,
     cosines: Floats,
     sines: Floats,
     inverse: Floats,
-    hits: OwnerIds,
 ) -> None:
     """Draw one segment that faces the sensor (sensor frame) into the buffer of inverse ranges.
 
@@ -88,7 +84,6 @@ def _draw_segment(
             value = along * cosines[i] + across * sines[i]
             if value > inverse[i]:
                 inverse[i] = value
-                hits[i] = owner
         begin -= turn
         end -= turn
 
@@ -109,16 +104,14 @@ def _is_hidden(px: float, py: float, qx: float, qy: float, reach2: float) -> boo
     return along >= length2 and qx * qx + qy * qy > reach2
 
 
-# Long, because its two loops share the frame of the sensor and seven arrays of results and inputs.
+# Long, because its two loops share the frame of the sensor and its arrays.
 @kernel
 def cast_rays(
     base: tuple[float, float, float],
     mount: tuple[float, float, float],
     static: Floats,
-    static_owner: OwnerIds,
     moving: Floats,
-    moving_owner: OwnerIds,
-    moving_slot: OwnerIds,
+    moving_slot: Slots,
     bodies: Floats,
     first: float,
     density: float,
@@ -126,18 +119,16 @@ def cast_rays(
     cosines: Floats,
     sines: Floats,
     inverse: Floats,
-    hits: OwnerIds,
 ) -> None:
     """Cast all rays of a laser mounted on a base (both poses x, y, yaw); exact to rounding.
 
     ``static`` (n, 4) are world segments, ``moving`` (m, 4) segments in the frame of the body in
     row ``moving_slot`` of ``bodies`` (x, y, angle, ...). The solid side of every segment is on
     its left; a surface is only seen from outside, which halves the work and changes nothing as
-    long as the sensor is not inside a solid. Results: ``inverse`` ranges [1/m] and the ``hits``
-    owner (-1 and 1/reach where nothing is nearer than ``reach``).
+    long as the sensor is not inside a solid. The result are ``inverse`` ranges [1/m], 1/reach where
+    nothing is nearer than ``reach``.
     """
     inverse[:] = 1.0 / reach
-    hits[:] = -1
     reach2 = reach * reach
     c, s = math.cos(base[2]), math.sin(base[2])
     x, y = base[0] + c * mount[0] - s * mount[1], base[1] + s * mount[0] + c * mount[1]
@@ -163,8 +154,7 @@ def cast_rays(
         to_angle = math.atan2(qy, qx)
         known = True
         _draw_segment(
-            px, py, qx, qy, from_angle, to_angle, static_owner[k],
-            first, density, cosines, sines, inverse, hits,
+            px, py, qx, qy, from_angle, to_angle, first, density, cosines, sines, inverse,
         )  # fmt: skip
     # Moving segments are sorted by body: each body's frame is worked out once.
     slot = -1
@@ -183,15 +173,14 @@ def cast_rays(
         if _is_hidden(px, py, qx, qy, reach2):
             continue
         _draw_segment(
-            px, py, qx, qy, math.atan2(py, px), math.atan2(qy, qx), moving_owner[k],
-            first, density, cosines, sines, inverse, hits,
+            px, py, qx, qy, math.atan2(py, px), math.atan2(qy, qx), first, density, cosines,
+            sines, inverse,
         )  # fmt: skip
 
 
 @kernel
 def _add_noise(
     inverse: Floats,
-    hits: OwnerIds,
     noise: Floats,
     sigma: float,
     chance: Floats,
@@ -202,13 +191,14 @@ def _add_noise(
     ranges: npt.NDArray[np.float32],
 ) -> None:
     """Turn exact inverse ranges into what the sensor reports (REP 117); -inf below ``blind``."""
+    nothing = 1.0 / farthest
     for i in range(inverse.shape[0]):
         distance = 1.0 / inverse[i]
         # A lost ray first: what it would have hit does not matter. "Too near" is judged by the true
         # distance, before the noise that the sensor adds to what it can see.
         if chance.shape[0] > 0 and chance[i] < dropout:
             ranges[i] = np.nan
-        elif hits[i] < 0:
+        elif inverse[i] == nothing:
             ranges[i] = np.inf
         elif distance < blind:
             ranges[i] = -np.inf
@@ -239,7 +229,6 @@ class LaserScanner:
         self._mount = (laser.mount.x, laser.mount.y, laser.mount.yaw)
         self._cosines, self._sines = np.cos(angles), np.sin(angles)
         self._inverse = np.empty(laser.rays)
-        self._hits = np.empty(laser.rays, dtype=np.int32)
         self._blind = laser.range_min if laser.too_near == "infinite" else 0.0
         self._noise_stream, self._dropout_stream = noise, dropout
         self._noise = np.empty(laser.rays if laser.noise > 0.0 else 0)
@@ -255,28 +244,17 @@ class LaserScanner:
         self._seen = seen
         laser, plane = self._laser, self._plane
         cast_rays(
-            (base.x, base.y, base.yaw), self._mount,
-            plane.static, plane.static_owner,
-            plane.moving, plane.moving_owner, plane.moving_slot, bodies,
-            laser.angle_min, self._density, laser.range_max,
-            self._cosines, self._sines, self._inverse, self._hits,
+            (base.x, base.y, base.yaw), self._mount, plane.static, plane.moving,
+            plane.moving_slot, bodies, laser.angle_min, self._density, laser.range_max,
+            self._cosines, self._sines, self._inverse,
         )  # fmt: skip
 
-    def true_ranges(self, base: Pose2, bodies: Floats, version: int) -> tuple[Floats, OwnerIds]:
-        """Return exact ranges [m] (inf beyond range_max) and owner indices (-1 there).
-
-        ``bodies`` are as they were before when ``version`` is.
-        """
-        self._cast(base, bodies, version)
-        ranges = np.where(self._hits >= 0, 1.0 / self._inverse, np.inf)
-        return ranges, self._hits.copy()
-
     def scan(self, base: Pose2, bodies: Floats, version: int) -> npt.NDArray[np.float32]:
-        """Return one measured sweep, shape (rays,); ``version`` as for ``true_ranges``.
+        """Return one measured sweep, shape (rays,).
 
-        Lost rays are nan, rays without return within range_max inf, returns nearer than
-        range_min -inf (REP 117) unless the laser clamps them; noisy ranges are clamped to the
-        range of the sensor.
+        ``bodies`` are as they were before when ``version`` is. Lost rays are nan, rays without
+        return within range_max inf, returns nearer than range_min -inf (REP 117) unless the laser
+        clamps them; noisy ranges are clamped to the range of the sensor.
         """
         self._cast(base, bodies, version)
         laser = self._laser
@@ -287,7 +265,7 @@ class LaserScanner:
             self._dropout_stream.random(out=self._chance)
         ranges = np.empty(laser.rays, dtype=np.float32)
         _add_noise(
-            self._inverse, self._hits, self._noise, laser.noise, self._chance, laser.dropout,
+            self._inverse, self._noise, laser.noise, self._chance, laser.dropout,
             self._blind, laser.range_min, laser.range_max, ranges,
         )  # fmt: skip
         return ranges

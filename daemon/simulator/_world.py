@@ -40,7 +40,6 @@ class World:
     Attributes:
         tick: number of physics ticks done.
         joint_names: scene-wide joint names, the order of all joint arrays.
-        owners: names that the indices of ``true_ranges`` refer to.
     """
 
     def __init__(
@@ -94,19 +93,17 @@ class World:
         self._before = (start.x, start.y, start.yaw)
 
     def _set_up_lasers(self, scene: Scene, robot: Robot, seed: np.random.SeedSequence) -> None:
-        names: dict[str, int] = {}
         planes: dict[float, LaserPlane] = {}
         self._lasers: dict[str, LaserScanner] = {}
         for laser in robot.lasers:
             # Lasers at one height see the same segments: those are cut once and kept once.
             if laser.z not in planes:
-                planes[laser.z] = cut_at(scene, self._assembly, laser.z, names)
+                planes[laser.z] = cut_at(scene, self._assembly, laser.z)
             # A stream each, by name: one sensor more, or noise switched off, leaves the others
             # alone.
             noise, dropout = (_stream(seed, f"{laser.label} {of}") for of in ("noise", "dropout"))
             self._lasers[laser.name] = LaserScanner(laser, planes[laser.z], noise, dropout)
         self._first_laser = robot.laser.name
-        self.owners = tuple(names)
 
     @property
     def time(self) -> float:
@@ -180,12 +177,8 @@ class World:
         """
         return self.joint_states()[0]
 
-    def joint_velocities(self) -> Floats:
-        """Return the joint velocities [rad/s or m/s], shape (joints,), to be read and kept."""
-        return self.joint_states()[1]
-
     def joint_states(self) -> tuple[Floats, Floats]:
-        """Return joint positions and velocities as above, at the price of one of them."""
+        """Return joint positions as above and velocities [rad/s or m/s], at the price of one."""
         # In this order: the version is that of the table as it is now.
         table = self._bodies.at(self.tick)
         return self._joints.at(table, self._bodies.version)
@@ -197,14 +190,6 @@ class World:
         """
         table = self._bodies.at(self.tick)
         return self._scanner(laser).scan(self.pose(), table, self._bodies.version)
-
-    def true_ranges(self, laser: str | None = None) -> tuple[Floats, npt.NDArray[np.int32]]:
-        """Return exact ranges [m] and, for each ray, the index in ``owners`` of what it hits.
-
-        Rays that hit nothing within range_max give inf and -1. Draws no random numbers.
-        """
-        table = self._bodies.at(self.tick)
-        return self._scanner(laser).true_ranges(self.pose(), table, self._bodies.version)
 
     def _scanner(self, laser: str | None) -> LaserScanner:
         return self._lasers[self._first_laser if laser is None else laser]

@@ -80,11 +80,13 @@ def measure():
     space = _query_space(segments)
     offsets = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
 
-    def exact(pose):
-        return world._scanner(None).true_ranges(pose, bodies, next(version))[0]
-
     def kernel(pose):
         world._scanner(None)._cast(pose, bodies, next(version))
+
+    def exact(pose):
+        kernel(pose)
+        inverse = world._scanner(None)._inverse
+        return np.where(inverse > 1.0 / laser.range_max, 1.0 / inverse, np.inf)
 
     def scan(pose):
         world._scanner(None).scan(pose, bodies, next(version))

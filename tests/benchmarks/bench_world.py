@@ -26,8 +26,7 @@ def drive(world, *, scans, reads):
             world.scan()
         if reads:
             world.odometry()
-            world.joint_positions()
-            world.joint_velocities()
+            world.joint_states()
             world.take_contacts()
             world.take_events()
         world.command(steer(world))

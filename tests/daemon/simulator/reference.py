@@ -20,6 +20,14 @@ def world_segments(world):
     return np.array(rows).reshape(-1, 4)
 
 
+def true_ranges(world, laser=None):
+    """Return the ranges [m] a scan is made from, inf where the laser meets nothing."""
+    scanner = world._scanner(laser)
+    scanner._cast(world.pose(), world._bodies.at(world.tick), world._bodies.version)
+    nothing = 1.0 / scanner._laser.range_max
+    return np.where(scanner._inverse > nothing, 1.0 / scanner._inverse, np.inf)
+
+
 def ray_angles(laser, base):
     """World directions of all rays [rad]."""
     return (base @ laser.mount).yaw + np.linspace(laser.angle_min, laser.angle_max, laser.rays)

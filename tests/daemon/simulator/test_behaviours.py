@@ -86,7 +86,7 @@ def test_a_servo_keeps_its_rate():
         door("d", AWAY), behaviours=(frames(Servo(0.5, 40.0), (0.0, 0.0), (1.0, 1.5)),)
     )
     assert position_at(simulated, 2.0) == pytest.approx(0.5, abs=0.06)
-    assert simulated.joint_velocities()[0] == pytest.approx(0.5, abs=0.01)
+    assert simulated.joint_states()[1][0] == pytest.approx(0.5, abs=0.01)
     assert position_at(simulated, 3.0) == pytest.approx(1.0, abs=0.06)
     trail = [position_at(simulated, 3.0 + k / 10) for k in range(1, 40)]
     assert max(trail) < 1.505

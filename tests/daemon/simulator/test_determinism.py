@@ -10,6 +10,7 @@ from daemon.simulator import World
 from grammars.model.behaviour import Jump, KeyFrame, KeyFrames, Servo, Trigger
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import OdometryNoise
+from tests.daemon.simulator.reference import true_ranges
 from tests.daemon.simulator.scenes import ROBOT, door, scene, sliding_door, wall
 
 PROGRAM = "from tests.daemon.simulator.test_determinism import digest; print(digest(3))"
@@ -39,9 +40,9 @@ def digest(seed):
         world.advance(5)
         odometry = world.odometry()
         state.update(repr((world.pose(), world.twist(), odometry)).encode())
-        state.update(world.joint_positions().tobytes() + world.joint_velocities().tobytes())
+        state.update(b"".join(part.tobytes() for part in world.joint_states()))
         if step % 2 == 0:
-            state.update(world.scan().tobytes() + world.true_ranges()[1].tobytes())
+            state.update(world.scan().tobytes() + true_ranges(world).tobytes())
         state.update(repr((world.take_contacts(), world.take_events())).encode())
     return state.hexdigest()
 

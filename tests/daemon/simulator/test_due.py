@@ -67,7 +67,7 @@ def build(behaviours):
 
 
 def state(now):
-    joints = (now.joint_positions().tobytes(), now.joint_velocities().tobytes())
+    joints = (now.joint_positions().tobytes(), now.joint_states()[1].tobytes())
     return now.pose(), now.twist(), *joints, now.take_events(), now.take_contacts()
 
 
