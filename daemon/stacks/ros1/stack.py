@@ -307,8 +307,6 @@ class RosStack:
 
     def start(self, briefing: Briefing) -> None:
         """Bring the nodes up; raises ``ValueError`` for parameters that do not fit the map."""
-        # Compiled kernels are only needed to drive, not to check a campaign's parameters.
-
         self._navigation = Navigation(briefing, self.parameters)
 
     def update(self, observation: Observation) -> Decision:

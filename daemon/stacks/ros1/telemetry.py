@@ -14,18 +14,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.model.sut import Cloud, CostmapPicture, Estimate
+from daemon.stacks.ros1.amcl import AmclPose
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.timers import MinimumInterval
 from grammars.model.geometry import Floats, Pose2
-
-if TYPE_CHECKING:
-    from daemon.stacks.ros1.amcl import AmclPose
 
 
 @kernel

@@ -1,6 +1,4 @@
 import math
-import subprocess
-import sys
 from dataclasses import fields
 
 import pytest
@@ -72,11 +70,3 @@ def test_a_parameter_either_has_an_effect_or_a_reason_why_not():
     names = {field.name for field in fields(AmclParameters)}
     assert not names & set(WITHOUT_EFFECT)
     assert {"gui_publish_rate", "save_pose_rate", "initial_pose_a"} <= set(WITHOUT_EFFECT)
-
-
-def test_reading_parameters_loads_no_compiler():
-    code = (
-        "import sys; from daemon.stacks.ros1.amcl import AmclParameters; AmclParameters();"
-        "sys.exit('numba' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
