@@ -125,8 +125,8 @@ def cast_rays(
     ``static`` (n, 4) are world segments, ``moving`` (m, 4) segments in the frame of the body in
     row ``moving_slot`` of ``bodies`` (x, y, angle, ...). The solid side of every segment is on
     its left; a surface is only seen from outside, which halves the work and changes nothing as
-    long as the sensor is not inside a solid. The result are ``inverse`` ranges [1/m], 1/reach where
-    nothing is nearer than ``reach``.
+    long as the sensor is not inside a solid. Writes ``inverse`` ranges [1/m], 1/reach where nothing
+    is nearer than ``reach``.
     """
     inverse[:] = 1.0 / reach
     reach2 = reach * reach
