@@ -127,40 +127,42 @@ def _check_way(
         if is_overlap(part)
     ]
     met = [
-        other.name
-        for other in checked.scene.objects
-        if other is not body
-        and any(_meets(checked.scene, link, area, other, behaviours) for link, area in walked)
+        name for link, area in walked for name in _met(checked.scene, body, link, area, behaviours)
     ]
     return [
         Diagnostic(
             place,
-            f"{body.name} {what} {' and '.join(names)} on its way",
+            f"{body.name} {what} {' and '.join(dict.fromkeys(names))} on its way",
             "nothing stops a mover but the robot: move the route",
             Severity.WARNING,
         )
-        for what, names in (("brushes", dict.fromkeys(brushed)), ("walks through", met))
+        for what, names in (("brushes", brushed), ("walks through", met))
         if names
     ]
 
 
-def _meets(
+def _met(
     scene: Scene,
+    body: SceneObject,
     link: Link,
     area: BaseGeometry,
-    other: SceneObject,
     behaviours: Sequence[Behaviour],
-) -> bool:
-    """Return whether what ``link`` covers on its way overlaps what of ``other`` stands still."""
-    standing = [
-        link_shape(other, part, other.initial)
-        for part in still_links(other)
-        if part.z_min < link.z_max and part.z_max > link.z_min
-    ]
-    # Doors that never move are as still as furniture.
-    if not is_mover(other.joints):
-        standing += immobile_leaves(scene, link.z_max, behaviours).get(other.name, ())
-    return any(is_overlap(area.intersection(shape)) for shape in standing)
+) -> list[str]:
+    """Return the objects of which something stands still where ``link`` of a mover walks."""
+    shut = immobile_leaves(scene, link.z_max, behaviours)
+    met = []
+    for other in scene.objects:
+        standing = [
+            link_shape(other, part, other.initial)
+            for part in still_links(other)
+            if part.z_min < link.z_max and part.z_max > link.z_min
+        ]
+        # Doors that never move are as still as furniture.
+        if not is_mover(other.joints):
+            standing += shut.get(other.name, ())
+        if other is not body and any(is_overlap(area.intersection(s)) for s in standing):
+            met.append(other.name)
+    return met
 
 
 def _walked_area(

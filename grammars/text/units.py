@@ -87,29 +87,41 @@ SI_UNITS: Final = {
 
 _PREFIXES: Final = (("milli", "m", 1e-3), ("centi", "c", 1e-2), ("kilo", "k", 1e3))
 _DEGREE: Final = math.pi / 180.0
-# Each: its names, its symbols, the factor to SI, and whether it takes prefixes.
+
+
+@dataclass(frozen=True, slots=True)
+class _BaseUnit:
+    """Words for one unit, its factor to SI, and whether they take prefixes."""
+
+    names: tuple[str, ...]
+    symbols: tuple[str, ...]
+    factor: float
+    dimension: Dimension
+    prefixed: bool
+
+
 _BASES: Final = (
-    (("metre", "metres", "meter", "meters"), ("m",), 1.0, LENGTH, True),
-    (("radian", "radians"), ("rad",), 1.0, ANGLE, True),
-    (("degree", "degrees"), ("deg",), _DEGREE, ANGLE, True),
-    ((), ("°",), _DEGREE, ANGLE, False),
-    (("second", "seconds"), ("s",), 1.0, TIME, True),
-    (("minute", "minutes"), ("min",), 60.0, TIME, False),
-    (("hour", "hours"), ("h",), 3600.0, TIME, False),
-    (("gram", "grams"), ("g",), 1e-3, MASS, True),
-    (("hertz",), ("Hz",), 1.0, RATIO / TIME, True),
-    (("newton", "newtons"), ("N",), 1.0, FORCE, True),
-    (("percent",), ("pct", "%"), 0.01, RATIO, False),
+    _BaseUnit(("metre", "metres", "meter", "meters"), ("m",), 1.0, LENGTH, True),
+    _BaseUnit(("radian", "radians"), ("rad",), 1.0, ANGLE, True),
+    _BaseUnit(("degree", "degrees"), ("deg",), _DEGREE, ANGLE, True),
+    _BaseUnit((), ("°",), _DEGREE, ANGLE, False),
+    _BaseUnit(("second", "seconds"), ("s",), 1.0, TIME, True),
+    _BaseUnit(("minute", "minutes"), ("min",), 60.0, TIME, False),
+    _BaseUnit(("hour", "hours"), ("h",), 3600.0, TIME, False),
+    _BaseUnit(("gram", "grams"), ("g",), 1e-3, MASS, True),
+    _BaseUnit(("hertz",), ("Hz",), 1.0, RATIO / TIME, True),
+    _BaseUnit(("newton", "newtons"), ("N",), 1.0, FORCE, True),
+    _BaseUnit(("percent",), ("pct", "%"), 0.01, RATIO, False),
 )
 
 
 def _words() -> dict[str, tuple[float, Dimension]]:
     words: dict[str, tuple[float, Dimension]] = {}
-    for names, symbols, factor, dimension, prefixed in _BASES:
-        words |= dict.fromkeys((*names, *symbols), (factor, dimension))
-        for long, short, times in _PREFIXES if prefixed else ():
-            spelled = [*(long + name for name in names), *(short + name for name in symbols)]
-            words |= dict.fromkeys(spelled, (times * factor, dimension))
+    for base in _BASES:
+        words |= dict.fromkeys((*base.names, *base.symbols), (base.factor, base.dimension))
+        for long, short, times in _PREFIXES if base.prefixed else ():
+            spelled = [long + name for name in base.names] + [short + name for name in base.symbols]
+            words |= dict.fromkeys(spelled, (times * base.factor, base.dimension))
     return words
 
 
@@ -120,22 +132,30 @@ _COMMON: Final = ("m", "cm", "mm", "s", "min", "rad", "deg", "kg", "N", "Hz", "m
 
 def words_of(*dimensions: Dimension) -> str:
     """Return a regular expression for the unit words of some dimensions, or of all."""
-    words = [word for word, (_, of) in UNIT_WORDS.items() if not dimensions or of in dimensions]
-    return f"(?:{'|'.join(sorted(words, key=lambda word: (-len(word), word)))})"
+    bases = [base for base in _BASES if not dimensions or base.dimension in dimensions]
+    forms = []
+    for prefixed, long, short in ((True, "(?:milli|centi|kilo)?", "[mck]?"), (False, "", "")):
+        names = [name for base in bases if base.prefixed is prefixed for name in base.names]
+        symbols = [name for base in bases if base.prefixed is prefixed for name in base.symbols]
+        forms += [f"{long}(?:{'|'.join(names)})"] if names else []
+        forms += [f"{short}(?:{'|'.join(symbols)})"] if symbols else []
+    return f"(?:{'|'.join(forms)})"
 
 
 # Powers are bounded, and so is the number of factors: a file from elsewhere may hold anything.
 _POWER: Final = r"(?:\^(?:[1-4](?:\.\d)?|0?\.5)|[²³])?"
 FACTOR: Final = rf"{words_of()}(?![^\W²³]){_POWER}"
 """Regular expression for a unit word and its power."""
-UNIT: Final = rf"{FACTOR}(?:[ \t]*[*/][ \t]*{FACTOR}|[ \t]+{FACTOR}){{0,5}}"
+UNIT: Final = rf"{FACTOR}(?:(?:[ \t]*[*/][ \t]*|[ \t]+){FACTOR}){{0,5}}"
 """Regular expression for a product of units; it ends before the next word of a sentence."""
 _WRITTEN: Final = r"(?:[A-Za-z°]+|%)(?:\^[\d.]+|[²³])?"
 WRITTEN_UNIT: Final = rf"{_WRITTEN}(?:(?:\s*[*/]\s*|\s+){_WRITTEN}){{0,5}}"
 """Regular expression for what looks like a unit, also one that nobody knows."""
-_UNIT: Final = re.compile(UNIT)
-_PART: Final = re.compile(rf"(?P<by>[ \t]*/[ \t]*)?(?P<word>{words_of()})(?P<power>{_POWER})")
+_PART: Final = re.compile(
+    rf"(?P<by>[ \t]*[*/][ \t]*|[ \t]+|^)(?P<word>[A-Za-z°]+|%)(?P<power>{_POWER})"
+)
 _POWERS: Final = {"": 1.0, "²": 2.0, "³": 3.0}
+_MOST_FACTORS: Final = 6
 
 
 @functools.cache
@@ -144,12 +164,16 @@ def read_unit(text: str) -> tuple[float, Dimension]:
 
     Raises :class:`ValueError` with a message for people.
     """
-    if text and not _UNIT.fullmatch(text):
+    parts = list(_PART.finditer(text))
+    whole = "".join(part[0] for part in parts) == text and len(parts) <= _MOST_FACTORS
+    starts_well = not parts or not parts[0]["by"]
+    if not (whole and starts_well) or any(part["word"] not in UNIT_WORDS for part in parts):
         raise ValueError(f'"{text}" is not a unit: {did_you_mean(text, _COMMON)}')
     powers: dict[str, float] = {}
-    for part in _PART.finditer(text):
+    for part in parts:
         power = _POWERS.get(part["power"]) or float(part["power"][1:])
-        powers[part["word"]] = powers.get(part["word"], 0.0) + (-power if part["by"] else power)
+        signed = -power if "/" in part["by"] else power
+        powers[part["word"]] = powers.get(part["word"], 0.0) + signed
     factor, dimension = 1.0, RATIO
     for word, power in powers.items():
         size, of = UNIT_WORDS[word]
