@@ -68,6 +68,8 @@ def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
     # Most people have no such file, and the dashboard is to be there at once.
     from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+    from grammars.text.documents import plain_message
+
     class Table(BaseModel):
         model_config = ConfigDict(
             extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
@@ -85,8 +87,12 @@ def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
     try:
         file = ConfigFile.model_validate(data)
     except ValidationError as error:
-        problems = (f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
-        raise InputError([Diagnostic(Where(str(path)), problem) for problem in problems]) from error
+        problems = []
+        for one in error.errors():
+            place = ".".join(map(str, one["loc"]))
+            message = "is no setting" if one["type"] == "extra_forbidden" else plain_message(one)
+            problems.append(Diagnostic(Where(str(path)), f"{place}: {message}"))
+        raise InputError(problems) from error
     keys = {
         name: keys if isinstance(keys, str) else ",".join(keys) for name, keys in file.keys.items()
     }

@@ -113,7 +113,7 @@ def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here):
     file = here / "mine" / "campaign.yaml"
     file.write_text(file.read_text().replace("robot: my_robot", "robot: courier"))
     assert scenario("export", str(file), "prov", "-o", "out").code == 0
-    said = "".join(path.read_text() for path in (here / "out").rglob("*.json*"))
+    said = "".join(path.read_text() for path in (here / "out").rglob("*.ttl"))
     assert "shipped/robots/courier.yaml" in said
     assert str(here) not in said
 

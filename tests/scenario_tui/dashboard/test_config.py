@@ -53,12 +53,12 @@ BAD = {
     "[keys]\nxyz = 'a'": 'config.toml: unknown key id "xyz"; ids are ',
     "[keys]\n\ncancel = 'fnord'": 'config.toml: cancel: "fnord" is no key',
     "[keys]\ncancel = []": 'config.toml: cancel: "" is no key',
-    "[keys]\ncancel = 1": "config.toml: keys.cancel.str: Input should be a valid string",
+    "[keys]\ncancel = 1": "config.toml: keys.cancel.str: must be text",
     "[dashboard]\ntheme = 'nrod'": 'config.toml: unknown theme "nrod"; themes are ',
-    "[dashboard]\nmouse = 'no'": "config.toml: dashboard.mouse: Input should be a valid boolean",
-    "[dashboard]\nmuose = true": "config.toml: dashboard.muose: Extra inputs are not permitted",
-    "mouse = true": "config.toml: mouse: Extra inputs are not permitted",
-    "[keyz]\na = 'b'": "config.toml: keyz: Extra inputs are not permitted",
+    "[dashboard]\nmouse = 'no'": "config.toml: dashboard.mouse: must be true or false",
+    "[dashboard]\nmuose = true": "config.toml: dashboard.muose: is no setting",
+    "mouse = true": "config.toml: mouse: is no setting",
+    "[keyz]\na = 'b'": "config.toml: keyz: is no setting",
     "[keys\n": "config.toml: is no TOML: ",
 }
 
