@@ -10,6 +10,9 @@ from hypothesis import HealthCheck, settings
 
 from grammars.text.parsing import Language
 from tests.file_order import order_by_file
+from tests.may_skip import pytest_make_collect_report, pytest_runtest_makereport
+
+__all__ = ["pytest_make_collect_report", "pytest_runtest_makereport"]
 
 # A round of all tests looks at fewer examples than hypothesis would by itself, and each round on a
 # developer's machine at others; `make thorough` looks at many.
