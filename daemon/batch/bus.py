@@ -256,7 +256,9 @@ def _validated_answer(kind: type[A], payload: bytes) -> A:
     try:
         return codec.from_json(kind, payload)
     except ValueError as error:
-        raise Refused(f"the daemon's answer is not understood, versions differ? {error}") from error
+        # On one line: of several people are shown the last, which is pydantic's address.
+        words = " ".join(str(error).split())
+        raise Refused(f"the daemon's answer is not understood, versions differ? {words}") from error
 
 
 def _error_reply(payload: bytes, endpoint: str, timeout: float) -> DaemonError:

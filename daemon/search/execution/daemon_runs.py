@@ -6,6 +6,7 @@ the same search, must be the run that is proposed: everything that follows was l
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -55,10 +56,14 @@ class SearchDivergedError(Exception):
 
 
 class PatientClient:
-    """Asks a daemon until it answers: without it there is nothing to do."""
+    """Asks a daemon until it answers: without it there is nothing to do.
+
+    Writes to standard error why it does not, each reason once in a row.
+    """
 
     def __init__(self, client: Client) -> None:
         self.client = client
+        self._problem = ""
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
         """Return the answer; raises :class:`daemon.batch.errors.Refused`."""
@@ -69,7 +74,10 @@ class PatientClient:
         while True:
             try:
                 return act()
-            except Unreachable:
+            except Unreachable as error:
+                if str(error) != self._problem:
+                    print(error, file=sys.stderr, flush=True)
+                self._problem = str(error)
                 time.sleep(pause)
                 pause = min(2 * pause, _LONGEST_PAUSE)
 

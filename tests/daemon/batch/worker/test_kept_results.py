@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from daemon.model.run_state import RunState
-from daemon.model.verbs import COMPLETE, RELEASE, RENEW, UPLOAD
+from daemon.model.verbs import COMPLETE, LEASE, RELEASE, RENEW, SCENE, UPLOAD
 from tests.chaos.disk import may_mount
 from tests.chaos.lines import slow_line
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
@@ -84,8 +84,15 @@ def test_no_fault_of_the_daemon_costs_a_finished_run(tmp_path, verb, fault):
         eventually(lambda: not client.overview().troubles)
 
 
-@pytest.mark.parametrize("fault", ["raises", "malformed", "garbles"])
-@pytest.mark.parametrize("verb", [RENEW, RELEASE], ids=str)
+@pytest.mark.parametrize(
+    ("verb", "fault"),
+    [
+        (LEASE, "raises"),
+        *((RENEW, fault) for fault in ("raises", "malformed", "garbles")),
+        *((RELEASE, fault) for fault in ("raises", "garbles")),
+    ],
+    ids=str,
+)
 def test_results_are_delivered_although_other_verbs_fail(tmp_path, verb, fault):
     log, gate = tmp_path / "log", tmp_path / "gate"
     with failing_daemon(tmp_path) as (_, client, _):
@@ -98,6 +105,20 @@ def test_results_are_delivered_although_other_verbs_fail(tmp_path, verb, fault):
         (tmp_path / "faults" / verb.name).unlink()
         eventually(lambda: finished(client, 4))
         assert_executed_once(client, log, 3)
+
+
+@pytest.mark.parametrize("fault", ["raises", "garbles"])
+def test_no_run_is_blamed_for_a_scene_that_the_daemon_fails_to_send(tmp_path, fault):
+    (tmp_path / "faults").mkdir()
+    (tmp_path / "faults" / SCENE.name).write_text(fault)
+    settings = {"module": "tests.daemon.batch.failing_daemon", "attempts": 1}
+    with daemon_and_worker(tmp_path, **settings) as (_, client, worker):
+        client.submit(make_submission("c", 2))
+        eventually(lambda: "not started" in "".join(client.overview().troubles))
+        (tmp_path / "faults" / SCENE.name).unlink()
+        eventually(lambda: finished(client, 2))
+        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        assert worker.process.poll() is None
 
 
 def in_place_of_traces(daemon):

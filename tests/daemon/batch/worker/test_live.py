@@ -45,6 +45,7 @@ class Told:
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
     with daemon_at(tmp_path_factory.mktemp("daemon") / "state") as part:
+        part.client().close()
         yield part
 
 
