@@ -42,8 +42,6 @@ def test_a_folder_of_json_ld_files_is_checked_as_a_whole(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
     write_jsonld(plan, tmp_path / "flat", [load_scenery(campaigns / "demo" / "doors.scenery")])
     assert check_file(tmp_path / "flat") == ("JSON-LD graph", ())
-    assert check_file(tmp_path / "flat" / "skeleton.json") == ("JSON-LD graph", ())
-    assert check_file(tmp_path / "flat" / "objects.json") == ("JSON-LD graph", ())
     (tmp_path / "flat" / "shape.json").unlink()
     found = check_file(tmp_path / "flat")[1]
     assert any("hall-polygon, which does not exist" in d.message for d in found)
