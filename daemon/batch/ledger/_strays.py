@@ -40,7 +40,9 @@ StrayKind: TypeAlias = Literal[
 _GRACE: Final = 3600.0
 """Seconds since it was touched during which somebody may be about to use a file."""
 _SPOOL_GRACE: Final = 7 * 86_400.0
-"""Seconds during which a worker that starts may deliver what a dead one has left."""
+"""Seconds during which a worker that starts may give back what a dead one has left."""
+_FINISHED: Final = "*/attempt-*/result.json"
+"""The results in a worker's spool: a spool with one stays until somebody has delivered it."""
 _COPY_GRACE: Final = 30 * 86_400.0
 """Seconds without use after which a worker's copy of a scene or a file goes, or a damaged one."""
 # Of grammars.text.files.replacing; of uploads and downloads; of a trace that is being written.
@@ -146,7 +148,7 @@ def _find_spools(paths: StatePaths, now: float) -> Iterator[StrayFile]:
     for folder in _folders(paths.spool):
         # One that is being made has a dot before its name, and nothing in it yet.
         unborn = folder.name.startswith(".")
-        if unborn or is_id(folder.name):
+        if unborn or (is_id(folder.name) and not any(folder.glob(_FINISHED))):
             used = max((_touched(path) for path in (folder, *folder.rglob("*"))), default=0.0)
             grace = _GRACE if unborn else _SPOOL_GRACE
             if now - used > grace and not is_locked(folder / "lock"):

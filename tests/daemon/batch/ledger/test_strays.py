@@ -115,6 +115,17 @@ def test_strays_go_and_nothing_else(places):
     assert all(path.exists() for path in (*kept, busy))
 
 
+def test_a_finished_run_waits_in_the_spool_however_long(places):
+    """Its ledger may return, or its daemon: nothing but an answer makes it superfluous."""
+    for spool in (places.spool, StatePaths(places.state / "work" / "elsewhere").spool):
+        attempt = spool / "dead" / "known.0" / "attempt-1.7"
+        result = leave(attempt / "result.json", 5 * WEEK)
+        for folder in (attempt, attempt.parent, attempt.parent.parent):
+            os.utime(folder, (time.time() - 5 * WEEK,) * 2)
+        assert remove_strays(places, time.time()) == ()
+        assert result.exists()
+
+
 def test_a_campaign_on_its_way_keeps_what_it_needs(places):
     for name in (f"{UNKNOWN}.json", f"{SCENE.digest}.json"):
         leave(places.scenes / name, 2 * HOUR)
