@@ -16,8 +16,6 @@ from daemon.model.status import ChangeEvent
 _BATCH: Final = 64
 """Jobs that share a commit. Its fsync is what costs: measured on one disk, 2 950 runs a second with
 one for each job, 9 470 without any; and nobody waits for more than 64 others' jobs."""
-_SLICE: Final = 0.02
-"""Seconds that steps of something long may share a commit: leases and renewals wait for it."""
 _PAUSE: Final = 0.4
 """Seconds without a change after which the ledger's WAL is emptied."""
 _MOST: Final = 2048
@@ -25,7 +23,6 @@ _MOST: Final = 2048
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
-_LEAVING: Final = Unavailable("the daemon is leaving: try again when it is back")
 
 
 @dataclass(frozen=True, slots=True)
