@@ -64,11 +64,8 @@ def parse_ros_yaml(
     """
 
     def place(mark: Any) -> Where:
-        return (
-            mark_place(file, mark)
-            if locate is None or not mark
-            else locate(mark.line + 1, mark.column + 1)
-        )
+        where = mark_place(text, file, mark)
+        return where if locate is None else locate(where.line, where.column)
 
     begin = Where(file, 1, 1) if locate is None else locate(1, 1)
     try:

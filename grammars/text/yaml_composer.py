@@ -230,9 +230,12 @@ def source_at(text: str, where: Where, pattern: re.Pattern[str]) -> str:
     return "" if found is None else found[found.lastindex or 0]
 
 
-def mark_place(file: str, mark: Any) -> Where:
+def mark_place(text: str, file: str, mark: Any) -> Where:
     """Return the place of a mark of PyYAML, which counts from 0."""
-    return Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+    if mark.index >= len(text):
+        # libyaml ends a text that has no line end with a line of its own.
+        return _place_of(text, file, len(text))
+    return Where(file, mark.line + 1, mark.column + 1)
 
 
 # PyYAML tells its errors apart by nothing but their text.
@@ -257,7 +260,7 @@ def _explain(text: str, file: str, error: Any) -> Diagnostic:
         position = getattr(error, "position", None)
         where = Where(file, 1, 1) if position is None else _place_of(text, file, position)
         return Diagnostic(where, f"is not valid YAML: {first_line}")
-    where = mark_place(file, mark)
+    where = mark_place(text, file, mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
     # libyaml and PyYAML's own parser say these two in words that have nothing in common.
     if text.startswith("\t", mark.index):

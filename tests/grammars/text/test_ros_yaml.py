@@ -28,8 +28,14 @@ def test_values_are_those_of_yaml_1_1_as_rosparam_reads_it():
     }  # fmt: skip
 
 
-def test_a_number_without_a_point_in_its_mantissa_is_text_as_for_rosparam():
-    assert read("a: 1e-3\n") == {"a": "1e-3"}
+@pytest.mark.parametrize("number", ["1e-3", "1.5e0", "1.0e3", "1e+3"])
+def test_a_number_that_rosparam_takes_for_text_is_text(number):
+    assert read(f"a: {number}\n") == {"a": number}
+
+
+@pytest.mark.parametrize(("number", "value"), [("1.5e+0", 1.5), ("1.e-3", 0.001), ("1:30", 90)])
+def test_a_number_that_rosparam_takes_for_one_is_one(number, value):
+    assert read(f"a: {number}\n") == {"a": value}
 
 
 def test_angles_may_be_written_in_degrees():

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.text import yaml_composer
-from grammars.text.diagnostics import InputError
+from grammars.text.diagnostics import InputError, Where
 from grammars.text.documents import parse_yaml
 
 ROOT = Path(__file__).parents[3]
@@ -63,6 +63,15 @@ def test_both_parsers_agree(text):
 def test_a_sign_in_a_comment_or_quotes_changes_nothing(text):
     assert outcome(text) == with_own_parser(text)
     assert parse_yaml(text, "x.yaml").data
+
+
+@pytest.mark.parametrize("text", ["a: {b: 1", "a: 1\nb: [", "a: 'x", "a: {b: 1\n"])
+def test_a_text_that_ends_too_early_is_refused_where_it_ends(text):
+    with pytest.raises(InputError) as caught:
+        parse_yaml(text, "x.yaml")
+    (problem,) = caught.value.diagnostics
+    last = text.split("\n")[-1]
+    assert problem.where == Where("x.yaml", text.count("\n") + 1, len(last) + 1)
 
 
 @pytest.mark.parametrize("text", ["a: x\u2028y", "a: 'x\u2028y'", "a: x\x85y", "a:\tx"])
