@@ -252,11 +252,11 @@ def test_layers_written_as_json_ld_make_the_same_runs(folder):
 
 
 def test_a_folder_of_json_ld_files_is_a_layer(folder):
-    """As exports of ours and published models are; one of its files names it as well."""
+    """As exports of ours and published models are."""
     plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
     write_jsonld(plan, folder / "floorplans" / "house", [doors])
     written = expand(load_campaign(write(folder, CAMPAIGN))).scenes[0]
-    for name in ("house", "floorplans/house", "floorplans/house/shape.json"):
+    for name in ("house", "floorplans/house"):
         text = CAMPAIGN.replace("floorplan: flat", f"floorplan: {name}")
         text = text.replace("objects: doors", "objects: floorplans/house/objects.json")
         assert expand(load_campaign(write(folder, text))).scenes[0] == written
