@@ -340,6 +340,7 @@ class ReleaseRequest:
     """A run given back without a result; ``blame`` counts it against the run's attempts.
 
     ``damaged`` is the digest of a scene or file of the daemon's that is not what its name says.
+    With ``died`` another worker had it, and died.
     """
 
     worker: WorkerId
@@ -349,6 +350,7 @@ class ReleaseRequest:
     blame: bool
     damaged: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
     era: ShortText = ""
+    died: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,6 @@ first version have defaults, so that what was written before can still be read.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import datetime
 from typing import Final
 
 from daemon.model.assessments import AssessmentRules
@@ -149,9 +148,8 @@ class RunRow:
     else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
     the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
     run whose result this is, empty when it was executed itself. Of a system that is not
-    ``repeatable`` the same run gives something else each time. After ``setbacks`` attempts in a
-    row without a result a queued run waits until ``not_before`` (0: it may start at once), for the
-    ``reason`` given.
+    ``repeatable`` the same run gives something else each time. ``reason`` says why a queued run
+    was given back, and why one was lost or cancelled.
     """
 
     id: str
@@ -174,23 +172,11 @@ class RunRow:
     reason: str = ""
     cached: str = ""
     repeatable: bool = True
-    not_before: float = 0.0
-    setbacks: int = 0
 
     @property
     def nondeterministic(self) -> bool:
         """Whether the run came out differently when the same was executed before."""
         return self.reason.partition(":")[0] == NONDETERMINISTIC
-
-    @property
-    def remark(self) -> str:
-        """The reason, and until when the run waits, by the clock of whoever reads it."""
-        if self.state is not RunState.QUEUED or not self.not_before:
-            return self.reason
-        words = f"waits until {datetime.fromtimestamp(self.not_before):%H:%M:%S}"
-        if self.setbacks:
-            words += f" after {self.setbacks} failed attempt{'s' if self.setbacks > 1 else ''}"
-        return f"{words}: {self.reason.strip()}" if self.reason else words
 
 
 @dataclass(frozen=True, slots=True)

@@ -159,13 +159,13 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     console = stdout_console()
     # Paths would be folded into columns of letters; below, the folder of all of them is said.
     paths = console.width >= _WIDE
-    remarks = paths or any(row.remark or row.cached for row in rows)
+    remarks = paths or any(row.reason or row.cached for row in rows)
     more = ("trace" if paths else "remark",) if remarks else ()
     table = plain_table("run", "", "verdict", "decided by", "margin", *more)
     for row in rows:
         word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
         shown = margin(row.margin, row.unit) if row.oracle else ""
-        kept = (paths and row.trace) or row.remark
+        kept = (paths and row.trace) or row.reason
         if row.cached:
             kept += " (cached)" if kept else "cached"
         cells = (row.id, run_label(row), word, row.oracle, shown, *([kept] if remarks else ()))
@@ -205,7 +205,7 @@ class RunOutput(Output, schema="run"):
 
         stdout_console().print(run_text(self.run, self.live, TERMINAL_STYLES), soft_wrap=True)
         starting = self.run.row.state == "running" and self.live is None
-        if starting or (self.run.row.state == "queued" and not self.run.row.remark):
+        if starting or (self.run.row.state == "queued" and not self.run.row.reason):
             stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
             for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):

@@ -52,13 +52,13 @@ def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | 
         why = run.reason.strip().splitlines()[-1:]
         said = f"{run.id} is lost, {count_noun(run.attempt, 'attempt')} left no result"
         return ": ".join((said, *why)) + f"; `scenario retry {run.campaign}` queues it again"
-    return f"{run.id} has no trace: {run.remark or 'it is not there any more'}"
+    return f"{run.id} has no trace: {run.reason or 'it is not there any more'}"
 
 
 def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None) -> str:
     """Return what a queued run waits for."""
-    if run.remark:
-        return run.remark if run.not_before else f"once more, {run.remark}"
+    if run.reason:
+        return f"once more, {run.reason}"
     if campaign is not None and campaign.paused:
         return f"its campaign is paused, `scenario pause {campaign.id} --off` lets it go on"
     parts = []

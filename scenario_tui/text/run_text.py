@@ -166,10 +166,10 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
     text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), styles[word]), "\n")
     if row.state is RunState.RUNNING:
         _running(text, seen, styles)
-    elif row.state in _WITHOUT_RESULT and row.remark in ("", row.state):
+    elif row.state in _WITHOUT_RESULT and row.reason in ("", row.state):
         text.append(f"{_WITHOUT_RESULT[row.state]}\n", style=quiet_style(styles))
-    if row.remark not in ("", row.state):
-        text.append(f"{row.remark.strip()}\n", style=styles["inconclusive"])
+    if row.reason not in ("", row.state):
+        text.append(f"{row.reason.strip()}\n", style=styles["inconclusive"])
     text.append("\n")
     if detail.result is not None:
         _verdicts(text, detail.result, styles)

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
         VerificationProgress,
         verify_contents,
     )
-    from daemon.batch.ledger._waiting import retry_delay
     from daemon.batch.ledger._writer import LedgerWriter
 
 __all__ = [
@@ -57,7 +56,6 @@ __all__ = [
     "find_strays",
     "prepare_submission",
     "remove_strays",
-    "retry_delay",
     "schema_problem",
     "stored_bytes",
     "sweep_traces",
@@ -84,7 +82,6 @@ _MODULES: Final = {
     "remove_strays": "_strays",
     "schema_problem": "_connection",
     "verify_contents": "_verification",
-    "retry_delay": "_waiting",
 }
 
 

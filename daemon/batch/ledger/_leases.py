@@ -23,11 +23,6 @@ from daemon.batch.ledger._results import (
     store_result,
 )
 from daemon.batch.ledger._searches import search_state
-from daemon.batch.ledger._waiting import (
-    end_waits,
-    note_attempt,
-    shift_waits,
-)
 from daemon.batch.ledger.transitions import (
     Completed,
     ExecutionState,
@@ -90,7 +85,6 @@ class RunUpdates:
         if after != before:
             values = (getattr(after, name) for name in _FIELDS)
             self._db.execute(_WRITE_STATE, (*values, run))
-        note_attempt(self._db, run, event, change, now)
         if after.state is not before.state and not quiet:
             campaign = self._campaign_of(run)
             # Why the attempt before left no result was told when it ended.
@@ -161,16 +155,16 @@ class RunUpdates:
 # The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
 # lease and tokens only grow: who was served longest ago goes first, which is round robin without
 # a list of turns. A worker that lacks systems under test must not get stuck at a campaign that has
-# nothing else for it: what it is able to run is asked for in both places. Ready runs have
-# ``not_before`` 0: those that wait are not in the index, however many they are.
+# nothing else for it: what it is able to run is asked for in both places. Runs that were leased
+# less often go first: one that fails again and again stands behind all others.
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name, spec.body,"
     " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
     " FROM run JOIN spec ON spec.run = run.id"
-    " WHERE state = 'queued' AND not_before = 0{able} AND run.campaign = (SELECT id FROM campaign"
+    " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign"
     " AS c WHERE finished_at IS NULL AND paused = 0 AND lacks = '' AND EXISTS (SELECT 1 FROM run"
-    " WHERE run.campaign = c.id AND state = 'queued' AND not_before = 0{able})"
-    " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
+    " WHERE run.campaign = c.id AND state = 'queued'{able})"
+    " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.attempt, run.serial LIMIT 1"
 )
 _ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
 _LONGEST_REASON: Final = 4000
@@ -205,11 +199,11 @@ class LeaseUpdates(RunUpdates):
         """Give up to ``count`` queued runs to ``worker``.
 
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
-        Within a campaign the first submitted run goes first. Runs of systems under test whose
-        kind the worker ``lacks`` wait for another one. A campaign waits as a whole for what
+        Within a campaign the first submitted run goes first, one that was given back after all
+        others. Runs of systems under test whose kind the worker ``lacks`` wait for another one. A
+        campaign waits as a whole for what
         ``missing`` says that a run of it lacks here: its scene, say.
         """
-        end_waits(self._db, now)
         leases: list[Lease] = []
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
         values = (json.dumps(lacks),) if lacks else ()
@@ -391,7 +385,8 @@ class LeaseUpdates(RunUpdates):
     def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
         """Take a run back without a result."""
         require_lease(self._db, release.run, release.token)
-        event = Released(release.token, release.reason[-_LONGEST_REASON:], release.blame)
+        reason = release.reason[-_LONGEST_REASON:]
+        event = Released(release.token, reason, release.blame, release.died)
         return self._apply(release.run, event, now).answer
 
     def expire_leases(self, now: float) -> int:
@@ -423,8 +418,3 @@ class LeaseUpdates(RunUpdates):
         self._db.execute(
             "UPDATE run SET lease_until = lease_until + ? WHERE state = 'running'", (seconds,)
         )
-        shift_waits(self._db, seconds)
-
-    def end_waits(self, now: float) -> int:
-        """Make ready the runs that have waited long enough; returns how many."""
-        return end_waits(self._db, now)

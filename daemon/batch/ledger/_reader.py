@@ -56,7 +56,7 @@ from grammars.text import codec
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at, repeatable, not_before, setbacks"
+    " trace_at, repeatable"
 )
 _OUTCOMES: Final = {
     "passed": Outcome.PASS, "failed": Outcome.FAIL,

@@ -38,7 +38,7 @@ _CANCEL: Final = (
 )
 _RETRY: Final = (
     "UPDATE run SET state = 'queued', token = 0, lease_until = 0, reason = '', strikes = 0,"
-    " lapses = 0, setbacks = 0, not_before = 0,"
+    " lapses = 0,"
     " outdated = CASE state WHEN 'done' THEN granted ELSE outdated END WHERE id = ?"
 )
 

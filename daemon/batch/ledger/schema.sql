@@ -71,8 +71,6 @@ CREATE TABLE run (
     trace_at    TEXT NOT NULL DEFAULT '',    -- URL of its trace, empty for the state directory
     kind        TEXT NOT NULL DEFAULT '',    -- of its system under test
     repeatable  INTEGER NOT NULL DEFAULT 1,  -- 0: its system answers otherwise each time
-    not_before  REAL NOT NULL DEFAULT 0,     -- not leased before: it waits after a failed attempt
-    setbacks    INTEGER NOT NULL DEFAULT 0,  -- attempts in a row without a result, blamed or not
     doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
     outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
     lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
@@ -81,9 +79,8 @@ CREATE TABLE run (
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
--- Ready to be leased; and those that wait after a failed attempt, for whoever ends their wait.
-CREATE INDEX run_ready ON run (campaign, serial) WHERE state = 'queued' AND not_before = 0;
-CREATE INDEX run_delayed ON run (not_before) WHERE state = 'queued' AND not_before > 0;
+-- Ready to be leased, those first that were leased less often.
+CREATE INDEX run_ready ON run (campaign, attempt, serial) WHERE state = 'queued';
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- What each worker has: asked with every request for work and every renewal.
 CREATE INDEX run_working ON run (worker, token) WHERE state = 'running';

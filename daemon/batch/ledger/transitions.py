@@ -100,11 +100,15 @@ class Completed:
 
 @dataclass(frozen=True, slots=True)
 class Released:
-    """The lease ``token`` ended without a result; ``blame`` makes it a strike."""
+    """The lease ``token`` ended without a result; ``blame`` makes it a strike.
+
+    With ``died`` its worker died: as bad as one that fell silent.
+    """
 
     token: int
     reason: str
     blame: bool
+    died: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +151,16 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
             return _renew(run, event)
         case Completed():
             return _complete(run, event)
-        case Released(token, reason, blame):
+        case Released(token, reason, blame, died):
             if not _holds(run, token):
                 return RunTransition(run, LedgerAnswer.STALE)
+            if died:
+                return RunTransition(_lapse(run, reason), LedgerAnswer.DONE)
             return RunTransition(_give_back(run, reason, blame, attempts), LedgerAnswer.DONE)
         case Lapsed(token):
             if not _holds(run, token):
                 return RunTransition(run, LedgerAnswer.STALE)
-            return RunTransition(_lapse(run), LedgerAnswer.DONE)
+            return RunTransition(_lapse(run, "the worker fell silent"), LedgerAnswer.DONE)
         case Cancelled():
             if run.state not in (RunState.QUEUED, RunState.RUNNING):
                 return RunTransition(run, LedgerAnswer.STALE)
@@ -251,13 +257,13 @@ def _give_back(run: ExecutionState, reason: str, blame: bool, attempts: int) -> 
     return replace(_at_rest(run, state, reason), strikes=strikes, lapses=0)
 
 
-def _lapse(run: ExecutionState) -> ExecutionState:
+def _lapse(run: ExecutionState, reason: str) -> ExecutionState:
     lapses = run.lapses + 1
     if lapses < MOST_LAPSES:
-        resting = _at_rest(run, RunState.QUEUED, "the worker fell silent")
+        resting = _at_rest(run, RunState.QUEUED, reason)
     else:
         state = RunState.DONE if run.result else RunState.LOST
-        told = f"{lapses} workers in a row fell silent with it: it may bring down their machines"
+        told = f"{lapses} workers in a row died with it or fell silent: it may bring down machines"
         resting = _at_rest(run, state, told)
     return replace(resting, lapses=lapses)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -161,7 +160,6 @@ class _Daemon:
         self._local: LocalWorker | None = None
         self._coordinator: SearchCoordinator | None = None
         self._searches: dict[str, int] = {}
-        self._hint: Callable[[], None] | None = None
         self._handlers = Handlers(
             paths,
             settings,
@@ -205,7 +203,6 @@ class _Daemon:
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        self._hint = lambda: _publish_hint(session)
         remove_staged_searches(self._paths)
         writer, threads = self._start_threads(stack, self._opened.ledger, session)
         keepers: list[Quota | Housekeeping | TraceMover] = [self._quota]
@@ -286,7 +283,7 @@ class _Daemon:
         else:
             self._registry.disconnected(worker, self._clock.now())
 
-    def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> int:
+    def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> None:
         moved = self._clock.follow_wall_clock()
         if moved:
             ledger.shift_leases(moved)
@@ -299,7 +296,6 @@ class _Daemon:
             self._log.write("stalled", seconds=round(stalled, 3))
         self._searches = ledger.running_searches()
         now = self._clock.now()
-        ready = ledger.end_waits(now)
         # A renewal that has come proves that its worker lives, whenever there is time to read it.
         taken = 0 if writer.renewals_wait else ledger.expire_leases(now)
         if taken:
@@ -310,18 +306,14 @@ class _Daemon:
             for worker in self._registry.forget(sorted(absent - ledger.busy_workers()), now):
                 ledger.record_event(now, "worker", worker, state="gone")
                 self._log.write("worker gone", worker=worker)
-        return ready
 
-    def _fail_searches(self, note: str, ledger: LedgerWriter) -> int:
+    def _fail_searches(self, note: str, ledger: LedgerWriter) -> None:
         failed = ledger.fail_searches(note, self._clock.now())
         self._log.write("searches given up", count=failed, problem=note)
-        return 0
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
             self._log.write("failure", key="tick", problem=repr(value))
-        elif value and self._hint is not None:
-            self._hint()  # runs have waited long enough
 
     def _leave(self, local: LocalWorker | None) -> None:
         # Others are told that nothing more comes; the local worker is asked to finish what it has

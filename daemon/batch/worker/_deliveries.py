@@ -84,12 +84,23 @@ class Deliveries:
         self.finished += left.finished
         for lease in left.unfinished:
             # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
-            self.give_back(lease, "its worker died")
+            self.give_back(lease, "its worker died", died=True)
 
-    def give_back(self, lease: Lease, why: str, *, blame: bool = False, damaged: str = "") -> None:
-        """Give a lease back; ``damaged`` is the digest of the scene or file that was no good."""
+    def give_back(
+        self,
+        lease: Lease,
+        why: str,
+        *,
+        blame: bool = False,
+        damaged: str = "",
+        died: bool = False,
+    ) -> None:
+        """Give a lease back; ``damaged`` is the digest of the scene or file that was no good.
+
+        With ``died`` it is that of a dead worker.
+        """
         release = ReleaseRequest(
-            self._worker, lease.run, lease.token, why, blame, damaged, lease.era
+            self._worker, lease.run, lease.token, why, blame, damaged, lease.era, died
         )
         self.releases.append(release)
 

@@ -38,7 +38,7 @@ def log_text(
     """
     text = Text()
     if detail is not None:
-        for note in _notes(detail.row.remark, detail.result):
+        for note in _notes(detail.row.reason, detail.result):
             text.append(f"{note}\n", style=UNSURE)
         if detail.row.attempt > 1:
             text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)

@@ -45,7 +45,7 @@ WAITS = {
     "queued": "is queued: the next of its campaign",
     "paused": "is queued: its campaign is paused, `scenario pause paused-1 --off`",
     "running": "is running: its trace is there when it ends",
-    "retrying": "is queued: waits until",
+    "retrying": "is queued: once more, the stack crashed",
     "cancelled": "was cancelled before it ended; `scenario retry cancelled-1`",
     "lost": "is lost, 3 attempts left no result: the stack crashed; `scenario retry lost-1`",
 }
@@ -85,7 +85,6 @@ class Ledger:
         self.book.submit(sent, self.now)
 
     def lease(self, count):
-        self.book.end_waits(self.now + 1000.0)
         return self.book.lease("w", count, self.now)
 
     def fail(self, count, *, blame):
@@ -229,7 +228,7 @@ SHOWN = {
     "queued": ("… queued", "will be judged by", "is queued: the next of its campaign"),
     "paused": ("… queued", "will be judged by", "its campaign is paused"),
     "running": ("▶ running", "will be judged by"),
-    "retrying": ("… queued", "waits until", "after 7 failed attempts", "will be judged by"),
+    "retrying": ("… queued", "the stack crashed", "will be judged by"),
     "cancelled": ("- cancelled", "was cancelled before it ended", "was to be judged by",
                   "scenario retry cancelled-1"),
     "lost": ("! lost", "the stack crashed", "was to be judged by", "scenario retry lost-1"),

@@ -84,15 +84,6 @@ def test_a_worker_that_holds_nothing_any_more_is_not_busy(book):
     assert book.busy_workers() == {"heir"}
 
 
-def test_who_comes_back_to_a_run_that_waits_has_failed_nothing(book, reader):
-    (grant,) = book.lease("cut", 1, NOW)
-    book.expire_leases(LATER)
-    assert reader.run("c.0").row.setbacks == 1
-    assert book.lease("other", 1, LATER) == ()
-    assert book.renew("cut", refs(grant), LATER) == ()
-    assert reader.run("c.0").row.setbacks == 0
-
-
 def test_what_a_worker_does_not_claim_it_never_got(book):
     (grant,) = book.lease("w", 1, NOW)
     book.renew("v", (), NOW)

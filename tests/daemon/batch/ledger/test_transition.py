@@ -78,7 +78,7 @@ def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end():
         assert run.state is RunState.QUEUED
         run = after(run, Leased("w", token, 1.0), Renewed("w", token, 2.0), Lapsed(token))
     assert (run.state, run.strikes) == (RunState.LOST, 0)
-    assert run.reason.startswith(f"{MOST_LAPSES} workers in a row fell silent")
+    assert run.reason.startswith(f"{MOST_LAPSES} workers in a row died with it or fell silent")
     # Whoever is still at it may go on, and is not too late.
     assert advance(run, Renewed("w", 3, 9.0), attempts=3).answer is LedgerAnswer.DONE
     assert after(run, Completed(3, "aa")).state is RunState.DONE

@@ -1,11 +1,13 @@
-"""Runs wait after attempts without a result, ever longer, and beside them others go on."""
+"""Runs that were given back, and campaigns that lack something: others go before them."""
 
 import pytest
 
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, retry_delay
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.ledger.transitions import MOST_LAPSES
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, ReleaseRequest, RetryRequest, RunQuery
-from tests.daemon.batch.samples import make_result, make_submission
+from daemon.model.messages import ReleaseRequest, RunQuery
+from daemon.model.run_state import RunState
+from tests.daemon.batch.samples import make_submission
 
 NOW = 1_000_000.0
 
@@ -33,54 +35,30 @@ def give_back(book, grant, now, *, blame=False):
     book.release(ReleaseRequest("w", grant.run, grant.token, "no disk", blame), now)
 
 
-def test_the_delay_doubles_up_to_minutes_and_runs_differ():
-    delays = [retry_delay("c.0", setbacks) for setbacks in range(1, 20)]
-    for setbacks, delay in enumerate(delays):
-        whole = min(2.0**setbacks, 300.0)
-        assert 0.75 * whole <= delay <= 1.25 * whole
-    assert len({retry_delay(f"c.{i}", 3) for i in range(100)}) == 100
-    assert delays == [retry_delay("c.0", setbacks) for setbacks in range(1, 20)]
-
-
 @pytest.mark.parametrize("blame", [False, True])
-def test_a_run_without_a_result_waits_while_others_are_leased(book, tmp_path, blame):
+def test_a_run_that_was_given_back_stands_behind_the_others(book, tmp_path, blame):
     (first,) = book.lease("w", 1, NOW)
     give_back(book, first, NOW, blame=blame)
-    assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.1", "c.2"]
-    row = rows(tmp_path)[0]
-    assert (row.setbacks, row.not_before) == (1, NOW + retry_delay("c.0", 1))
-    assert row.remark.startswith("waits until ")
-    assert row.remark.endswith(" after 1 failed attempt: no disk")
-    assert book.end_waits(NOW + 0.1) == 0
-    (again,) = book.lease("w", 9, row.not_before)
-    give_back(book, again, NOW + 10.0)
-    assert rows(tmp_path)[0].not_before == NOW + 10.0 + retry_delay("c.0", 2)
+    assert rows(tmp_path)[0].reason == "no disk"
+    assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.1", "c.2", "c.0"]
 
 
-def test_a_result_or_a_person_begins_anew(book, tmp_path):
-    first, second, _ = book.lease("w", 3, NOW)
-    give_back(book, first, NOW)
-    book.expire_leases(NOW + 100.0)
-    assert [row.setbacks for row in rows(tmp_path)] == [1, 1, 1]
-    book.complete(Completion("w", second.run, 1, second.token, make_result(second.spec)), NOW)
-    book.cancel("c", NOW)
-    assert book.retry(RetryRequest("c", ("cancelled",)), NOW) == 2
-    assert [(row.setbacks, row.not_before) for row in rows(tmp_path)] == [(0, 0.0)] * 3
-    assert [grant.run for grant in book.lease("w", 9, NOW)] == ["c.0", "c.2"]
+def test_a_run_that_takes_its_workers_with_it_is_given_up(book, tmp_path):
+    book.lease("w", 2, NOW)
+    for _ in range(MOST_LAPSES):
+        (grant,) = book.lease("w", 1, NOW)
+        assert grant.run == "c.2"
+        died = ReleaseRequest("v", grant.run, grant.token, "its worker died", False, died=True)
+        book.release(died, NOW)
+    row = rows(tmp_path)[2]
+    assert (row.state, row.attempt) == (RunState.LOST, MOST_LAPSES)
+    assert row.reason.startswith("20 workers in a row died with it or fell silent")
 
 
 def test_a_lease_that_nobody_began_is_no_failed_attempt(book):
     book.lease("w", 3, NOW)
     book.renew("w", (), NOW)
     assert len(book.lease("w", 9, NOW)) == 3
-
-
-def test_a_clock_that_was_set_lets_nobody_wait_for_ever(book, tmp_path):
-    (first,) = book.lease("w", 1, NOW)
-    give_back(book, first, NOW)
-    book.shift_leases(1000.0)
-    assert rows(tmp_path)[0].not_before == NOW + 1000.0 + retry_delay("c.0", 1)
-    assert book.end_waits(NOW) == 1  # it was set back while no daemon looked
 
 
 def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(book, tmp_path):
@@ -95,7 +73,7 @@ def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(b
     assert book.lease("w", 1, NOW, missing=missing) == ()
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
         first, *others = reader.runs(RunQuery("gone")).rows
-    assert (first.attempt, first.setbacks, first.reason) == (0, 0, "its scene is gone")
+    assert (first.attempt, first.reason) == (0, "its scene is gone")
     assert {row.reason for row in others} == {""}
     assert book.end_hold("its scene is gone", NOW) == 1
     assert len(book.lease("w", 600, NOW)) == 600

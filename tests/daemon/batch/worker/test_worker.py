@@ -473,7 +473,7 @@ def test_a_worker_in_trouble_leaves_off_and_says_why(tmp_path):
         assert client.workers()[0].trouble in trouble
         # From the first pause on one run at a time finds out whether it is over.
         eventually(lambda: executed() >= 4)
-        waiting = [row for row in client.runs("c").rows if row.setbacks]
+        waiting = [row for row in client.runs("c").rows if row.reason]
         assert waiting
         assert all("Disk quota exceeded" in row.reason for row in waiting)
         room.touch()
