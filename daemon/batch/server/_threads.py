@@ -198,7 +198,7 @@ class ReaderThread(LedgerThread):
 
 
 class LedgerlessThread(LedgerThread):
-    """Does what needs no ledger, one after the other: what takes long, or while there is none."""
+    """Does what takes long and needs no ledger, one after the other."""
 
     def run(self) -> None:
         """Work until told to finish."""

@@ -178,7 +178,7 @@ class DaemonRuns:
             if known.digest != candidate.spec.digest:
                 raise SearchDivergedError(
                     f"run {proposal.position} of the search is another one than it was before"
-                    f" ({known.label}): results were voided, or the software was changed"
+                    f" ({known.label}): the software was changed"
                     " meanwhile: start it again with --fresh"
                 )
             return
