@@ -8,7 +8,7 @@ from daemon.search.methods._make import (
     method_problem,
     missing_library,
 )
-from daemon.search.methods._protocol import MethodProposal, SearchMethod
+from daemon.search.methods._stages import MethodProposal, SearchMethod
 
 __all__ = [
     "COVARIANCE_FROM",

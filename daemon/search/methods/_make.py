@@ -11,8 +11,7 @@ from daemon.model.search import SPACE_FILLING, SearchParameter, SearchTask
 from daemon.search.methods._boundary import MOST_PARAMETERS, BoundaryStage
 from daemon.search.methods._cma import CmaStage
 from daemon.search.methods._history import SearchHistory
-from daemon.search.methods._protocol import SearchMethod
-from daemon.search.methods._stages import HaltonStage, RandomStage, Stage, StagedMethod
+from daemon.search.methods._stages import HaltonStage, RandomStage, SearchMethod, Stage
 from daemon.search.methods._tpe import TpeStage
 from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import InputError, Where, did_you_mean
@@ -41,7 +40,7 @@ def make_method(task: SearchTask, space: SearchSpace) -> SearchMethod:
     problem = method_problem(task)
     if problem:
         raise InputError.at(Where(f'search "{task.name}"'), problem.message, problem.hint)
-    return StagedMethod(SearchHistory(space, task.seed, task.window), _stages(task))
+    return SearchMethod(SearchHistory(space, task.seed, task.window), _stages(task))
 
 
 def method_problem(task: SearchTask) -> MethodProblem | None:

@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from daemon.model.search import Point
 from daemon.search.methods._history import SearchHistory
-from daemon.search.methods._protocol import MethodProposal
+
+
+@dataclass(frozen=True, slots=True)
+class MethodProposal:
+    """A point to run.
+
+    ``method`` is what chose it: ``written`` for the scenario as it stands, else the name of a
+    method. What is not ``guided`` was chosen without looking at results.
+    """
+
+    values: Point
+    method: str
+    guided: bool
 
 
 class Stage(Protocol):
@@ -25,8 +38,14 @@ Choice = tuple[Point, bool]
 """A point, and whether results had a part in choosing it."""
 
 
-class StagedMethod:
-    """The scenario as written first, then every stage from its first number on."""
+class SearchMethod:
+    """The scenario as written first, then every stage from its first number on.
+
+    Everything is a function of the task, the numbers and what was learnt. Proposals are asked for
+    in order of their numbers, from 0. Proposal ``n`` is made of the results up to number
+    ``n - window`` and of no others, however many have been learnt by then, so that proposals do not
+    depend on which run ends first; those that are out are known to be.
+    """
 
     def __init__(self, history: SearchHistory, stages: Sequence[tuple[int, Stage]]) -> None:
         self._history: Final = history
@@ -34,7 +53,10 @@ class StagedMethod:
         self._proposals: Final[list[MethodProposal | None]] = []
 
     def propose(self, number: int) -> MethodProposal | None:
-        """Return a proposal; raises ``ValueError`` when one before it was not asked for."""
+        """Return proposal ``number``; ``None`` when no other point is left.
+
+        Asked again it is the same one. Raises ``ValueError`` when one before it was not asked for.
+        """
         if number > len(self._proposals):
             raise ValueError(f"proposal {len(self._proposals)} comes before {number}")
         if number == len(self._proposals):
@@ -45,11 +67,14 @@ class StagedMethod:
         return self._proposals[number]
 
     def learn(self, number: int, point: Point, value: float | None) -> None:
-        """Take in what a proposal gave."""
+        """Take in what a proposal gave; lower values are nearer to failing, ``None`` says nothing.
+
+        What is learnt of a number once is not changed.
+        """
         self._history.learn(number, point, value)
 
     def best(self) -> int | None:
-        """Return the number with the lowest value."""
+        """Return the number with the lowest value learnt, the first of equals."""
         return self._history.best()
 
     def _make(self, number: int) -> MethodProposal | None:
