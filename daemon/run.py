@@ -71,11 +71,11 @@ def execute(
             on_progress = watched = WatchedRun(trace, on_progress, judgements)
         loop = RunLoop(spec, scene, trace, on_progress, interest)
         try:
-            ended, note = loop.run()
+            end = loop.run()
         finally:
             outputs = loop.close()
         if watched is not None:
-            watched.finish(ended, note)
+            watched.finish(end.ended, end.note)
         simulated = loop.world.time
         # Its maps, and what a stack makes of them, take 55 MB in the published building: they go
         # before the trace is read and judged, which takes memory of its own.
@@ -84,7 +84,7 @@ def execute(
             trace.attach(name, data)
         # Judged is the file, not what is still in memory: the verdicts of a run are then the very
         # ones that anybody gets who judges its trace again, on another machine and years later.
-        recording = trace.finish(ended, note)
+        recording = trace.finish(end.ended, end.note)
         try:
             recorded = read_trace(recording)
             margins: tuple[LeadingMargin, ...] = ()
@@ -100,8 +100,8 @@ def execute(
         trace.add_verdicts(codec.to_json({"outcome": outcome, "verdicts": verdicts}))
         info = trace.publish()
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated, started)
-    found = (spec.digest, outcome, verdicts, ended, info, timing, note, margins)
-    return RunResult(*found, machine_text())
+    found = (spec.digest, outcome, verdicts, end.ended, info, timing, end.note, margins)
+    return RunResult(*found, machine_text(), end.stopped)
 
 
 def prepare(spec: RunSpec, scene: Scene) -> None:

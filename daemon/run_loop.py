@@ -72,6 +72,15 @@ class _PeriodicTimer:
         self.due = math.ceil(self.count * TICK_RATE / self.rate - 1e-9)
 
 
+@dataclass(frozen=True, slots=True)
+class LoopEnd:
+    """The end of a run, with a ``note`` on it; ``stopped`` is one that the wall clock ended."""
+
+    ended: RunEnding
+    note: str = ""
+    stopped: bool = False
+
+
 class RunLoop:
     """One run while it lasts: the world, the system under test and what is recorded.
 
@@ -125,7 +134,7 @@ class RunLoop:
         scans = (timer for _, timer in self._scan_timers)
         self._timers = (self._state, self._clock, self._odom, self._update, *scans)
 
-    def run(self) -> tuple[RunEnding, str]:
+    def run(self) -> LoopEnd:
         """Step until the mission is over, the limit is reached or the system crashes."""
         trace, world = self._trace, self.world
         try:
@@ -135,13 +144,13 @@ class RunLoop:
         except SutError as error:
             self._record_events(world.time, error.events)
             trace.event(world.time, "sut", error.note, level="error")
-            return "crashed", error.note
+            return LoopEnd("crashed", error.note, error.stopped)
         finally:
             # Also after a crash: a trace is valid up to its last recorded state, and contacts and
             # events since the one before are only recorded with it.
             if self._recorded != world.tick:
                 self._record_state()
-        return ("finished", "") if finished else ("limit", "simulated time is up")
+        return LoopEnd("finished") if finished else LoopEnd("limit", "simulated time is up")
 
     def begin(self) -> None:
         """Record what holds for the whole run, start the system under test."""

@@ -22,7 +22,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging import oracles
 from daemon.model.attachments import FILES_VARIABLE, user_files_folder
-from daemon.model.deadline import spare_time, stopped_after, wall_clock_limit, was_stopped
+from daemon.model.deadline import spare_time, stopped_after, wall_clock_limit
 from daemon.model.execution import RunLimits
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
@@ -301,15 +301,16 @@ def _execute(task: _Task, folder: Path) -> None:
     trace = folder / _TRACE
     try:
         with wall_clock_limit(task.limit):
-            task.execute_run(task.spec, task.scene, trace_path=trace)
+            result = task.execute_run(task.spec, task.scene, trace_path=trace)
     except Exception as error:
         problem = ExecutedRun(problem=f"{type(error).__name__}: {error}")
         write_atomically(folder / _EXECUTION, codec.to_json(problem))
         return
-    execution, _ = _measure(read_trace(trace))
-    if was_stopped(execution.note):
+    if result.stopped:
         # When the clock stops a run differs every time: there is nothing to compare.
-        execution = ExecutedRun(problem=execution.note)
-    elif task.against is not None:
-        execution = replace(execution, difference=first_difference(task.against, trace))
+        execution = ExecutedRun(problem=result.note)
+    else:
+        execution, _ = _measure(read_trace(trace))
+        if task.against is not None:
+            execution = replace(execution, difference=first_difference(task.against, trace))
     write_atomically(folder / _EXECUTION, codec.to_json(execution))

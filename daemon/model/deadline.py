@@ -26,18 +26,9 @@ SHORTEST_SPARE: Final = 2.0
 _LONGEST_SPARE: Final = 30.0
 
 
-_STOPPED: Final = "stopped after {:g} s of wall clock time"
-
-
 def stopped_after(seconds: float) -> str:
     """Say that a run was ended by the wall clock."""
-    return _STOPPED.format(seconds)
-
-
-def was_stopped(note: str) -> bool:
-    """Whether the note of a run says that the wall clock ended it, so that it says nothing else."""
-    head, tail = _STOPPED.split("{:g}")
-    return note.startswith(head) and tail in note
+    return f"stopped after {seconds:g} s of wall clock time"
 
 
 class OutOfTime(BaseException):

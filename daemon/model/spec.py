@@ -198,7 +198,8 @@ class RunResult:
     ``ended``: ``finished`` (the SUT says the mission is over), ``limit`` (simulated time is up)
     or ``crashed`` (the SUT raised; ``note`` says what). ``leads`` are there where somebody asked
     for them: a search. ``machine`` is the processor that executed it, for people; nothing of the
-    result follows from it.
+    result follows from it. ``stopped`` is a run that the wall clock ended: it differs every time,
+    and so is compared with no other.
     """
 
     spec: str
@@ -210,6 +211,7 @@ class RunResult:
     note: str = ""
     leads: tuple[LeadingMargin, ...] = ()
     machine: str = ""
+    stopped: bool = False
 
     @property
     def digest(self) -> str:

@@ -23,7 +23,7 @@ check of a campaign allows, for machines that are full of runs."""
 class SutError(Exception):
     """The system under test raised; ``note`` says what, for the result and the trace.
 
-    ``events`` are what it had to say before that.
+    ``events`` are what it had to say before that. It was ``stopped`` if the wall clock ended it.
     """
 
     def __init__(self, error: BaseException) -> None:
@@ -35,9 +35,10 @@ class SutError(Exception):
         place = (
             f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where else ""
         )
+        self.stopped = isinstance(error, OutOfTime)
         self.events = error.events if isinstance(error, SutFailure) else ()
         self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
-        if isinstance(error, SutFailure | OutOfTime):
+        if self.stopped or isinstance(error, SutFailure):
             self.note = str(error)
         # It may quote what a program printed, and that may be no text at all.
         self.note = self.note.encode("utf-8", "backslashreplace").decode()
@@ -87,10 +88,10 @@ class _NeverMade:
         self._why = why
 
     def start(self, briefing: Briefing) -> None:
-        raise SutFailure(self._why)
+        raise OutOfTime(self._why)
 
     def update(self, observation: Observation) -> Decision:
-        raise SutFailure(self._why)
+        raise OutOfTime(self._why)
 
 
 def make_in_time(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:

@@ -11,7 +11,7 @@ import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.judging import oracles
-from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit, was_stopped
+from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
@@ -91,6 +91,7 @@ def test_leaving_the_interpreter_is_a_crash(demo, tmp_path, plugged):
     result = executed(demo, tmp_path / "run.mcap", "leaves")
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert f"the system under test crashed: SystemExit: 3 ({MODULE}.py:" in result.note
+    assert not result.stopped
 
 
 def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged):
@@ -98,7 +99,7 @@ def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged):
     with wall_clock_limit(3.0):
         result = executed(demo, path, "hangs")
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
-    assert was_stopped(result.note)
+    assert result.stopped
     assert result.note.startswith("stopped after 3 s of wall clock time, ")
     assert "of them in one call of update() (" in result.note
     trace = read_trace(path)
@@ -113,6 +114,7 @@ def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(demo, tmp_path, plug
         result = executed(demo, path, "factory-hangs-in-a-run", {"hang": True})
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert "of them in one call of its factory" in result.note
+    assert result.stopped
     assert read_trace(path).note == result.note
 
 
@@ -120,7 +122,7 @@ def test_a_run_that_is_merely_slow_is_ended_between_two_steps(demo, tmp_path):
     with wall_clock_limit(0.2):
         result = executed(demo, tmp_path / "run.mcap", "idle", limit=1e6)
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
-    assert was_stopped(result.note)
+    assert result.stopped
     assert read_trace(tmp_path / "run.mcap").complete
 
 

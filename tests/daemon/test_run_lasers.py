@@ -51,8 +51,8 @@ def listen(path, spec, scene):
     spec = replace(spec, sut=SutReference("idle", "idle", {}), limit=2.0)
     listener = Listener()
     with TraceWriter(path, spec, scene) as trace:
-        ended, note = RunLoop(spec, scene, trace, sut=listener).run()
-        trace.close(ended, note)
+        end = RunLoop(spec, scene, trace, sut=listener).run()
+        trace.close(end.ended, end.note)
     return listener.scans, read_trace(path, scans=True)
 
 

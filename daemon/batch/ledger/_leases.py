@@ -13,8 +13,8 @@ from daemon.batch.ledger._results import (
     SpecReader,
     begin_era,
     check_result,
+    has_stopped_result,
     lease_problem,
-    note_of_result,
     queue_reserve,
     read_trace_location,
     require_era,
@@ -34,7 +34,6 @@ from daemon.batch.ledger.transitions import (
     RunTransition,
     advance,
 )
-from daemon.model.deadline import was_stopped
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec
@@ -300,11 +299,9 @@ class LeaseUpdates(RunUpdates):
         """Record a result, exactly one per run, whichever lease it comes under and however late."""
         campaign = self.check_completion(completion)
         digest = completion.result.digest
-        stopped = was_stopped(completion.result.note)
-        recorded = was_stopped(note_of_result(self._db, completion.run))
-        event = Completed(
-            completion.token, digest, completion.worker, comparable=not (stopped or recorded)
-        )
+        stopped = completion.result.stopped
+        comparable = not (stopped or has_stopped_result(self._db, completion.run))
+        event = Completed(completion.token, digest, completion.worker, comparable=comparable)
         before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
@@ -342,8 +339,9 @@ class LeaseUpdates(RunUpdates):
             " ORDER BY serial DESC",
             (completion.result.spec, digest),
         )
-        notes = ((other, note_of_result(self._db, other[0])) for other in others)
-        other = next((other for other, note in notes if not was_stopped(note)), None)
+        other = next(
+            (other for other in others if not has_stopped_result(self._db, other[0])), None
+        )
         if other is None:
             return
         run = completion.run

@@ -311,10 +311,10 @@ def remove_result(db: sqlite3.Connection, run: str) -> None:
     )
 
 
-def note_of_result(db: sqlite3.Connection, run: str) -> str:
-    """Return why a run ended as it did, empty when there is nothing to say or no result."""
+def has_stopped_result(db: sqlite3.Connection, run: str) -> bool:
+    """Whether a run has a result, and the wall clock ended it."""
     row = db.execute("SELECT body FROM result WHERE run = ?", (run,)).fetchone()
-    return read_result(row[0]).note if row else ""
+    return row is not None and read_result(row[0]).stopped
 
 
 def _insert_run(db: sqlite3.Connection, campaign: str, position: int, body: bytes) -> None:

@@ -17,11 +17,10 @@ from daemon.batch.ledger._entry import (
     enter_runs,
     prepare_submission,
 )
-from daemon.batch.ledger._results import note_of_result, remove_result, reuse_results
+from daemon.batch.ledger._results import has_stopped_result, remove_result, reuse_results
 from daemon.batch.ledger._search_updates import SearchUpdates
 from daemon.batch.ledger._searches import search_state
 from daemon.batch.paths import StatePaths
-from daemon.model.deadline import was_stopped
 from daemon.model.messages import RetryRequest
 from daemon.model.packed_submission import pack_submission
 from daemon.model.status import Submission, SubmissionReceipt
@@ -242,14 +241,13 @@ class LedgerWriter(SearchUpdates):
             return 0
         self._db.executemany(_RETRY, ((run,) for run, *_ in chosen))
         for run, _, outcome, repeatable in chosen:
-            if not repeatable or self._was_stopped(run, outcome):
+            # Only errors can be stopped, and reading a result takes time.
+            stopped = outcome == Outcome.ERROR and has_stopped_result(self._db, run)
+            if stopped or not repeatable:
                 remove_result(self._db, run)
         self._db.execute("UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,))
         self.record_event(now, "campaign", campaign, campaign, "retried")
         return len(chosen)
-
-    def _was_stopped(self, run: str, outcome: str) -> bool:
-        return outcome == Outcome.ERROR and was_stopped(note_of_result(self._db, run))
 
     def deletable(self, campaigns: Sequence[str]) -> tuple[int, ...]:
         """Return how many runs campaigns have that may be deleted; refuses while runs wait or run.

@@ -115,6 +115,16 @@ def test_a_process_that_dies_is_no_execution(tmp_path):
     assert "its process died" in found.executions[0].problem
 
 
+def test_what_the_wall_clock_stopped_is_no_execution_whatever_its_note_says(tmp_path):
+    path, _ = recorded(tmp_path, sut=idle())
+
+    def execute_and_stop(*arguments, **rest):
+        return replace(execute(*arguments, **rest), note="its time was up", stopped=True)
+
+    found = verify(path, 1, places=StatePaths(tmp_path), execute_run=execute_and_stop)
+    assert [one.problem for one in found.executions] == ["its time was up"]
+
+
 def test_a_trace_of_another_engine_is_refused(tmp_path):
     path, _ = recorded(tmp_path, sut=idle(), engine="1")
     with pytest.raises(TraceError, match="is of engine 1, this is engine"):

@@ -404,8 +404,8 @@ def test_executed_again_on_request_it_has_the_new_result(ledger):
 
 def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger):
     ledger.submit("first", *specs(1))
-    note = "stopped after 5 s of wall clock time, 4.9 s of them in one call of update() (a.py:1)"
-    ledger.work(lambda spec: replace(make_result(spec, outcome=Outcome.ERROR), note=note))
+    ended = {"note": "notes were cut: its time was up", "stopped": True}
+    ledger.work(lambda spec: replace(make_result(spec, outcome=Outcome.ERROR), **ended))
     assert ledger.book.retry(RetryRequest("first", ("error",)), NOW) == 1
     ledger.work()
     (row,) = ledger.rows("first")
