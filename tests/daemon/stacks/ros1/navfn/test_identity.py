@@ -83,7 +83,7 @@ def test_plans_are_those_of_the_plain_planner(seed):
         disturb(random, grid)
 
 
-@pytest.mark.parametrize("size", [3, 8, 20])
+@pytest.mark.parametrize("size", [4, 8, 20])
 def test_what_does_not_fit_into_a_buffer_is_lost(size):
     random = np.random.default_rng(size)
     cells = random.integers(0, 200, (40, 40)).astype(np.uint8)
