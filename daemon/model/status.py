@@ -21,11 +21,7 @@ PREFIX: Final = "scenario/v1"
 
 
 NONDETERMINISTIC: Final = "nondeterministic"
-"""How the ledger marks a run that came out differently when the same was executed before.
-
-It is the state of the alarm among the events, and the first word of the run's ``reason``: what is
-stored has no other mark, so every ledger there is can be asked.
-"""
+"""The state of an alarm among the events, and a word of the run's ``reason``, to look for it by."""
 
 
 SEARCHES_HALT: Final = "no proposals are made for searches"
@@ -149,7 +145,8 @@ class RunRow:
     the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
     run whose result this is, empty when it was executed itself. Of a system that is not
     ``repeatable`` the same run gives something else each time. ``reason`` says why a queued run
-    was given back, and why one was lost or cancelled.
+    was given back, and why one was lost or cancelled. A ``nondeterministic`` one came out
+    differently when the same was executed before; ``reason`` says how.
     """
 
     id: str
@@ -172,11 +169,7 @@ class RunRow:
     reason: str = ""
     cached: str = ""
     repeatable: bool = True
-
-    @property
-    def nondeterministic(self) -> bool:
-        """Whether the run came out differently when the same was executed before."""
-        return self.reason.partition(":")[0] == NONDETERMINISTIC
+    nondeterministic: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -227,7 +227,7 @@ class LeaseUpdates(RunUpdates):
     def _hold(self, campaign: str, run: str, why: str, now: float) -> None:
         """Lease nothing of a campaign while it lacks something; a run of it has that as reason."""
         self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (why, campaign))
-        self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (why, run))
+        self._db.execute("UPDATE run SET reason = ?, nondeterministic = 0 WHERE id = ?", (why, run))
         self.record_event(now, "campaign", campaign, campaign, "held", why)
 
     def end_hold(self, why: str, now: float) -> int:
@@ -346,7 +346,9 @@ class LeaseUpdates(RunUpdates):
             return
         run = completion.run
         reason = f"{NONDETERMINISTIC}: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
-        self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
+        self._db.execute(
+            "UPDATE run SET reason = ?, nondeterministic = 1 WHERE id = ?", (reason, run)
+        )
         self._doubt(run, other[0])
         self.record_event(now, "alarm", run, campaign, NONDETERMINISTIC, reason)
 

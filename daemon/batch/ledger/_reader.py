@@ -56,7 +56,7 @@ from grammars.text import codec
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at, repeatable"
+    " trace_at, repeatable, nondeterministic"
 )
 _OUTCOMES: Final = {
     "passed": Outcome.PASS, "failed": Outcome.FAIL,
@@ -339,6 +339,7 @@ class LedgerReader:
             "outcome": outcome,
             "trace": trace,
             "repeatable": bool(values["repeatable"]),
+            "nondeterministic": bool(values["nondeterministic"]),
             "reason": "; ".join(reason for reason in (values["reason"], gone) if reason),
         }
         return RunRow(**values)

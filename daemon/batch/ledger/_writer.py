@@ -33,11 +33,12 @@ T = TypeVar("T")
 # retried: at once, since there may be 200,000.
 _CANCEL: Final = (
     "UPDATE run SET state = CASE result WHEN '' THEN 'cancelled' ELSE 'done' END, token = 0,"
-    " lease_until = 0, reason = 'cancelled' WHERE campaign = ? AND state IN ('queued', 'running')"
+    " lease_until = 0, reason = 'cancelled', nondeterministic = 0"
+    " WHERE campaign = ? AND state IN ('queued', 'running')"
 )
 _RETRY: Final = (
     "UPDATE run SET state = 'queued', token = 0, lease_until = 0, reason = '', strikes = 0,"
-    " lapses = 0,"
+    " lapses = 0, nondeterministic = 0,"
     " outdated = CASE state WHEN 'done' THEN granted ELSE outdated END WHERE id = ?"
 )
 

@@ -74,6 +74,7 @@ CREATE TABLE run (
     doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
     outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
     lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
+    nondeterministic INTEGER NOT NULL DEFAULT 0, -- 1: it came out differently, "reason" says how
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;

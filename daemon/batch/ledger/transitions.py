@@ -49,7 +49,8 @@ class ExecutionState:
     row. ``token`` is that of the lease it is running under, ``granted`` that of the latest one,
     also when that is over; those up to ``outdated`` are of before a retry. ``result`` is the digest
     of the recorded result, empty while there is none. ``repeatable`` never changes: whether the
-    same run gives the same result again.
+    same run gives the same result again. ``nondeterministic`` is one that did not, although it is
+    repeatable; ``reason`` says how, and both are forgotten together.
     """
 
     state: RunState = RunState.QUEUED
@@ -64,6 +65,7 @@ class ExecutionState:
     granted: int = 0
     outdated: int = 0
     lapses: int = 0
+    nondeterministic: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +179,9 @@ def _holds(run: ExecutionState, token: int) -> bool:
 
 
 def _at_rest(run: ExecutionState, state: RunState, reason: str) -> ExecutionState:
-    return replace(run, state=state, token=0, lease_until=0.0, reason=reason)
+    return replace(
+        run, state=state, token=0, lease_until=0.0, reason=reason, nondeterministic=False
+    )
 
 
 def _lease(run: ExecutionState, event: Leased) -> RunTransition:
@@ -214,6 +218,7 @@ def _renew(run: ExecutionState, event: Renewed) -> RunTransition:
         token=event.token,
         lease_until=event.until,
         reason="",
+        nondeterministic=False,
         lapses=0,
     )
     return RunTransition(back, LedgerAnswer.DONE)
@@ -232,19 +237,19 @@ def _complete(run: ExecutionState, event: Completed) -> RunTransition:
         done = replace(_at_rest(run, RunState.DONE, ""), result=digest, worker=worker, lapses=0)
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
     if run.result == digest:
-        return RunTransition(_settled(run, token, run.reason), LedgerAnswer.KNOWN)
+        return RunTransition(_settled(run, token), LedgerAnswer.KNOWN)
     if not (run.repeatable and event.comparable):
-        return RunTransition(_settled(run, token, run.reason), LedgerAnswer.REDUNDANT)
+        return RunTransition(_settled(run, token), LedgerAnswer.REDUNDANT)
     told = f"another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
-    reason = f"{NONDETERMINISTIC}: {told}"
-    return RunTransition(_settled(run, token, reason), LedgerAnswer.DIFFERS)
+    differing = replace(run, reason=f"{NONDETERMINISTIC}: {told}", nondeterministic=True)
+    return RunTransition(_settled(differing, token), LedgerAnswer.DIFFERS)
 
 
-def _settled(run: ExecutionState, token: int, reason: str) -> ExecutionState:
+def _settled(run: ExecutionState, token: int) -> ExecutionState:
     """A result was there before: only what was executed since ends the repetition under way."""
     if token > run.outdated and run.state in (RunState.QUEUED, RunState.RUNNING):
-        return replace(_at_rest(run, RunState.DONE, reason), lapses=0)
-    return replace(run, reason=reason)
+        return replace(run, state=RunState.DONE, token=0, lease_until=0.0, lapses=0)
+    return run
 
 
 def _give_back(run: ExecutionState, reason: str, blame: bool, attempts: int) -> ExecutionState:

@@ -18,6 +18,7 @@ from daemon.batch.ledger import (
 )
 from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
 from daemon.batch.paths import StatePaths
+from daemon.model.status import NONDETERMINISTIC
 
 # Seconds: a clock that is being disciplined may be a little behind what it said before.
 _LEDGER_SKEW: Final = 5.0
@@ -89,7 +90,7 @@ def _history_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFind
         yield warning(
             "determinism",
             f"{found.alarms} times another execution of a run came out differently",
-            "see `scenario results --runs --filter nondeterministic`",
+            f"see `scenario results --runs --filter {NONDETERMINISTIC}`",
         )
     if found.newest_event > now + _LEDGER_SKEW:
         yield problem(

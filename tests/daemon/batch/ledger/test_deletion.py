@@ -86,6 +86,7 @@ STATES = st.builds(
     granted=st.integers(0, 9),
     outdated=st.integers(0, 9),
     lapses=st.integers(0, 9),
+    nondeterministic=st.booleans(),
 )
 FIELDS = tuple(field.name for field in fields(ExecutionState))
 
@@ -97,7 +98,6 @@ def test_what_is_done_to_all_runs_at_once_is_what_is_done_to_one(state, stopped)
         state = replace(state, result="a" * 64)
     elif state.state in (RunState.LOST, RunState.CANCELLED):
         state = replace(state, result="")
-    note = "stopped after 5 s of wall clock time"
     for event, act in (
         (Cancelled(), lambda book: book.cancel("c", NOW)),
         (Retried(stopped), lambda book: book.retry(RetryRequest("c", ("all",)), NOW)),
@@ -108,7 +108,7 @@ def test_what_is_done_to_all_runs_at_once_is_what_is_done_to_one(state, stopped)
         values = ", ".join(f"{name} = ?" for name in FIELDS)
         db.execute(f"UPDATE run SET {values}", astuple(state))
         if state.result:
-            body = codec.to_json(replace(make_result(make_spec()), note=note))
+            body = codec.to_json(replace(make_result(make_spec()), stopped=stopped))
             outcome = Outcome.ERROR if stopped else Outcome.FAIL
             db.execute("UPDATE run SET outcome = ?", (outcome,))
             db.execute("INSERT INTO result VALUES ('c.0', 1, 'w', ?, 0, ?)", (state.result, body))

@@ -30,6 +30,7 @@ from daemon.model.messages import (
     Completion,
     LedgerAnswer,
     RecordQuery,
+    ReleaseRequest,
     RetryRequest,
     RunQuery,
 )
@@ -204,7 +205,17 @@ def test_a_fresh_run_that_comes_out_differently_raises_an_alarm(ledger):
     ledger.work(lambda spec: make_result(spec, margin=0.5 + 0.1 * spec.repeat))
     (alarm,) = [event for event in ledger.book.events if event.kind == "alarm"]
     assert (alarm.id, alarm.campaign, alarm.state) == ("second.1", "second", "nondeterministic")
+    assert [row.nondeterministic for row in ledger.rows("second")] == [False, True]
     assert "first.1 gave" in ledger.rows("second")[1].reason
+
+
+def test_what_a_worker_says_of_a_run_it_gives_back_raises_no_alarm(ledger):
+    ledger.submit("first", *specs(1))
+    (grant,) = ledger.book.lease("w", 1, NOW)
+    words = "nondeterministic: so says the executor that plugs in"
+    ledger.book.release(ReleaseRequest("w", grant.run, grant.token, words, blame=True), NOW)
+    (row,) = ledger.rows("first")
+    assert (row.reason, row.nondeterministic) == (words, False)
 
 
 def test_a_chain_of_cached_results_leads_to_the_run_that_was_executed(ledger):

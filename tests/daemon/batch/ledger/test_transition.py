@@ -103,13 +103,21 @@ def test_the_first_result_is_recorded_the_second_is_known():
     assert second.run == first.run
 
 
-def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason():
+def test_another_result_is_an_alarm_and_changes_nothing_else():
     done = after(RUNNING, Completed(7, "aa"))
     change = advance(done, Completed(9, "bb"), attempts=3)
     assert change.answer is LedgerAnswer.DIFFERS
     assert not change.record
-    assert "nondeterministic" in change.run.reason
-    assert replace(change.run, reason="") == done
+    assert change.run.nondeterministic
+    assert "another attempt gave bb" in change.run.reason
+    assert replace(change.run, reason="", nondeterministic=False) == done
+
+
+def test_an_alarm_lasts_until_the_run_is_retried():
+    done = after(RUNNING, Completed(7, "aa"))
+    differing = after(done, Completed(9, "bb"))
+    assert after(differing, Completed(10, "aa")) == differing
+    assert not after(differing, Retried()).nondeterministic
 
 
 def test_another_result_of_what_is_not_repeatable_is_not_needed():
