@@ -173,10 +173,9 @@ def test_under_a_lease_that_was_never_given_nothing_is_sent(site):
 
 
 def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(site):
-    note = "stopped after 5 s of wall clock time"
     site.take(0, TRACE)
     first = site.completion()
-    stopped = replace(first.result, outcome=Outcome.ERROR, note=note)
+    stopped = replace(first.result, outcome=Outcome.ERROR, stopped=True)
     assert site.complete(replace(first, result=stopped)) is LedgerAnswer.RECORDED
     site.trace.unlink()
     assert site.book.retry(RetryRequest("c", ("error",)), NOW) == 1
