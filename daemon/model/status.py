@@ -8,6 +8,8 @@ first version have defaults, so that what was written before can still be read.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
+from itertools import zip_longest
 from typing import Final
 
 from daemon.model.assessments import AssessmentRules
@@ -24,8 +26,27 @@ NONDETERMINISTIC: Final = "nondeterministic"
 """The state of an alarm among the events, and a word of the run's ``reason``, to look for it by."""
 
 
-SEARCHES_HALT: Final = "no proposals are made for searches"
-"""The first words of the trouble that says why."""
+class TroubleCause(StrEnum):
+    """The cause of a trouble, by which there is something to do about it.
+
+    ``space``: the disk is full, or the quota is used up. ``worker``: a worker's surroundings.
+    ``search``: the process that makes proposals. ``input``: a scene or file is gone. ``other``:
+    only the logs can tell.
+    """
+
+    SPACE = "space"
+    WORKER = "worker"
+    SEARCH = "search"
+    INPUT = "input"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """Something that keeps runs or workers from going on, in words, and its cause."""
+
+    words: str
+    cause: TroubleCause
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +253,8 @@ class DaemonOverview:
 
     ``trouble`` says why no run can start (the daemon's own worker broke, the disk is full, every
     worker is in trouble), empty when some can. ``troubles`` are all there are, that one first, also
-    those of single workers and of inputs that runs wait for.
+    those of single workers and of inputs that runs wait for. ``causes`` are theirs, in order; a
+    daemon of another version may not tell them.
     """
 
     version: str
@@ -255,6 +277,13 @@ class DaemonOverview:
     trouble: str = ""
     troubles: tuple[str, ...] = ()
     preparing: str = ""
+    causes: tuple[TroubleCause, ...] = ()
+
+    @property
+    def known_troubles(self) -> tuple[Trouble, ...]:
+        """All troubles with their causes."""
+        told = zip_longest(self.troubles, self.causes, fillvalue=TroubleCause.OTHER)
+        return tuple(Trouble(words, cause) for words, cause in told)
 
 
 @dataclass(frozen=True, slots=True)

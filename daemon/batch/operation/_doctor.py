@@ -35,7 +35,7 @@ from daemon.batch.permissions import find_exposure, state_files, state_folders
 from daemon.batch.security import keys_folder
 from daemon.model.execution import IMPORT_FIRST, available_cores
 from daemon.model.spec import ENGINE_VERSION
-from daemon.model.status import SEARCHES_HALT, DaemonOverview, DiskUsage, WorkerRow
+from daemon.model.status import DaemonOverview, DiskUsage, TroubleCause, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
 _OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "campaigns")
@@ -275,26 +275,30 @@ def _answering(
     else:
         waiting = f"{overview.queued} runs queued, {overview.running} running"
         yield ok("daemon", f"answers at {endpoint_text(endpoint.address)}, {waiting}")
-    if overview.trouble:
-        last = overview.trouble.strip().splitlines()[-1]
-        yield problem("daemon", f"no run can start: {last}", _remedy(overview.trouble, paths))
-    for trouble in overview.troubles:
-        if trouble != overview.trouble:
-            remedy = _remedy(trouble, paths)
-            yield warning("trouble", trouble.strip().splitlines()[-1], remedy)
+    for number, trouble in enumerate(overview.known_troubles):
+        last = trouble.words.strip().splitlines()[-1]
+        remedy = _remedy(trouble.cause, paths)
+        if number == 0 and overview.trouble:
+            yield problem("daemon", f"no run can start: {last}", remedy)
+        else:
+            yield warning("trouble", last, remedy)
 
 
-def _remedy(trouble: str, paths: StatePaths) -> str:
+def _remedy(cause: TroubleCause, paths: StatePaths) -> str:
     """What to do about a trouble that does not say it itself."""
-    if trouble.startswith(("the disk of ", "traces of unfinished ")):
-        return _FREE_SOME
-    if trouble.startswith("worker "):
-        return "see to its machine; it tries again by itself, at least once a minute"
-    if trouble.startswith(SEARCHES_HALT):
-        return f"see {paths.search_log}; it is tried again, and searches end if that does not help"
-    if "submit its campaign again" in trouble:
-        return f"`scenario submit` the same campaign; what was damaged lies aside in {paths.state}"
-    return f"see {paths.worker_log} and {paths.log}"
+    match cause:
+        case TroubleCause.SPACE:
+            return _FREE_SOME
+        case TroubleCause.WORKER:
+            return "see to its machine; it tries again by itself, at least once a minute"
+        case TroubleCause.SEARCH:
+            then = "it is tried again, and searches end if that does not help"
+            return f"see {paths.search_log}; {then}"
+        case TroubleCause.INPUT:
+            aside = f"what was damaged lies aside in {paths.state}"
+            return f"`scenario submit` the same campaign; {aside}"
+        case TroubleCause.OTHER:
+            return f"see {paths.worker_log} and {paths.log}"
 
 
 def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterator[DoctorFinding]:

@@ -61,6 +61,8 @@ from daemon.model.status import (
     RunDetail,
     RunPage,
     SubmissionReceipt,
+    Trouble,
+    TroubleCause,
     WorkerRow,
 )
 from daemon.model.verbs import (
@@ -101,10 +103,10 @@ class Handlers(SearchHandlers):
     quota: Quota
     version: str
     stop: Callable[[], None]
-    troubles: Callable[[], tuple[str, ...]]
+    troubles: Callable[[], tuple[Trouble, ...]]
     marker: Marker
     era: str
-    search_trouble: Callable[[], str]
+    search_troubles: Callable[[], tuple[Trouble, ...]]
     starting: Callable[[], str]
     draining: bool = False
 
@@ -128,7 +130,7 @@ class Handlers(SearchHandlers):
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
         standing: Any = count_states(counts)
-        trouble, troubles = self._standing_troubles()
+        halts, troubles = self._standing_troubles()
         workers = [row for row in self.registry.rows(now) if not row.away]
         return DaemonOverview(
             version=self.version,
@@ -140,8 +142,9 @@ class Handlers(SearchHandlers):
             **standing,
             rate=rate,
             seconds_left=self._time_left.of_all(ledger, now),
-            trouble=trouble,
-            troubles=troubles,
+            trouble=troubles[0].words if halts else "",
+            troubles=tuple(trouble.words for trouble in troubles),
+            causes=tuple(trouble.cause for trouble in troubles),
             preparing=next((w.preparing for w in workers if w.preparing), "") or self.starting(),
         )
 
@@ -154,23 +157,23 @@ class Handlers(SearchHandlers):
             for row in rows
         )
 
-    def _standing_troubles(self) -> tuple[str, tuple[str, ...]]:
-        """Why no run can start, if so; and all that keeps runs or workers from it, that first."""
+    def _standing_troubles(self) -> tuple[bool, tuple[Trouble, ...]]:
+        """Whether the first trouble lets no run start; and all that runs or workers have."""
         workers = [row for row in self.registry.rows(self.clock.now()) if not row.away]
         halting = list(self.troubles())
-        here = socket.gethostname()
+        here, said = socket.gethostname(), {trouble.words for trouble in halting}
         idle = [
-            f"worker {row.id}: {row.trouble}"
+            Trouble(f"worker {row.id}: {row.trouble}", TroubleCause.WORKER)
             for row in workers
             # The disk of this machine is full for both: said once.
-            if row.trouble and not (row.host == here and row.trouble in halting)
+            if row.trouble and not (row.host == here and row.trouble in said)
         ]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
-        others = (self.search_trouble(), *idle, *self.registry.notices(), *self._inputs.troubles())
-        troubles = tuple(dict.fromkeys((*halting, *others)))
-        named = tuple(words for words in troubles if words)
-        return (halting[0] if halting else ""), named[:_MOST_TROUBLES]
+        notices = (Trouble(words, TroubleCause.WORKER) for words in self.registry.notices())
+        inputs = (Trouble(words, TroubleCause.INPUT) for words in self._inputs.troubles())
+        troubles = dict.fromkeys((*halting, *self.search_troubles(), *idle, *notices, *inputs))
+        return bool(halting), tuple(troubles)[:_MOST_TROUBLES]
 
     def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
         return ledger.runs(query)

@@ -49,7 +49,7 @@ from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
-from daemon.model.status import SEARCHES_HALT, ChangeEvent
+from daemon.model.status import ChangeEvent, Trouble, TroubleCause
 from grammars.text import codec
 
 _LAST_MOMENT: Final = 3.0
@@ -172,19 +172,24 @@ class _Daemon:
             troubles=self._troubles,
             marker=opened.marker,
             era=opened.era,
-            search_trouble=self._search_trouble,
+            search_troubles=self._search_troubles,
             starting=self._starting,
         )
 
-    def _search_trouble(self) -> str:
-        trouble = "" if self._coordinator is None else self._coordinator.trouble
-        return f"{SEARCHES_HALT}: {trouble.splitlines()[-1]}" if trouble else ""
+    def _search_troubles(self) -> tuple[Trouble, ...]:
+        if self._coordinator is None or not self._coordinator.trouble:
+            return ()
+        last = self._coordinator.trouble.splitlines()[-1]
+        return (Trouble(f"no proposals are made for searches: {last}", TroubleCause.SEARCH),)
 
-    def _troubles(self) -> tuple[str, ...]:
+    def _troubles(self) -> tuple[Trouble, ...]:
         """Why no run can start here; the first is what to do first."""
-        own = "" if self._local is None else self._local.trouble
-        found = (self._paths.disk_shortage(), self._quota.trouble, own)
-        return tuple(words for words in found if words)
+        found = (
+            Trouble(self._paths.disk_shortage(), TroubleCause.SPACE),
+            Trouble(self._quota.trouble, TroubleCause.SPACE),
+            Trouble("" if self._local is None else self._local.trouble, TroubleCause.OTHER),
+        )
+        return tuple(trouble for trouble in found if trouble.words)
 
     def _starting(self) -> str:
         """What the daemon's own worker does before it can say so itself."""

@@ -16,6 +16,7 @@ from daemon.model import verbs
 from daemon.model.messages import LeaseRequest, WorkerInfo
 from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
+from daemon.model.status import Trouble, TroubleCause
 from daemon.model.verdicts import Outcome
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.daemon.batch.harness import (
@@ -348,7 +349,7 @@ def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path):
             eventually(lambda: client.run("c.0").row.reason == words)
             row = client.run("c.0").row
             assert (row.state, row.attempt) == (RunState.QUEUED, 0)
-            assert client.overview().troubles == (words,)
+            assert client.overview().known_troubles == (Trouble(words, TroubleCause.INPUT),)
             # The good copy is in hand.
             client.submit(make_submission("c", 1))
             eventually(lambda: finished(client, 1))
@@ -367,7 +368,7 @@ def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path):
         eventually(lambda: any(row.trouble for row in client.workers()))
         now = client.overview()
         assert "is full: runs wait" in now.trouble
-        assert now.troubles == (now.trouble,)
+        assert now.known_troubles == (Trouble(now.trouble, TroubleCause.SPACE),)
         (disk / "ballast").unlink()
         eventually(lambda: client.overview().troubles == ())
 
