@@ -14,7 +14,7 @@ from pydantic import Field
 
 from daemon.model.attachments import LARGEST_FILE
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
-from daemon.model.status import PREFIX
+from daemon.model.status import PREFIX, Preparation
 from daemon.model.text_fields import IdText, Sha256Text, ShortText, WorkerId
 
 ASK: Final = f"{PREFIX}/ask"
@@ -185,7 +185,7 @@ class WorkerInfo:
     """Who a worker is, sent with every request so that a new daemon knows it at once.
 
     ``trouble`` says what keeps it from working: its disk is full, it cannot start processes;
-    ``preparing`` what it does before runs that it has leased can start. ``era`` is that of its
+    ``preparation`` is what it does before runs that it has leased can start. ``era`` is that of its
     :class:`WelcomeReply`, empty before. ``notice`` is something people should know although it
     works.
     """
@@ -198,7 +198,7 @@ class WorkerInfo:
     busy: NonNegativeInt
     engine: ShortText = ENGINE_VERSION
     trouble: Annotated[str, Field(max_length=LONGEST_TROUBLE)] = ""
-    preparing: ShortText = ""
+    preparation: Preparation | None = None
     era: ShortText = ""
     notice: ShortText = ""
 

@@ -210,13 +210,45 @@ class RunDetail:
     result: RunResult | None
 
 
+class PreparationPhase(StrEnum):
+    """Something that a worker does before runs can start there.
+
+    ``starting``: the worker itself is not there yet. ``compiling``: it compiles kernels.
+    ``waiting``: another process compiles them.
+    """
+
+    STARTING = "starting"
+    COMPILING = "compiling"
+    WAITING = "waiting"
+
+
+@dataclass(frozen=True, slots=True)
+class Preparation:
+    """The preparation of a worker for runs; ``done`` of ``total`` kernels are compiled by now."""
+
+    phase: PreparationPhase
+    done: int = 0
+    total: int = 0
+
+    @property
+    def words(self) -> str:
+        """The preparation in words for people."""
+        match self.phase:
+            case PreparationPhase.STARTING:
+                return "starting the worker on this machine: loading the simulator"
+            case PreparationPhase.COMPILING:
+                return f"compiling kernels {self.done}/{self.total} (once on this machine)"
+            case PreparationPhase.WAITING:
+                return "waiting for kernels that another process compiles (once on this machine)"
+
+
 @dataclass(frozen=True, slots=True)
 class WorkerRow:
     """A worker the daemon knows: ``busy`` of ``slots`` are running something.
 
     One that is ``away`` has lost its connection or is silent; what it runs is still its own.
-    ``trouble`` says what keeps it from working, ``preparing`` what it does before runs can start
-    there; both are empty when there is nothing to say.
+    ``trouble`` says what keeps it from working, and is empty when nothing does; ``preparation`` is
+    what it does before runs can start there.
     """
 
     id: str
@@ -229,7 +261,12 @@ class WorkerRow:
     last_seen_at: float
     away: bool = False
     trouble: str = ""
-    preparing: str = ""
+    preparation: Preparation | None = None
+
+    @property
+    def preparing(self) -> str:
+        """The preparation in words, empty when there is none."""
+        return self.preparation.words if self.preparation else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,8 +313,13 @@ class DaemonOverview:
     seconds_left: float | None
     trouble: str = ""
     troubles: tuple[str, ...] = ()
-    preparing: str = ""
+    preparation: Preparation | None = None
     causes: tuple[TroubleCause, ...] = ()
+
+    @property
+    def preparing(self) -> str:
+        """The preparation in words, empty when there is none."""
+        return self.preparation.words if self.preparation else ""
 
     @property
     def known_troubles(self) -> tuple[Trouble, ...]:

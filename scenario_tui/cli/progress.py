@@ -18,7 +18,13 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
-from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
+from daemon.model.status import (
+    CampaignRow,
+    ChangeEvent,
+    LiveSnapshot,
+    PreparationPhase,
+    RunRow,
+)
 from daemon.model.verbs import DaemonClient
 from grammars.text.terminal_text import printable_streams
 from grammars.text.words import count_noun
@@ -202,7 +208,7 @@ class _TroubleReporter:
     since: float = 0.0
     look_at: float = 0.0
     preparing: str = ""
-    phase: str = ""
+    phase: PreparationPhase | None = None
 
     def look(self, daemon: DaemonClient, now: float) -> None:
         """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
@@ -211,9 +217,10 @@ class _TroubleReporter:
         self.look_at = now + _LOOK
         overview = daemon.overview()
         words = overview.trouble.strip()
-        if _phase(overview.preparing) not in ("", self.phase) and not self.shown.on_screen:
+        phase = overview.preparation.phase if overview.preparation else None
+        if phase not in (None, self.phase) and not self.shown.on_screen:
             self.shown.note(overview.preparing)  # a screen shows it as it goes on
-        self.phase = _phase(overview.preparing)
+        self.phase = phase
         waits = overview.queued and not overview.workers and not overview.trouble
         self.preparing = overview.preparing or (_NO_WORKER if waits else "")
         if words and not self.words:
@@ -224,11 +231,6 @@ class _TroubleReporter:
         self.words = words
         if words and now - self.since > self.endurance:
             raise DaemonError(words)
-
-
-def _phase(preparing: str) -> str:
-    """Return what a worker does, without how far it is."""
-    return preparing.partition(" (")[0].rstrip("0123456789/ ")
 
 
 class WatchedWork(Protocol[T_co]):

@@ -42,6 +42,7 @@ from daemon.model.status import (
     DeletedCampaign,
     DiskUsage,
     LiveSnapshot,
+    Preparation,
     RunDetail,
     RunPage,
     RunRow,
@@ -301,6 +302,7 @@ class FakeDaemon(DaemonClient):
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     troubles: tuple[str, ...] = ()
+    preparation: Preparation | None = None
     found: tuple[SearchRow, ...] = ()
     proposed: tuple[ProposalRow, ...] = ()
     empty: bool = False
@@ -338,6 +340,7 @@ class FakeDaemon(DaemonClient):
             "0.1.0", "state", NOW - 3600.0, self.now, len(rows), 1, **total, rate=12.5,
             seconds_left=left, trouble=self.trouble,
             troubles=tuple(filter(None, (self.trouble, *self.troubles))),
+            preparation=self.preparation,
         )  # fmt: skip
 
     def _campaign_rows(self):

@@ -58,6 +58,7 @@ from daemon.model.status import (
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
+    Preparation,
     RunDetail,
     RunPage,
     SubmissionReceipt,
@@ -107,7 +108,7 @@ class Handlers(SearchHandlers):
     marker: Marker
     era: str
     search_troubles: Callable[[], tuple[Trouble, ...]]
-    starting: Callable[[], str]
+    starting: Callable[[], Preparation | None]
     draining: bool = False
 
     def __post_init__(self) -> None:
@@ -145,7 +146,7 @@ class Handlers(SearchHandlers):
             trouble=troubles[0].words if halts else "",
             troubles=tuple(trouble.words for trouble in troubles),
             causes=tuple(trouble.cause for trouble in troubles),
-            preparing=next((w.preparing for w in workers if w.preparing), "") or self.starting(),
+            preparation=next(filter(None, (w.preparation for w in workers)), self.starting()),
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:

@@ -49,7 +49,7 @@ from daemon.batch.server._workers import WorkerRegistry
 from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
-from daemon.model.status import ChangeEvent, Trouble, TroubleCause
+from daemon.model.status import ChangeEvent, Preparation, PreparationPhase, Trouble, TroubleCause
 from grammars.text import codec
 
 _LAST_MOMENT: Final = 3.0
@@ -191,13 +191,13 @@ class _Daemon:
         )
         return tuple(trouble for trouble in found if trouble.words)
 
-    def _starting(self) -> str:
-        """What the daemon's own worker does before it can say so itself."""
+    def _starting(self) -> Preparation | None:
+        """Return what the daemon's own worker does before it can say so itself."""
         local = self._local
         if local is None or local.trouble or self._stop.asked:
-            return ""
+            return None
         known = any(row.pid == local.pid for row in self._registry.rows(self._clock.now()))
-        return "" if known else "starting the worker on this machine: loading the simulator"
+        return None if known else Preparation(PreparationPhase.STARTING)
 
     def run(
         self, stack: ExitStack, local: LocalWorker | None, coordinator: SearchCoordinator

@@ -149,7 +149,7 @@ class WorkerRegistry:
                     last_seen_at=e.last_seen_at,
                     away=e.away_since is not None or self._is_silent(e, now),
                     trouble=e.info.trouble,
-                    preparing=e.info.preparing,
+                    preparation=e.info.preparation,
                 )
                 for e in self._entries.values()
             )

@@ -29,6 +29,7 @@ from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunResult, SutReference
+from daemon.model.status import Preparation
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -309,8 +310,8 @@ class Backend(Protocol):
         """What keeps it from executing anything, once that has lasted; empty otherwise."""
 
     @property
-    def preparing(self) -> str:
-        """What it does before it can execute a run that was asked for; empty when nothing."""
+    def preparation(self) -> Preparation | None:
+        """What it does before it can execute a run that was asked for."""
 
     def listen(self) -> None:
         """Take in what made ``waitables`` ready."""

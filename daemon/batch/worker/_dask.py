@@ -102,7 +102,7 @@ class DaskPool:
     A thread looks every second who is there, and connects again when the scheduler is gone.
     """
 
-    preparing = ""
+    preparation = None
 
     def __init__(
         self, address: str, executor: str, slots: int | None, log: Callable[[str], None]

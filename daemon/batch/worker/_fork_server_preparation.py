@@ -20,11 +20,11 @@ from daemon.batch.worker._attempts import Attempt, Waitable
 from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, PREPARATION_VARIABLE
 from daemon.model.kernel_rooms import RUN_ROOMS, kernel_rooms
 from daemon.model.spec import RunSpec, SutReference
+from daemon.model.status import Preparation, PreparationPhase
 from grammars.text import codec
 
 _NO_ANSWER: Final = "the process that compiles machine code ended without an answer"
 
-_ONCE: Final = "(once on this machine)"
 _COUNTING: Final = 1.0
 """Seconds between two changes of what is said about compiling."""
 
@@ -54,8 +54,8 @@ class ForkServerPreparation:
         self._answered = False
         self._failure = ""
         self._count_at = 0.0
-        self.words = ""
-        """How far compiling is, empty when nothing is compiled."""
+        self.standing: Preparation | None = None
+        """How far compiling is, while something is compiled."""
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
@@ -119,15 +119,15 @@ class ForkServerPreparation:
             process.join()
             process.close()
             wire.close()
-            self._compiling, self.words = None, ""
+            self._compiling, self.standing = None, None
 
     def _take(self, message: bytes) -> None:
         kind, content = message[:1], message[1:].decode("utf-8", "replace")
         if kind == kernel_compilation.COUNT:
-            self._count(*content.split())
+            self._count(*map(int, content.split()))
             return
         if kind == kernel_compilation.WAITING:
-            self.words = f"waiting for kernels that another process compiles {_ONCE}"
+            self.standing = Preparation(PreparationPhase.WAITING)
             return
         self._answered = True
         if kind == kernel_compilation.READY:
@@ -137,12 +137,12 @@ class ForkServerPreparation:
         else:
             self._failure = content
 
-    def _count(self, done: str, total: str) -> None:
+    def _count(self, done: int, total: int) -> None:
         # The daemon is told what changes here, and some kernels take a tenth of a second.
         now = time.monotonic()
         if now >= self._count_at:
             self._count_at = now + _COUNTING
-            self.words = f"compiling kernels {done}/{total} {_ONCE}"
+            self.standing = Preparation(PreparationPhase.COMPILING, done, total)
 
     def _write_list(self) -> None:
         self._listings += 1

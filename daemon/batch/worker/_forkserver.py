@@ -37,6 +37,7 @@ from daemon.model.execution import (
     safe_fork_server,
 )
 from daemon.model.spec import SutReference
+from daemon.model.status import Preparation
 from daemon.supervision.guardian import end_guarded
 from daemon.supervision.remains import end_children, parent_of
 
@@ -191,9 +192,9 @@ class ForkServerPool:
         return self._preparation.waitables
 
     @property
-    def preparing(self) -> str:
-        """How far compiling is, empty when nothing is compiled."""
-        return self._preparation.words
+    def preparation(self) -> Preparation | None:
+        """How far compiling is, while something is compiled."""
+        return self._preparation.standing
 
     def listen(self) -> None:
         """Listen to the process that compiles; those of runs are listened to one by one."""

@@ -58,6 +58,7 @@ from daemon.model.messages import (
     RenewRequest,
     WorkerInfo,
 )
+from daemon.model.status import Preparation
 from daemon.model.verbs import LEASE, RENEW
 
 _POLL: Final = 1.0
@@ -129,7 +130,7 @@ class WorkerLoop:
         self._moved = 0
         self._refusal = ""
         self._elsewhere = False
-        self._preparing = ""
+        self._preparation: Preparation | None = None
         # Kinds of systems under test that are not installed here: no run of them is leased again.
         self._missing_suts: dict[str, str] = {}
         self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
@@ -187,8 +188,8 @@ class WorkerLoop:
 
     def _collect_results(self) -> None:
         self._backend.listen()
-        if self._backend.preparing != self._preparing:
-            self._preparing = self._backend.preparing
+        if self._backend.preparation != self._preparation:
+            self._preparation = self._backend.preparation
             self._renew_soon()
         for execution in tuple(self._executions):
             execution.listen()
@@ -306,7 +307,7 @@ class WorkerLoop:
         held = len(self._executions) + len(self._leased)
         info = self._info(min(held, max(self._backend.slots, len(self._executions))))
         notice = self._deliveries.foreign_words
-        return replace(info, trouble=trouble, preparing=self._preparing, notice=notice)
+        return replace(info, trouble=trouble, preparation=self._preparation, notice=notice)
 
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:

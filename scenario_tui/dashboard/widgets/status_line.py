@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
+from daemon.model.status import PreparationPhase
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -25,7 +26,7 @@ from scenario_tui.text.formatting import (
 from scenario_tui.text.results import NONE_JUDGED, overall_conclusion
 
 if TYPE_CHECKING:
-    from daemon.model.status import CampaignRow, DaemonOverview
+    from daemon.model.status import CampaignRow, DaemonOverview, Preparation
     from scenario_tui.dashboard.state import DashboardState
 
 _SHORT: Final = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
@@ -150,16 +151,22 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         count = len(overview.troubles)
         words = f"! {count} trouble{'s' if count > 1 else ''}"
         yield _Part((words, words, f"! {count}"), DASHBOARD_STYLES["lost"], 8)
-    elif overview.workers == 0 and not overview.preparing:
+    elif overview.workers == 0 and overview.preparation is None:
         yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
-    if overview.preparing:
-        short = overview.preparing.partition(" (")[0]
-        # The worker's words may end with how far it is: "compiling kernels 7/42".
-        far = short.rpartition(" ")[2]
-        progress = f"{far} kernels" if "/" in far else short.partition(" ")[0]
-        # Who does it goes first: "starting the worker on this machine: loading the simulator".
-        brief = short.rpartition(": ")[2]
-        yield _Part((overview.preparing, brief, f"… {progress}"), QUIET, 7)
+    if overview.preparation is not None:
+        yield _Part((overview.preparing, *_brief_preparation(overview.preparation)), QUIET, 7)
+
+
+def _brief_preparation(preparation: Preparation) -> tuple[str, str]:
+    """Return what a worker prepares in few words, and in one or two."""
+    match preparation.phase:
+        case PreparationPhase.STARTING:
+            return "loading the simulator", "… starting"
+        case PreparationPhase.COMPILING:
+            far = f"{preparation.done}/{preparation.total}"
+            return f"compiling kernels {far}", f"… {far} kernels"
+        case PreparationPhase.WAITING:
+            return "waiting for kernels that another process compiles", "… waiting"
 
 
 def _counted(word: str, count: int) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from collections import Counter
 from daemon.__main__ import main
 from daemon.batch.worker import _work
 from daemon.batch.worker._forkserver import ForkServerPool
+from daemon.model.status import Preparation, PreparationPhase
 
 LOOKS = 3
 """Looks at a run until its kernels are there."""
@@ -21,8 +22,8 @@ class HesitantPool(ForkServerPool):
         self._steps = itertools.count()
 
     @property
-    def preparing(self):
-        return f"step {next(self._steps)}"
+    def preparation(self):
+        return Preparation(PreparationPhase.COMPILING, next(self._steps))
 
     def prepare(self, sut, limits):
         self._looks[sut.name] += 1

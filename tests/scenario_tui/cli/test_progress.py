@@ -8,7 +8,7 @@ from rich.console import Console
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.model import verbs
 from daemon.model.run_state import RunState
-from daemon.model.status import ChangeEvent
+from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
@@ -126,6 +126,25 @@ def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width):
     assert "S2/pilot/2  starting my-nav2: 3 of" in run
     assert ("planner_server" in run) == (width > 100)
     assert "simulated" not in run
+
+
+def test_what_a_worker_prepares_is_said_once_however_far_it_is(fake, capsys, monkeypatch):
+    monkeypatch.setattr(progress, "_LOOK", 0.0)
+    monkeypatch.setattr(Preparation, "words", property(lambda step: f"{step.done} {step.phase}"))
+    looks = 0
+
+    def later(daemon):
+        nonlocal looks
+        looks += 1
+        phase = PreparationPhase.WAITING if looks < 20 else PreparationPhase.COMPILING
+        daemon.preparation = Preparation(phase, looks, 1000)
+        if looks == 40:
+            _finish(daemon)
+
+    fake.before = later
+    assert watch(fake.open, CAMPAIGN).finished
+    said = capsys.readouterr().err.splitlines()
+    assert [line.partition(" ")[2] for line in said] == ["waiting", "compiling"]
 
 
 def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, capsys, monkeypatch):

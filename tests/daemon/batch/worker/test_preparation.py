@@ -18,6 +18,7 @@ from daemon.model.execution import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, PREPARAT
 from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.messages import Lease
 from daemon.model.spec import MapSettings, SutReference
+from daemon.model.status import Preparation, PreparationPhase
 from daemon.run import execute, warm_up
 from grammars.text import codec
 from tests.daemon.batch.samples import SCENE, make_result, make_spec
@@ -142,13 +143,13 @@ def test_only_what_the_system_of_a_run_calls_is_compiled_and_how_far_that_is_is_
     assert set(listed) == set(kernel_rooms("pilot", {}))
     theirs.send_bytes(kernel_compilation.WAITING)
     preparation.listen()
-    assert "another process" in preparation.words
+    assert preparation.standing == Preparation(PreparationPhase.WAITING)
     theirs.send_bytes(kernel_compilation.COUNT + b"63 164")
     preparation.listen()
-    assert preparation.words == "compiling kernels 63/164 (once on this machine)"
+    assert preparation.standing == Preparation(PreparationPhase.COMPILING, 63, 164)
     assert not preparation.prepare(ros, 0), "one compiles at a time"
     theirs.send_bytes(kernel_compilation.READY)
     theirs.close()
     preparation.listen()
-    assert preparation.words == ""
+    assert preparation.standing is None
     assert preparation.prepare(pilot, 0)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from daemon.batch.worker import _work, work
 from daemon.model.spec import SutReference
+from daemon.model.status import Preparation, PreparationPhase
 from tests.daemon.batch.harness import EXECUTOR, daemon_at
 from tests.daemon.batch.samples import make_spec, submission_of
 
@@ -19,7 +20,7 @@ class Compiling:
     slots = 2
     waitables = ()
     trouble = ""
-    preparing = "compiling kernels 1/2"
+    preparation = Preparation(PreparationPhase.COMPILING, 1, 2)
 
     def __init__(self):
         self.started = []
@@ -60,9 +61,9 @@ class Counting(Compiling):
         self.client, self.busy, self._until = client, 0, time.monotonic() + 20.0
 
     @property
-    def preparing(self):
+    def preparation(self):
         self._looks += 1
-        return f"compiling kernels {self._looks}/1000"
+        return Preparation(PreparationPhase.COMPILING, self._looks, 1000)
 
     def prepare(self, *_):
         self.busy = sum(row.busy for row in self.client.workers())
