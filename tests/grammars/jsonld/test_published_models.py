@@ -240,7 +240,6 @@ def test_published_plans_are_where_the_published_tool_puts_them(
                     assert p == pytest.approx(tuple(q), abs=1e-6), wall.id
     write_jsonld(plan, tmp_path)
     assert load_floorplan_jsonld(tmp_path) == plan
-    assert load_floorplan_jsonld(folder / "shape.json") == plan
     assert not [d for d in check_jsonld(folder) if d.severity is Severity.ERROR]
 
 
