@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from daemon.analysis.report import PagePicture, draw_moment, plot_recorded_way
 from daemon.model.proposals import ProposalRow
@@ -22,19 +23,29 @@ MOST_PAIRED: Final = 4
 NO_TRACES: Final[Mapping[str, Path]] = {}
 
 
+@dataclass(frozen=True, slots=True)
+class PairFigure:
+    """The name of a figure of two parameters: ``axes`` are their names, as one over the other."""
+
+    axes: str
+
+
+FigureName: TypeAlias = str | PairFigure
+
+
 def search_figures(
     row: SearchRow,
     proposals: Sequence[ProposalRow],
     *,
     baseline: Sequence[ProposalRow] = (),
     traces: Mapping[str, Path] = NO_TRACES,
-) -> dict[str, str]:
+) -> dict[FigureName, str]:
     """Return the figures of a search as SVG to stand inside of a page, by what they show.
 
     ``margins`` has the margin over runs; ``boundary`` the margin over one or two parameters;
-    ``parallel`` or ``pair: ...`` the points over their parameters; ``influence`` bars; ``moment``
-    and ``way`` the failure that is told, where ``traces`` has the file of its run by the run's id.
-    ``baseline`` are the runs of another search of the same parameters that was not guided. Figures
+    ``parallel`` or every :class:`PairFigure` the points over their parameters; ``influence`` bars;
+    ``moment`` and ``way`` the failure that is told, where ``traces`` has the file of its run by the
+    run's id. ``baseline`` are the runs of another search of the same parameters that was not guided. Figures
     that have nothing to show are left out.
     """
     explored = drawn_points(row.task, proposals)
@@ -49,7 +60,7 @@ def point_figures(
     *,
     baseline: Sequence[ProposalRow],
     traces: Mapping[str, Path],
-) -> dict[str, str]:
+) -> dict[FigureName, str]:
     """Return what :func:`search_figures` does, of points; ``steps`` lead to the nearest failure."""
     drawn = _sheets(row, explored, steps, drawn_points(row.task, baseline), traces)
     return {
@@ -70,7 +81,7 @@ def _sheets(
     steps: Sequence[DrawnPoint],
     baseline: Sequence[DrawnPoint],
     traces: Mapping[str, Path],
-) -> Iterator[tuple[str, str, PagePicture | None]]:
+) -> Iterator[tuple[FigureName, str, PagePicture | None]]:
     task, answer = row.task, row.answer
     nearest = answer.nearest.result.values if answer is not None and answer.nearest else None
     if points:
@@ -88,7 +99,7 @@ def _of_space(
     points: Sequence[DrawnPoint],
     steps: Sequence[DrawnPoint],
     nearest: Point | None,
-) -> Iterator[tuple[str, str, PagePicture | None]]:
+) -> Iterator[tuple[FigureName, str, PagePicture | None]]:
     task = row.task
     count = len(task.parameters)
     if count <= 2:
@@ -97,7 +108,7 @@ def _of_space(
         yield "boundary", label, plot_boundary(task, (*points, *steps), nearest)
     elif count <= MOST_PAIRED:
         for name, sheet in plot_pairs(task, points, nearest).items():
-            yield f"pair: {name}", f"Runs that pass and that fail, {name}", sheet
+            yield PairFigure(name), f"Runs that pass and that fail, {name}", sheet
     else:
         label = "Every run as a line over the parameters that are varied"
         yield "parallel", label, plot_parallel(task, points, nearest)
@@ -105,7 +116,7 @@ def _of_space(
 
 def _of_failure(
     shown: PointResult | None, traces: Mapping[str, Path]
-) -> Iterator[tuple[str, str, PagePicture | None]]:
+) -> Iterator[tuple[FigureName, str, PagePicture | None]]:
     if shown is None or shown.run not in traces:
         return
     trace = traces[shown.run]

@@ -17,7 +17,7 @@ from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
 from daemon.search.answers.sentences import ending_words
 from daemon.search.answers.wording import point_words
-from daemon.search.page._figures import NO_TRACES, point_figures, told_point
+from daemon.search.page._figures import NO_TRACES, PairFigure, point_figures, told_point
 from daemon.search.page._points import DrawnPoint, drawn_points
 from daemon.search.page._spaces import MOST_LINES
 from daemon.search.points import is_as_written, range_text
@@ -93,7 +93,7 @@ def search_page(
         facts=_facts(row, proposals),
         # Drawn here, from numbers and escaped names, never taken from a file.
         figures={name: Markup(figures.get(name, "")) for name in _FIGURES},
-        pairs={n.removeprefix("pair: "): Markup(s) for n, s in figures.items() if "pair: " in n},
+        pairs={n.axes: Markup(s) for n, s in figures.items() if isinstance(n, PairFigure)},
         compared=compared,
         parameters=_parameter_lines(task, [values for _, values in compared]),
         points=[_point_line(task, point) for point in ordered[:MOST_LISTED]],

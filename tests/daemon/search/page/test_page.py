@@ -12,7 +12,7 @@ from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
-from daemon.search.page import search_figures, search_headline, search_page
+from daemon.search.page import PairFigure, search_figures, search_headline, search_page
 from daemon.search.page._boundary import RAMP, balanced, ramp_levels
 from daemon.search.page._points import drawn_points, smallest_so_far
 from daemon.search.program import run_search
@@ -50,9 +50,9 @@ CHOICE = SearchParameter("doors.leading", "behaviours", 0, "leading", choices=("
         (
             (DOOR, *OTHERS[:2]),
             {
-                "pair: time_0 over kitchen_opens",
-                "pair: time_1 over kitchen_opens",
-                "pair: time_1 over time_0",
+                PairFigure("time_0 over kitchen_opens"),
+                PairFigure("time_1 over kitchen_opens"),
+                PairFigure("time_1 over time_0"),
             },
         ),
         ((DOOR, *OTHERS), {"parallel"}),
