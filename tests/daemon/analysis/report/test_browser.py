@@ -28,8 +28,10 @@ PROBE = """
     paper: getComputedStyle(document.body).backgroundColor,
     pageWidth: document.documentElement.scrollWidth,
     windowWidth: innerWidth,
-    figures: [...document.querySelectorAll("section figure svg")].filter(seen).map((s) => box(s).slice(2)),
-    textSizes: [...document.querySelectorAll("figure svg text")].filter(seen).map((t) => box(t)[3]),
+    figures: [...document.querySelectorAll("section figure svg")].filter(seen)
+      .map((s) => box(s).slice(2)),
+    textSizes: [...document.querySelectorAll("section figure svg text")].filter(seen)
+      .map((t) => box(t)[3]),
     strokes: [...new Set([...document.querySelectorAll("figure svg path")].filter(seen)
       .map((p) => getComputedStyle(p).stroke))],
     overlaps: [...document.querySelectorAll(".oracle")].filter((o) => {
