@@ -45,8 +45,8 @@ def search_figures(
     ``margins`` has the margin over runs; ``boundary`` the margin over one or two parameters;
     ``parallel`` or every :class:`PairFigure` the points over their parameters; ``influence`` bars;
     ``moment`` and ``way`` the failure that is told, where ``traces`` has the file of its run by the
-    run's id. ``baseline`` are the runs of another search of the same parameters that was not guided. Figures
-    that have nothing to show are left out.
+    run's id. ``baseline`` are the runs of another search of the same parameters that was not
+    guided. Figures that have nothing to show are left out.
     """
     explored = drawn_points(row.task, proposals)
     steps = drawn_points(row.task, proposals, "nearest")
