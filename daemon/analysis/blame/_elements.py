@@ -49,12 +49,19 @@ class Element:
     ``objects`` and ``behaviours``: a scenery layer; ``override``: what the campaign says about a
     parameter of one; ``parameter``: a value in which the system under test differs from the one
     it is like. ``object``, ``waypoint`` and ``behaviour``: single ones of the composed run.
-    ``index`` tells equal names apart.
+    ``index`` tells equal names apart. The name of a ``parameter`` says its value as well;
+    ``setting`` is what it is called alone, empty for all others.
     """
 
     kind: ElementKind
     name: str
     index: int = 0
+    setting: str = ""
+
+    @property
+    def short_name(self) -> str:
+        """The name for what has been told in full."""
+        return self.setting or self.name
 
     def __str__(self) -> str:
         return self.name
@@ -78,6 +85,7 @@ class Blame:
     run ends without each. ``objects``, ``waypoints``, ``behaviours`` and ``parameters`` are what
     is left of the whole run, of ``before`` of each kind, and ``last`` its verdict. ``minimal``
     says whether it is proven that nothing else can be taken away; if not, ``stopped`` says why.
+    ``settings`` are the names of the ``parameters`` without their values.
     """
 
     run: str
@@ -92,6 +100,7 @@ class Blame:
     last: Verdict
     minimal: bool
     stopped: str
+    settings: tuple[str, ...] = ()
 
 
 class NoFailureError(ValueError):
@@ -187,12 +196,11 @@ def _changed_elements(
         key = setting.where if setting.value is not None else path
         groups.setdefault(key, {})[path] = setting
     return tuple(
-        (Element("parameter", _element_name(group), index), group)
-        for index, group in enumerate(groups.values())
+        (_parameter_element(group, index), group) for index, group in enumerate(groups.values())
     )
 
 
-def _element_name(group: ParameterValues) -> str:
+def _parameter_element(group: ParameterValues, index: int) -> Element:
     """Return what a line says: the path as far as all its settings share it, and the value."""
     paths = list(group)
     shared = 1
@@ -201,7 +209,8 @@ def _element_name(group: ParameterValues) -> str:
     value = group[paths[0]].value
     shown = "removed" if value is None else str(value)
     name = "/".join(paths[0][-min(shared, _DEEP) :])
-    return f"{name}: {shown if len(shown) <= _LONG else shown[: _LONG - 1] + '…'}"
+    told = shown if len(shown) <= _LONG else f"{shown[: _LONG - 1]}…"
+    return Element("parameter", f"{name}: {told}", index, name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -297,4 +297,5 @@ def _summarise(
         last=last,
         minimal=search.minimal,
         stopped=stopped,
+        settings=tuple(e.short_name for e in search.left if e.kind == "parameter"),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from daemon.analysis.blame._elements import Blame, Element, Without
+from daemon.analysis.blame._elements import Blame, Without
 from grammars.text.words import enumerate_words
 
 
@@ -29,15 +29,10 @@ def _layer_lines(story: Blame, like: str, *, several: bool) -> Iterator[str]:
     names = enumerate_words([one.element.name for one in story.layers])
     yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
     for one in story.layers:
-        yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
+        yield f"without {one.element.short_name}: {_outcome_without(one)}"
     # With a single layer added there is nothing that an order could say.
     if story.flips is not None and several:
-        yield f"in the order of the campaign, it is {_short_name(story.flips)} that flips it"
-
-
-def _short_name(element: Element) -> str:
-    """Return what to call an element once it has been told in full."""
-    return element.name.partition(": ")[0] if element.kind == "parameter" else element.name
+        yield f"in the order of the campaign, it is {story.flips.short_name} that flips it"
 
 
 def _outcome_without(one: Without) -> str:
@@ -55,6 +50,5 @@ def _part_lines(story: Blame) -> Iterator[str]:
     behaviours = ", ".join(story.behaviours) or "none"
     yield f"  behaviours {behaviours} (of {before['behaviour']})"
     if before["parameter"]:
-        names = (name.partition(": ")[0] for name in story.parameters)
-        parameters = ", ".join(names) or "none"
+        parameters = ", ".join(story.settings) or "none"
         yield f"  parameters {parameters} (of {before['parameter']})"

@@ -148,7 +148,7 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
     cell, path = ros_cell(campaigns, tmp_path)
     corrected, a2s = cell.suts
     found = sut_differences(cell, a2s, LayerLibrary(path.parent))
-    names = [element.name.partition(":")[0] for element in found.elements]
+    names = [element.setting for element in found.elements]
     assert found.like == "fro-diff"
     assert len(names) == 3
     assert names == ["footprint", "scan/topic", "amcl/odom_model_type"]

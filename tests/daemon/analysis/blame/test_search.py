@@ -1,6 +1,7 @@
 """What the search finds when it is known what makes a run fail."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -10,6 +11,7 @@ from daemon.analysis.blame import (
     NoFailureError,
     explain_failure,
     load_case,
+    story_lines,
 )
 from daemon.model.verdicts import Outcome
 from grammars.model.behaviour import Trigger
@@ -114,6 +116,26 @@ def test_overrides_and_parameters_are_suspects_too(folder, monkeypatch):
     }
     assert found.story.parameters == ("max_speed: 0.7",)
     assert found.smallest.spec.sut.parameters == {"max_speed": 0.7}
+
+
+def test_a_parameter_is_called_by_its_setting_whatever_its_name_says(folder, monkeypatch):
+    (folder / "hasty.yaml").write_text("sut: hasty\nlike: pilot\nparameters: {max_speed: 0.7}\n")
+    text = CAMPAIGN.replace("sut: [pilot]", "sut: [hasty]")
+
+    def fails(spec):
+        return spec.sut.parameters.get("max_speed") == 0.7
+
+    pretend(monkeypatch, failing_if(fails))
+    case = load_case(write(folder, text), "rude", "hasty", 0)
+    story = explain_failure(case, CandidateRunner(200)).story
+    assert story.settings == ("max_speed",)
+    assert story.flips is not None
+    reworded = replace(story.flips, name="0.7 for the speed: at most")
+    layers = (replace(story.layers[0], element=reworded),)
+    lines = story_lines(replace(story, flips=reworded, layers=layers), "pilot", several=True)
+    assert "without max_speed: passes" in lines
+    assert "in the order of the campaign, it is max_speed that flips it" in lines
+    assert lines[-1] == "  parameters max_speed (of 1)"
 
 
 def test_the_oracle_can_be_chosen(folder, monkeypatch):
