@@ -7,7 +7,8 @@ Comparisons and policies are sentences (``delay(S3.2 vs S3.5) <= 30 s``,
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import (
     AfterValidator,
@@ -25,7 +26,7 @@ from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
 from grammars.model.grid import MapRule
 from grammars.model.misplaced_keys import MISSION_KEYS, ROBOT_KEYS
-from grammars.text.documents import Duration, Length, Ratio, StrictModel
+from grammars.text.documents import Duration, Length, OtherName, Ratio, StrictModel
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
@@ -113,16 +114,17 @@ _OF_DOORS: Final = (
     'what stands there is said by scenery layers: "objects:" names those with the models and their '
     'places, "behaviours:" those that say what they do'
 )
-SYNONYMS: Final = {
-    "description": "it is called about",
-    "duration": "it is called limit",
-    "timeout": "it is called limit",
-    "runs": "it is called repeats, at the top of the campaign file",
-    "stack": "it is called sut, for system under test",
+SYNONYMS: Final[dict[str, str | OtherName]] = {
+    "description": OtherName("about"),
+    "duration": OtherName("limit"),
+    "timeout": OtherName("limit"),
+    "runs": OtherName("repeats", ", at the top of the campaign file"),
+    "stack": OtherName("sut", ", for system under test"),
     "doors": _OF_DOORS,
     "people": _OF_DOORS,
     "scenery": _OF_DOORS,
-} | dict.fromkeys(("building", "environment", "plan", "world"), "it is called floorplan")
+    **dict.fromkeys(("building", "environment", "plan", "world"), OtherName("floorplan")),
+}
 """What people call keys of campaigns and scenarios that are called otherwise here."""
 
 
@@ -264,15 +266,15 @@ class DefaultsText(SlotsText):
 class ScenarioText(SlotsText):
     """One scenario: the layers that make it."""
 
-    elsewhere = (
-        MISSION_KEYS
-        | dict.fromkeys(
+    elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
+        **MISSION_KEYS,
+        **dict.fromkeys(
             ("seed", "repeats", "compare", "expect", "allow", "reference", "gate", "defaults"),
             "it belongs at the top of the campaign file, it is about all scenarios",
-        )
-        | {"matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]"}
-        | SYNONYMS
-    )
+        ),
+        "matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]",
+        **SYNONYMS,
+    }
 
     about: str = ""
     """One line for people."""
@@ -301,11 +303,11 @@ class _MatrixText(StrictModel):
 class CampaignFile(StrictModel):
     """The keys of a campaign file."""
 
-    elsewhere = (
-        MISSION_KEYS
-        | ROBOT_KEYS
-        | dict.fromkeys(("kind", "ros", "parameters"), "it belongs in a SUT file: suts/NAME.yaml")
-        | {
+    elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
+        **MISSION_KEYS,
+        **ROBOT_KEYS,
+        **dict.fromkeys(("kind", "ros", "parameters"), "it belongs in a SUT file: suts/NAME.yaml"),
+        **{
             key: f'it belongs in a scenario, or under "defaults:" for all of them: {key}: {example}'
             for key, example in (
                 ("floorplan", "flat"),
@@ -313,17 +315,15 @@ class CampaignFile(StrictModel):
                 ("behaviours", "doors_open"),
                 ("mission", "courier"),
             )
-        }
-        | dict.fromkeys(
+        },
+        **dict.fromkeys(
             ("like", "abstract", "behaviours+", "oracles+"),
             "it belongs in a scenario, below its name",
-        )
-        | {
-            "sut": "for all scenarios write: matrix: {sut: [pilot]}",
-            "name": 'the name of a campaign is the value of "campaign:"',
-        }
-        | SYNONYMS
-    )
+        ),
+        "sut": "for all scenarios write: matrix: {sut: [pilot]}",
+        "name": 'the name of a campaign is the value of "campaign:"',
+        **SYNONYMS,
+    }
 
     campaign: str = Field(pattern=_CAMPAIGN_NAME, examples=["courier-tests"])
     """Name of the campaign."""

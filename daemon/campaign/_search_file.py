@@ -19,7 +19,7 @@ from daemon.model.search import (
     WINDOW,
     PointValue,
 )
-from grammars.text.documents import StrictModel, wrong_form
+from grammars.text.documents import OtherName, StrictModel, wrong_form
 from grammars.text.quantity import read_as, read_quantity
 
 _MOST_CHOICES: Final = 1_000
@@ -228,15 +228,15 @@ _Steps: TypeAlias = Annotated[
 class SearchText(StrictModel):
     """A search for what makes a scenario fail."""
 
-    elsewhere: ClassVar[Mapping[str, str]] = {
-        "minimize": "it is called minimise",
-        "objective": "it is called minimise: the name of an oracle",
-        "oracle": "it is called minimise",
-        "parameters": "it is called over",
-        "constraints": "it is called such that",
-        "such_that": "it is called such that",
-        "runs": "it is called budget: 60 runs",
-        "repeats": "it is called confirm: 5 repeats",
+    elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
+        "minimize": OtherName("minimise"),
+        "objective": OtherName("minimise", ": the name of an oracle"),
+        "oracle": OtherName("minimise"),
+        "parameters": OtherName("over"),
+        "constraints": OtherName("such that"),
+        "such_that": OtherName("such that"),
+        "runs": OtherName("budget", ": 60 runs"),
+        "repeats": OtherName("confirm", ": 5 repeats"),
     }
 
     about: str = ""

@@ -21,7 +21,14 @@ from grammars.model.geometry import Pose2
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, ROBOT_KEYS
 from grammars.model.mission import MOST_WAYPOINTS, Mission, Waypoint
 from grammars.text.diagnostics import Diagnostic, InputError
-from grammars.text.documents import QuantityField, StrictModel, YamlDocument, load_yaml, read_model
+from grammars.text.documents import (
+    OtherName,
+    QuantityField,
+    StrictModel,
+    YamlDocument,
+    load_yaml,
+    read_model,
+)
 
 _Metres = Annotated[float, QuantityField("length", plain=True), Field(allow_inf_nan=False)]
 _Radians = Annotated[float, QuantityField("angle", plain=True), Field(allow_inf_nan=False)]
@@ -51,7 +58,7 @@ class WaypointText(StrictModel):
 
     elsewhere = dict.fromkeys(
         ("pose", "position", "orientation"), "write x, y and yaw of the waypoint itself"
-    ) | {"theta": "it is called yaw", "name": "it is called id"}
+    ) | {"theta": OtherName("yaw"), "name": OtherName("id")}
 
     id: str = Field(default="", max_length=100)
     """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""

@@ -38,6 +38,17 @@ _MOST_FINDINGS: Final = 50
 _BUILDING: Final = threading.Lock()
 
 
+@dataclass(frozen=True, slots=True)
+class OtherName:
+    """The ``name`` that something has here which people call otherwise, and a ``remark`` on it."""
+
+    name: str
+    remark: str = ""
+
+    def __str__(self) -> str:
+        return f"it is called {self.name}{self.remark}"
+
+
 class StrictModel(BaseModel):
     """Base of models of what people write: unknown keys are errors, values are frozen.
 
@@ -47,9 +58,9 @@ class StrictModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
-    elsewhere: ClassVar[Mapping[str, str]] = {}
-    """Keys that people look for here although they belong somewhere else: what to do instead.
-    That of the empty key is said of keys that are like no other."""
+    elsewhere: ClassVar[Mapping[str, str | OtherName]] = {}
+    """Keys that people look for here although they belong somewhere else: what to do instead; or
+    are called otherwise. That of the empty key is said of keys that are like no other."""
 
     @classmethod
     def model_validate(cls, obj: Any, **options: Any) -> Self:
@@ -209,9 +220,9 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
     """Return message and hint for a key that ``model`` does not have."""
     known, elsewhere = _names(model), getattr(model, "elsewhere", {})
     if key and key in elsewhere:
-        renamed = elsewhere[key].startswith("it is called")
+        renamed = isinstance(elsewhere[key], OtherName)
         wrong = f'unknown key "{key}"' if renamed else f'key "{key}" is in the wrong place'
-        return wrong, elsewhere[key]
+        return wrong, str(elsewhere[key])
     meant = "" if closest(key, known) else closest(key, elsewhere)
     hint = f"{meant}: {elsewhere[meant]}" if meant else did_you_mean(key, known)
     if not meant and not closest(key, known) and elsewhere.get(""):

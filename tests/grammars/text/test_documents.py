@@ -6,7 +6,14 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from grammars.text.diagnostics import InputError
-from grammars.text.documents import Length, StrictModel, load_yaml, parse_yaml, read_model
+from grammars.text.documents import (
+    Length,
+    OtherName,
+    StrictModel,
+    load_yaml,
+    parse_yaml,
+    read_model,
+)
 
 
 class Room(StrictModel):
@@ -125,3 +132,20 @@ def test_findings_are_told_in_the_words_of_the_file():
         "h.yaml:3:1: mood: must be 'calm' or 'rude'",
         "h.yaml:4:1: some: must have 1 or more",
     ]
+
+
+class Corridor(StrictModel):
+    elsewhere = {"wide": OtherName("width"), "door": "it is called for in the plan: move it there"}
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("wide", 'unknown key "wide"\n    it is called width'),
+        ("door", 'key "door" is in the wrong place\n    it is called for in the plan'),
+    ],
+)
+def test_a_key_of_another_name_is_told_from_one_of_another_place(key, said):
+    with pytest.raises(InputError) as caught:
+        read_model(parse_yaml(f"{key}: 1\n", "corridor.yaml"), Corridor)
+    assert said in str(caught.value)
