@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from grammars.roslaunch._names import to_bool
 from grammars.roslaunch._substitution import Substituted
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 
-_NEEDS: Final = ", which is needed for "
+
+@dataclass(frozen=True, slots=True)
+class NeededDiagnostic(Diagnostic):
+    """Something that is missing, with who needs it; ``missing`` is what is said without that."""
+
+    missing: str = ""
 
 
 def needed(
@@ -19,20 +23,26 @@ def needed(
 ) -> list[Diagnostic]:
     """Return what is missing as errors that say who needs it."""
     return [
-        replace(
-            one,
-            message=f"{one.message}{_NEEDS}{by} ({Path(where.file).name}:{where.line})",
-            hint="; ".join(filter(None, (one.hint, hint))),
+        NeededDiagnostic(
+            one.where,
+            f"{one.message}, which is needed for {by} ({Path(where.file).name}:{where.line})",
+            "; ".join(filter(None, (one.hint, hint))),
+            one.severity,
+            _without_needs(one),
         )
         for one in missing
     ]
+
+
+def _without_needs(problem: Diagnostic) -> str:
+    return problem.missing if isinstance(problem, NeededDiagnostic) else problem.message
 
 
 def said_once(problems: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return problems without those that say of one place that somebody else needs it too."""
     found: dict[tuple[Where, str], Diagnostic] = {}
     for problem in problems:
-        found.setdefault((problem.where, problem.message.partition(_NEEDS)[0]), problem)
+        found.setdefault((problem.where, _without_needs(problem)), problem)
     return list(found.values())
 
 
