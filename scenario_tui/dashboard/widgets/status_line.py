@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
-from daemon.model.status import PreparationPhase
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -159,6 +158,8 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
 
 def _brief_preparation(preparation: Preparation) -> tuple[str, str]:
     """Return what a worker prepares in few words, and in one or two."""
+    from daemon.model.status import PreparationPhase  # loaded with the answer that has it
+
     match preparation.phase:
         case PreparationPhase.STARTING:
             return "loading the simulator", "… starting"
