@@ -47,15 +47,17 @@ def _key(key: str, plain: bool) -> str:
 
 def _flow(value: Any, plain: bool) -> str:
     """Return a value on one line."""
-    if not plain:
-        return json.dumps(value, ensure_ascii=False)
     if isinstance(value, Mapping):
-        pairs = (f"{_key(key, plain)}: {_flow(part, plain)}" for key, part in value.items())
+        name = _key if plain else _flow
+        pairs = (f"{name(key, plain)}: {_flow(part, plain)}" for key, part in value.items())
         return "{" + ", ".join(pairs) + "}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(_flow(part, plain) for part in value)}]"
-    if isinstance(value, str) and not _quoted(value):
+    if plain and isinstance(value, str) and not _quoted(value):
         return value
+    if isinstance(value, float):
+        # YAML 1.1 takes 1e-07 for text.
+        return re.sub(r"^(-?[0-9]+)e", r"\1.0e", json.dumps(value))
     return json.dumps(value, ensure_ascii=False)
 
 

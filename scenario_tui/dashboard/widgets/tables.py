@@ -314,10 +314,12 @@ class VerdictList(OptionList, inherit_bindings=False):
                     self.replace_option_prompt_at_index(place, text)
             return
         scrolled = self.scroll_y
-        self.clear_options()
-        self.add_options([Option(text) for text in texts])
         kept = names.index(chosen.oracle) if chosen and chosen.oracle in names else 0
-        self.highlighted = kept if names else None
+        # Verdicts that take the place of others are nobody's choice: the clock stays.
+        with self.prevent(*([OptionList.OptionHighlighted] if chosen else [])):
+            self.clear_options()
+            self.add_options([Option(text) for text in texts])
+            self.highlighted = kept if names else None
         if chosen is not None:
             self.scroll_to(y=scrolled, animate=False)
 

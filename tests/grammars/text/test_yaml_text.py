@@ -4,7 +4,7 @@ import json
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from grammars.text.documents import parse_yaml
@@ -38,6 +38,7 @@ VALUES = st.recursive(
 
 
 @pytest.mark.parametrize("plain", [True, False])
+@example(tree={"0": 5e-324, "a": [{"b": -1e-7}]})
 @given(tree=st.dictionaries(KEYS, VALUES, min_size=1, max_size=4))
 def test_what_is_written_is_read_back(plain, tree):
     text = yaml_text(tree, plain=plain)
