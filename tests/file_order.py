@@ -10,9 +10,13 @@ from pathlib import Path
 ROOT = Path(__file__).parent
 
 LONG = (
+    "daemon/batch/worker/test_kept_results.py",
+    "daemon/batch/worker/test_dask.py",
     "daemon/batch/worker/test_worker.py",
     "daemon/batch/test_survival.py",
-    "daemon/batch/worker/test_dask.py",
+    "daemon/batch/worker/test_other_ledgers.py",
+    "daemon/batch/worker/test_unusable_spool.py",
+    "daemon/batch/worker/test_inputs_on_their_way.py",
     "daemon/search/test_coordinator.py",
     "scenario_tui/cli/test_run_limits.py",
     "daemon/batch/test_cuts.py",
