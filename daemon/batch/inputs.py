@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Final
 
 from daemon.batch.stores import file_sha256
 from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import write_atomically
-
-DAMAGED: Final = ".damaged"
-"""What is appended to the name of a scene or file that is not what its name says."""
 
 
 def verify_scene(path: Path) -> bool:
@@ -41,9 +37,3 @@ def keep_scene(path: Path, scene: Scene) -> None:
         os.utime(path)  # a campaign on its way needs it: it is no stray for now
     else:
         write_atomically(path, codec.to_json(scene))
-
-
-def put_aside(path: Path) -> Path:
-    """Take a damaged scene or file out of use; returns where it lies now. Raises ``OSError``."""
-    aside = path.with_name(path.name + DAMAGED)
-    return path.replace(aside)

@@ -6,6 +6,7 @@ scenes/<digest>.json  files/<digest>
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>.<token>/
 searches/<campaign>/
+aside/<name>.<8 hexadecimal digits>
 incoming/<run>.<token>.<digest>.part|mcap
 marker.json
 
@@ -187,6 +188,16 @@ class StatePaths:
         return self.searches / campaign
 
     @property
+    def aside(self) -> Path:
+        """Damaged inputs, and folders of attempts that cannot be removed."""
+        return self.state / "aside"
+
+    def put_aside(self, path: Path) -> Path:
+        """Move a file or folder out of the way; returns its new path. Raises ``OSError``."""
+        self.aside.mkdir(mode=0o700, exist_ok=True)
+        return path.rename(self.aside / f"{path.name}.{os.urandom(4).hex()}")
+
+    @property
     def marker(self) -> Path:
         """What only those can read who share the daemon's file system."""
         return self.state / "marker.json"
@@ -211,6 +222,15 @@ class StatePaths:
         """All folders in which something is kept, itself first."""
         kept = (self.scenes, self.files, self.traces, self.spool, self.incoming, self.searches)
         return (self.state, *kept)
+
+    def cache(self, identity: str) -> StatePaths:
+        """Return the folder of a worker for the daemon of another state directory."""
+        return StatePaths(self.state / "work" / identity)
+
+    @property
+    def caches(self) -> tuple[StatePaths, ...]:
+        """The folders of workers that have another daemon, which copy its inputs."""
+        return tuple(StatePaths(folder) for folder in sorted(self.state.glob("work/*/")))
 
     def make_folders(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -64,7 +63,7 @@ def doctor(
         raise typer.BadParameter("cannot be quick: leave one out", param_hint="--traces")
     paths, endpoint = StatePaths.find(state), find_endpoint(connect, state)
     with _verification_progress() as progress:
-        found = examine(paths, endpoint, Path.cwd(), quick=quick, traces=traces, progress=progress)
+        found = examine(paths, endpoint, quick=quick, traces=traces, progress=progress)
     # The settings of the dashboard are examined here: the daemon's side knows no dashboard.
     findings = (*found, *guarded("config", lambda: [_check_settings()]))
     DoctorOutput(str(paths.state), endpoint, findings).show(as_json)

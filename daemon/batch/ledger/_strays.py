@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.inputs import DAMAGED
 from daemon.batch.ledger._connection import check_present, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.locks import is_locked
@@ -44,7 +43,7 @@ _SPOOL_GRACE: Final = 7 * 86_400.0
 _FINISHED: Final = "*/attempt-*/result.json"
 """The results in a worker's spool: a spool with one stays until somebody has delivered it."""
 _COPY_GRACE: Final = 30 * 86_400.0
-"""Seconds without use after which a worker's copy of a scene or a file goes, or a damaged one."""
+"""Seconds without use after which a worker's copy of a scene or a file goes."""
 # Of grammars.text.files.replacing; of uploads and downloads; of a trace that is being written.
 _TEMPORARY: Final = re.compile(
     r"\..+\.[0-9a-f]{8}\.tmp|\.[0-9a-f]{64}(\.[0-9]+)?\.part|.+\.partial"
@@ -126,11 +125,8 @@ def _find(paths: StatePaths, now: float, needed: _Needed) -> Iterator[StrayFile]
         elif folder.name not in needed.unfinished and not any(folder.iterdir()):
             yield from _old("empty trace folder", [folder], now, _GRACE)
     yield from _find_spools(paths, now)
-    damaged = (p for p in (*_entries(paths.scenes), *_entries(paths.files)) if p.suffix == DAMAGED)
-    yield from _old("copy not used for long", damaged, now, _COPY_GRACE)
     # What workers keep here that have another daemon.
-    for folder in _folders(paths.state / "work"):
-        there = StatePaths(folder)
+    for there in paths.caches:
         yield from _find_temporary(there, now)
         copies = (p for p in (*_entries(there.scenes), *_entries(there.files)) if p.name[0] != ".")
         yield from _old("copy not used for long", copies, now, _COPY_GRACE)

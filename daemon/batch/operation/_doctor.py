@@ -6,7 +6,6 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterable, Iterator
-from importlib.machinery import PathFinder
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -19,7 +18,14 @@ from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import VerificationProgress
 from daemon.batch.operation._checks import check_keys, check_leftovers
-from daemon.batch.operation._findings import DoctorFinding, guarded, ok, problem, warning
+from daemon.batch.operation._findings import (
+    DoctorFinding,
+    guarded,
+    names,
+    ok,
+    problem,
+    warning,
+)
 from daemon.batch.operation._ledger_checks import check_ledger
 from daemon.batch.operation._search_checks import check_searches
 from daemon.batch.paths import (
@@ -33,17 +39,15 @@ from daemon.batch.paths import (
 )
 from daemon.batch.permissions import find_exposure, state_files, state_folders
 from daemon.batch.security import keys_folder
-from daemon.model.execution import IMPORT_FIRST, available_cores
+from daemon.model.execution import available_cores
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, TroubleCause, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
-_OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "campaigns")
 # A lease: a worker that has not asked for anything in that time has lost its runs.
 _SILENCE: Final = 30.0
 # Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
 _SKEW: Final = 2.0
-_SHOWN: Final = 3
 _ROOMY: Final = 2 * 2**30
 _FREE_SOME: Final = "free some: `scenario gc --max-size 10GiB --dry-run`"
 _LARGEST_PID: Final = 2**31
@@ -54,13 +58,12 @@ _OLDEST_NOW: Final = 1_735_689_600.0
 def examine(
     paths: StatePaths,
     endpoint: Endpoint,
-    here: Path,
     *,
     quick: bool = False,
     traces: bool = False,
     progress: VerificationProgress = lambda *_: None,
 ) -> tuple[DoctorFinding, ...]:
-    """Return all findings, for the state directory, the endpoint and leftovers below ``here``.
+    """Return all findings, for the state directory and the endpoint.
 
     A ``quick`` look is one at the newest results only; with ``traces`` all of those are read.
     Never fails: what cannot be examined is a finding.
@@ -68,7 +71,6 @@ def examine(
     now = time.time()
     checks: dict[str, Callable[[], Iterable[DoctorFinding]]] = {
         "versions": _versions,
-        "packages": _packages,
         "slots": _slots,
         "kernels": lambda: _kernels(paths),
         "state": lambda: _state(paths),
@@ -78,7 +80,7 @@ def examine(
         "endpoint": lambda: _endpoint(endpoint),
         "keys": lambda: check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
         "daemon": lambda: _daemon(paths, endpoint) if is_endpoint(endpoint.address) else (),
-        "leftovers": lambda: check_leftovers(paths, here, now),
+        "leftovers": lambda: check_leftovers(paths, now),
     }
     return tuple(found for subject, check in checks.items() for found in guarded(subject, check))
 
@@ -92,23 +94,6 @@ def _versions() -> Iterator[DoctorFinding]:
     packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     own = f"scenario-tui {version('scenario-tui')}, engine {ENGINE_VERSION}"
     yield ok("versions", f"{own}, python {platform.python_version()}, {packages}")
-
-
-def _packages() -> Iterator[DoctorFinding]:
-    """Look who else has the names of our packages: short words that others have thought of too."""
-    root = Path(daemon.__file__).parents[1]
-    yield ok("packages", f"{', '.join(_OWN_PACKAGES)} are those of {root}")
-    for name in _OWN_PACKAGES:
-        # Not what is imported here, but what a program finds that knows nothing of us.
-        spec = PathFinder.find_spec(name)
-        found = Path(spec.origin) if spec is not None and spec.origin else None
-        if found is not None and found != root / name / "__init__.py":
-            yield warning(
-                "packages",
-                f"{found} has the name of our package {name}: found by programs other than ours",
-                f"scripts that need ours import {IMPORT_FIRST} first; a Dask cluster needs an "
-                "environment without it",
-            )
 
 
 def _kernels(paths: StatePaths) -> Iterator[DoctorFinding]:
@@ -153,21 +138,16 @@ def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
     if found.foreign:
         yield problem(
             "state",
-            f"{_names(found.foreign)} belong to somebody else",
+            f"{names(found.foreign)} belong to somebody else",
             "run the daemon as their owner, or choose another directory with --state",
         )
     if found.writable:
-        yield problem("state", f"others can write {_names(found.writable)}", remedy)
+        yield problem("state", f"others can write {names(found.writable)}", remedy)
     if found.readable:
         # The daemon sees to it when it starts.
-        yield warning("state", f"others can read {_names(found.readable)}", remedy)
+        yield warning("state", f"others can read {names(found.readable)}", remedy)
     if not (found.foreign or found.writable or found.readable):
         yield ok("state", f"{paths.state}, yours alone")
-
-
-def _names(paths: tuple[Path, ...]) -> str:
-    more = f" and {len(paths) - _SHOWN} more" if len(paths) > _SHOWN else ""
-    return ", ".join(map(str, paths[:_SHOWN])) + more
 
 
 def _clock(now: float) -> Iterator[DoctorFinding]:
@@ -295,8 +275,7 @@ def _remedy(cause: TroubleCause, paths: StatePaths) -> str:
             then = "it is tried again, and searches end if that does not help"
             return f"see {paths.search_log}; {then}"
         case TroubleCause.INPUT:
-            aside = f"what was damaged lies aside in {paths.state}"
-            return f"`scenario submit` the same campaign; {aside}"
+            return f"`scenario submit` the same campaign; {paths.aside} keeps the damaged one"
         case TroubleCause.OTHER:
             return f"see {paths.worker_log} and {paths.log}"
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 _LONGEST: Final = 400
 """Characters of an exception that nobody has thought of."""
+
+_SHOWN: Final = 3
 
 
 class FindingLevel(StrEnum):
@@ -42,6 +45,12 @@ def warning(subject: str, message: str, remedy: str) -> DoctorFinding:
 def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
     """Does not work."""
     return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
+
+
+def names(paths: Sequence[Path]) -> str:
+    """Name the first of some paths, and how many more there are."""
+    more = f" and {len(paths) - _SHOWN} more" if len(paths) > _SHOWN else ""
+    return ", ".join(map(str, paths[:_SHOWN])) + more
 
 
 def guarded(subject: str, check: Callable[[], Iterable[DoctorFinding]]) -> Iterator[DoctorFinding]:

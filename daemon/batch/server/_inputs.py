@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-from daemon.batch.inputs import put_aside, verify_file, verify_scene
+from daemon.batch.inputs import verify_file, verify_scene
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.model.ids import is_digest
@@ -60,7 +60,7 @@ class InputStore:
         scene, file = self._paths.scene(digest), self._paths.files / digest
         for path, is_good in ((scene, verify_scene), (file, verify_file)):
             if path.exists() and not is_good(path):
-                aside = put_aside(path)
+                aside = self._paths.put_aside(path)
                 self._log.write("input damaged", path=str(path), aside=str(aside))
 
 

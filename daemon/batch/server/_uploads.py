@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.inputs import put_aside, verify_file
+from daemon.batch.inputs import verify_file
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
@@ -241,7 +241,8 @@ class FileUploads(_Uploads[FileUploadChunk]):
         # Only when the sender asks where to begin: the good copy is in hand then, and one that was
         # damaged here gives way to it.
         if whole.exists() and not chunk.data and not verify_file(whole):
-            self._log.write("input damaged", path=str(whole), aside=str(put_aside(whole)))
+            aside = self.paths.put_aside(whole)
+            self._log.write("input damaged", path=str(whole), aside=str(aside))
         if whole.exists():
             # Whoever asks is about to submit a campaign that needs it.
             with suppress(FileNotFoundError):

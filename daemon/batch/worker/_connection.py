@@ -93,7 +93,7 @@ def _is_shared(paths: StatePaths, welcome: WelcomeReply) -> bool:
 def _own_paths(state: Path | None, welcome: WelcomeReply) -> StatePaths:
     if not is_id(welcome.identity):
         raise WorkerBroken("the daemon does not say which state directory it keeps")
-    paths = StatePaths(StatePaths.find(state).state / "work" / welcome.identity)
+    paths = StatePaths.find(state).cache(welcome.identity)
     try:
         for folder in (paths.state, paths.scenes, paths.files, paths.spool):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -43,7 +43,7 @@ def places(recorded, tmp_path):
 
 
 def worries(places, **how):
-    found = examine(places, NOBODY, places.state.parent / "here", **how)
+    found = examine(places, NOBODY, **how)
     told = [f for f in found if f.level is not FindingLevel.OK]
     assert all(finding.remedy for finding in told)
     return [f for f in told if f.subject != "kernels"]

@@ -34,14 +34,14 @@ def places(tmp_path):
 
 
 def found(places, subject, endpoint=NOBODY):
-    findings = examine(places, endpoint, places.state.parent)
+    findings = examine(places, endpoint)
     assert all((f.remedy == "") == (f.level is FindingLevel.OK) for f in findings)
     return tuple(f for f in findings if f.subject == subject)
 
 
 def test_a_healthy_place_has_no_problem_and_is_not_changed(places):
     before = {path: path.read_bytes() for path in places.state.rglob("*") if path.is_file()}
-    findings = examine(places, NOBODY, places.state.parent)
+    findings = examine(places, NOBODY)
     assert {f.subject: f.level for f in findings if f.level is FindingLevel.PROBLEM} == {}
     (ledger,) = (f for f in findings if f.subject == "ledger")
     assert "3 runs, 0 results" in ledger.message
@@ -94,21 +94,30 @@ def test_what_others_can_write_is_a_problem(places):
 
 
 def test_leftovers_are_named_unless_somebody_uses_them(places):
-    here = places.state.parent
-    partial = places.traces / "known" / ".a.mcap.12.tmp"
-    unknown = places.traces / "unheard-of"
+    partial = places.traces / "known" / "a.mcap.partial"
     dead, living = places.spool / "dead-1", places.spool / "living-1"
-    shop, busy = here / "scenario-results/x/.scenario-a", here / "scenario-results/y/.scenario-b"
-    for folder in (partial.parent, unknown, dead, living, shop, busy):
+    for folder in (partial.parent, dead, living):
         folder.mkdir(parents=True)
-    for file in (partial, dead / "lock", living / "lock", busy / "daemon.lock"):
+    for file in (partial, dead / "lock", living / "lock"):
         file.touch()
-    with (living / "lock").open() as one, (busy / "daemon.lock").open() as other:
-        fcntl.flock(one, fcntl.LOCK_EX)
-        fcntl.flock(other, fcntl.LOCK_EX)
+    os.utime(partial, (0.0, 0.0))
+    with (living / "lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         messages = " ".join(finding.message for finding in found(places, "leftovers"))
-    assert all(str(path) in messages for path in (partial, unknown, dead, shop))
-    assert not any(str(path) in messages for path in (living, busy))
+    assert all(str(path) in messages for path in (partial, dead))
+    assert str(living) not in messages
+
+
+def test_what_was_moved_aside_is_counted_and_named(places):
+    elsewhere = places.cache("another-daemon")
+    for paths in (places, elsewhere):
+        paths.scenes.mkdir(parents=True, exist_ok=True)
+        (paths.scenes / "damaged.json").touch()
+    aside = [paths.put_aside(paths.scenes / "damaged.json") for paths in (places, elsewhere)]
+    (finding,) = found(places, "leftovers")
+    assert finding.level is FindingLevel.WARNING
+    assert "moved aside, damaged or not removable, 2: " in finding.message
+    assert all(str(path) in finding.message for path in aside)
 
 
 def test_searches_that_failed_or_lack_their_files_are_named(places):
@@ -178,17 +187,6 @@ def test_an_endpoint_is_judged(places):
 
 def test_a_place_that_is_not_there_yet_is_fine(tmp_path):
     places = StatePaths(tmp_path / "later")
-    findings = examine(places, NOBODY, tmp_path)
+    findings = examine(places, NOBODY)
     assert not any(f.level is FindingLevel.PROBLEM for f in findings)
     assert not places.state.exists()
-
-
-def test_another_package_of_our_name_is_worth_a_warning(places, tmp_path, monkeypatch):
-    (finding,) = found(places, "packages")
-    assert finding.level is FindingLevel.OK
-    (tmp_path / "path").mkdir()
-    (tmp_path / "path" / "daemon.py").touch()
-    monkeypatch.syspath_prepend(str(tmp_path / "path"))
-    _, finding = found(places, "packages")
-    assert finding.level is FindingLevel.WARNING
-    assert finding.message.startswith(f"{tmp_path}/path/daemon.py has the name of our package")
