@@ -45,7 +45,7 @@ def newer_proposals(
     daemon: DaemonClient, campaign: str, known: tuple[ProposalRow, ...] = ()
 ) -> tuple[ProposalRow, ...]:
     """Return every run of a search in order; only those that may have changed are asked for."""
-    settled = next((i for i, row in enumerate(known) if not row.settled), len(known))
+    settled = next((i for i, row in enumerate(known) if not row.run.settled), len(known))
     return (*known[:settled], *daemon.proposals(campaign, settled))
 
 

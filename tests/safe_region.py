@@ -91,10 +91,10 @@ def read_searches(folder):
 
 def does_well(row, criterion):
     """Whether all oracles of a criterion pass in a run; raises ``ValueError`` without a verdict."""
-    outcomes = {verdict.oracle: verdict.outcome for verdict in row.verdicts}
+    outcomes = {verdict.oracle: verdict.outcome for verdict in row.run.verdicts}
     found = [outcomes.get(oracle) for oracle in CRITERIA[criterion]]
     if not set(found) <= {Outcome.PASS, Outcome.FAIL}:
-        raise ValueError(f"{row.run} has no verdict of {' and '.join(CRITERIA[criterion])}")
+        raise ValueError(f"{row.run.id} has no verdict of {' and '.join(CRITERIA[criterion])}")
     return all(outcome is Outcome.PASS for outcome in found)
 
 
@@ -174,10 +174,10 @@ def ending_table(searches):
     yield "|---|---|---|---|---|---|"
     for space, system, search in _pairs(searches):
         rows = [row for row in search.drawn if not does_well(row, "mission done")]
-        own = [row.simulated for row in rows if row.ended == "finished"]
-        limit = sum(row.ended == "limit" for row in rows)
+        own = [row.run.simulated for row in rows if row.run.ended == "finished"]
+        limit = sum(row.run.ended == "limit" for row in rows)
         ahead = Counter(
-            lead.waypoint for row in rows for lead in row.leads if lead.oracle == "visited"
+            lead.waypoint for row in rows for lead in row.run.leads if lead.oracle == "visited"
         )
         columns = (
             f"{len(rows)} of {len(search.drawn)}", str(len(own)),
@@ -199,7 +199,7 @@ def _ranges(search, rows):
 
 
 def _margin(row):
-    return next((lead.margin for lead in row.leads if lead.oracle == "no-contact"), None)
+    return next((lead.margin for lead in row.run.leads if lead.oracle == "no-contact"), None)
 
 
 def finding_table(searches):
@@ -243,7 +243,8 @@ def cost_table(searches):
         explored = [row for row in search.rows if row.proposal.phase == "explore"]
         failed = sum(not does_well(row, SAFE) for row in explored)
         drawn = len(search.drawn)
-        spent, simulated = (sum(getattr(r, k) for r in search.rows) for k in ("cpu", "simulated"))
+        times = [row.run.result.timing for row in search.rows if row.run.result is not None]
+        spent, simulated = (sum(getattr(t, k) for t in times) for k in ("cpu", "simulated"))
         wall = ", ".join(number(seconds / 60.0, 1) for seconds in search.seconds) or NOTHING
         yield (
             f"| {name} | {search.row.task.method} | {len(explored)} | {failed} "

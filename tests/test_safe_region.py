@@ -11,7 +11,6 @@ from pydantic import TypeAdapter
 
 from daemon.campaign import load_campaign
 from daemon.model.proposals import Proposal, ProposalRow
-from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,
@@ -23,6 +22,7 @@ from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.methods import make_method
 from daemon.search.space import SearchSpace
+from tests.run_rows import run_result, run_row
 from tests.safe_region import (
     DONE,
     PAGE,
@@ -56,13 +56,12 @@ def verdict(oracle, passes):
 def run(number, values, margin, done=True):
     """One run of a search that fills the space; the one of number 0 is the scenario as written."""
     proposal = Proposal(number, number, 0, "explore", "halton", False, values)
-    return ProposalRow(
-        proposal, f"s.{number}", "", "", RunState.DONE, Outcome.PASS,
-        (verdict("no-contact", margin >= 0.0), verdict("no-collision", True),
-         verdict("visited", done)),
-        (LeadingMargin("no-contact", margin, "m", "door_17.leaf", "c022-3"),),
-        simulated=1800.0, cpu=2.0,
+    result = run_result(
+        verdict("no-contact", margin >= 0.0), verdict("no-collision", True),
+        verdict("visited", done), outcome=Outcome.PASS, simulated=1800.0, cpu=2.0,
+        leads=(LeadingMargin("no-contact", margin, "m", "door_17.leaf", "c022-3"),),
     )  # fmt: skip
+    return ProposalRow(proposal, run_row(f"s.{number}", result=result))
 
 
 def recorded(campaign, name, rows):
@@ -136,9 +135,10 @@ def test_points_of_both_systems_are_compared_one_by_one(searches):
 
 def test_what_has_no_verdict_does_neither_well_nor_badly():
     row = run(1, (1.0, 1.0), 0.1)
-    odd = replace(row.verdicts[2], outcome=Outcome.INCONCLUSIVE)
+    odd = replace(row.run.verdicts[2], outcome=Outcome.INCONCLUSIVE)
+    result = replace(row.run.result, verdicts=(*row.run.verdicts[:2], odd))
     with pytest.raises(ValueError, match=r"s\.1 has no verdict"):
-        does_well(replace(row, verdicts=(*row.verdicts[:2], odd)), DONE)
+        does_well(replace(row, run=replace(row.run, result=result)), DONE)
 
 
 def test_the_nearest_failure_and_the_cost_are_told(searches):

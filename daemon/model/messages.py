@@ -141,7 +141,10 @@ class DeleteRequest:
 
 @dataclass(frozen=True, slots=True)
 class RunQuery:
-    """A page of runs: empty strings filter nothing; ``sort`` names a column of the row."""
+    """A page of runs: empty strings filter nothing; ``sort`` names a column of the row.
+
+    With ``results`` the rows have theirs.
+    """
 
     campaign: IdText = ""
     state: ShortText = ""
@@ -153,6 +156,7 @@ class RunQuery:
     limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
     scenario: ShortText = ""
     sut: ShortText = ""
+    results: bool = False
 
 
 @dataclass(frozen=True, slots=True)

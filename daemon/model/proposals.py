@@ -15,11 +15,10 @@ from pydantic import Field
 
 from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
 from daemon.model.packed_submission import PackedSubmission
-from daemon.model.run_state import RunState
 from daemon.model.search import Point, SearchTask
 from daemon.model.spec import LeadingMargin
+from daemon.model.status import RunRow
 from daemon.model.text_fields import IdText
-from daemon.model.verdicts import Outcome, Verdict
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
 """What a run is for: to find failures, to repeat one with other noise, to bring one nearer to the
@@ -69,32 +68,10 @@ class ProposalQuery:
 
 @dataclass(frozen=True, slots=True)
 class ProposalRow:
-    """A run of a search as the ledger has it; without a result it has no ``outcome``.
-
-    ``run`` is its id, ``label`` its name for people, ``cached`` whether the result was there
-    before; ``ended`` is as in :class:`daemon.model.spec.RunResult`.
-    """
+    """A run of a search as the ledger has it, with its result if there is one."""
 
     proposal: Proposal
-    run: str
-    label: str
-    digest: str
-    state: RunState
-    outcome: Outcome | None = None
-    verdicts: tuple[Verdict, ...] = ()
-    leads: tuple[LeadingMargin, ...] = ()
-    ended: str = ""
-    note: str = ""
-    cached: bool = False
-    simulated: float = 0.0
-    wall: float = 0.0
-    cpu: float = 0.0
-    trace: str = ""
-
-    @property
-    def settled(self) -> bool:
-        """Whether nothing more comes of it: it has a result, or none ever will."""
-        return self.state in (RunState.DONE, RunState.LOST, RunState.CANCELLED)
+    run: RunRow
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from itertools import zip_longest
 from typing import Final
 
 from daemon.model.assessments import AssessmentRules
-from daemon.model.run_state import RunState
-from daemon.model.spec import RunResult, RunSpec, Snapshot
-from daemon.model.verdicts import Outcome
+from daemon.model.run_state import UNFINISHED_STATES, RunState
+from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
+from daemon.model.verdicts import Outcome, Verdict, join_notes
 from grammars.model.scene import Scene
 
 PREFIX: Final = "scenario/v1"
@@ -167,7 +167,9 @@ class RunRow:
     run whose result this is, empty when it was executed itself. Of a system that is not
     ``repeatable`` the same run gives something else each time. ``reason`` says why a queued run
     was given back, and why one was lost or cancelled. A ``nondeterministic`` one came out
-    differently when the same was executed before; ``reason`` says how.
+    differently when the same was executed before; ``reason`` says how. ``digest`` is that of its
+    specification; ``seed`` tells whether runs of two campaigns can be paired. ``result`` is there
+    where it was asked for and the run has one.
     """
 
     id: str
@@ -191,6 +193,39 @@ class RunRow:
     cached: str = ""
     repeatable: bool = True
     nondeterministic: bool = False
+    digest: str = ""
+    seed: int = 0
+    result: RunResult | None = None
+
+    @property
+    def label(self) -> str:
+        """A short name for people: ``S1/pilot/3``."""
+        return f"{self.scenario}/{self.sut}/{self.repeat}"
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing more comes of it: it has a result, or none ever will."""
+        return self.state not in UNFINISHED_STATES
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The verdicts of its result, empty without one."""
+        return self.result.verdicts if self.result is not None else ()
+
+    @property
+    def leads(self) -> tuple[LeadingMargin, ...]:
+        """The leading margins of its result, empty without one."""
+        return self.result.leads if self.result is not None else ()
+
+    @property
+    def ended(self) -> str:
+        """Why it ended, as in :class:`daemon.model.spec.RunResult`; empty without a result."""
+        return self.result.ended if self.result is not None else ""
+
+    @property
+    def note(self) -> str:
+        """Everything there is to say of it: by its result, and by the ledger."""
+        return join_notes(self.result.note if self.result is not None else "", self.reason)
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,7 +126,7 @@ class _SearchExecutor:
         )
 
     def _endings(self, candidate: Candidate, position: int) -> tuple[CandidateResult, ...]:
-        row = self.points.wait(position)
+        row = self.points.wait(position).run
         if row.state is not RunState.DONE or len(row.verdicts) != len(candidate.spec.oracles):
             return unresolved_candidate(candidate, row.note or "it left no result")
         return tuple(judge_verdict(verdict, row.ended) for verdict in row.verdicts)

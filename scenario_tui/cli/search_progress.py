@@ -125,9 +125,9 @@ class SearchWatch:
         first = self.tally.first if self.tally else None
         if first is not None and not self.told_first:
             self.told_first = True
-            worth = objective(row.task, first.leads)
+            worth = objective(row.task, first.run.leads)
             words = f": {worth.oracle} by {margin(worth.margin, worth.unit)}" if worth else ""
-            shown.note(f"run {first.proposal.number} fails{words} ({first.run})")
+            shown.note(f"run {first.proposal.number} fails{words} ({first.run.id})")
         if row.phase != self.told_phase and row.state == "running":
             shown.note(phase_text(row))
         self.told_phase = row.phase

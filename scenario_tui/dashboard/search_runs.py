@@ -85,7 +85,7 @@ def searched_run(task: SearchTask, row: ProposalRow) -> SearchedRun:
     """Return a run of a search in brief."""
     from daemon.model.proposals import objective
 
-    proposal = row.proposal
+    run, proposal = row.run, row.proposal
     return SearchedRun(
         proposal.position,
         proposal.number,
@@ -93,12 +93,12 @@ def searched_run(task: SearchTask, row: ProposalRow) -> SearchedRun:
         proposal.phase,
         proposal.guided,
         proposal.values,
-        row.state,
-        row.outcome,
-        objective(task, row.leads),
+        run.state,
+        run.outcome,
+        objective(task, run.leads),
         row_fails(task, row),
-        row.run,
-        row.label,
+        run.id,
+        run.label,
     )
 
 

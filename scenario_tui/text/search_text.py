@@ -78,13 +78,13 @@ def tally_search(task: SearchTask, rows: Iterable[ProposalRow]) -> SearchTally:
     first: ProposalRow | None = None
     best: list[ObjectiveValue] = []
     for row in rows:
-        if row.proposal.phase != "explore" or not row.settled:
+        if row.proposal.phase != "explore" or not row.run.settled:
             continue
         explored += 1
         if row_fails(task, row):
             failed += 1
             first = first or row
-        found = objective(task, row.leads)
+        found = objective(task, row.run.leads)
         if found is not None and (not best or found.value < best[-1].value):
             best.append(found)
         elif best:
@@ -95,7 +95,7 @@ def tally_search(task: SearchTask, rows: Iterable[ProposalRow]) -> SearchTally:
 def row_fails(task: SearchTask, row: ProposalRow) -> bool:
     """Whether an oracle that the search is about fails in a run."""
     about = {scale.oracle for scale in task.scales}
-    return any(one.oracle in about and one.outcome == "fail" for one in row.verdicts)
+    return any(one.oracle in about and one.outcome == "fail" for one in row.run.verdicts)
 
 
 def sparkline(values: Sequence[float], width: int = 24) -> str:

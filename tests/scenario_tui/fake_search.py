@@ -18,6 +18,7 @@ from daemon.model.search_answer import (
 )
 from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from tests.run_rows import run_result, run_row
 
 SEARCH = "house-doors-in-time-0f1e2d3c"
 MARGINS = (0.105, 0.104, 0.061, 0.105, -0.012, 0.02, -0.031, 0.104)
@@ -56,24 +57,19 @@ def make_proposal_row(
     number = position if number is None else number
     values = (8.0 + 0.1 * number, 0.02, "kitchen_door" if number % 2 else "bedroom_door")
     proposal = Proposal(position, number, repeat, phase, "halton", number >= 6, values)
-    label = f"doors-in-time.{number}/pilot/{repeat}"
-    found = ProposalRow(proposal, f"{SEARCH}.{position}", label, f"{position:064d}", state)
+    named = (f"{SEARCH}.{position}", f"doors-in-time.{number}", "pilot", repeat)
+    digest = f"{position:064d}"
     if state is not RunState.DONE or margin is None:
-        return found
+        return ProposalRow(proposal, run_row(*named, state=state, digest=digest))
     outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
     seen = Evidence(31.5, margin + 0.05, 0.05, "kitchen_door")
     text = "always(clearance >= 0.05 m)"
-    return replace(
-        found,
-        outcome=outcome,
-        verdicts=(Verdict("keeps-clear", text, outcome, margin, margin, "m", seen),),
+    result = run_result(
+        Verdict("keeps-clear", text, outcome, margin, margin, "m", seen),
         leads=(LeadingMargin("keeps-clear", margin, "m", "kitchen_door"),),
-        ended="finished",
-        simulated=60.0,
-        wall=0.5,
-        cpu=0.5,
-        trace=f"state/traces/{SEARCH}/doors-in-time.{number}.pilot.{repeat}.mcap",
     )
+    trace = f"state/traces/{SEARCH}/doors-in-time.{number}.pilot.{repeat}.mcap"
+    return ProposalRow(proposal, run_row(*named, result, digest=digest, trace=trace))
 
 
 def make_proposals(*margins):
@@ -83,13 +79,13 @@ def make_proposals(*margins):
 
 def make_point(row):
     """What a run says of its point."""
-    lead = row.leads[0]
+    run, lead = row.run, row.run.leads[0]
     margin = lead.margin or 0.0
     value = ObjectiveValue(margin, margin, lead.unit, lead.oracle, lead.object)
     proposal = row.proposal
     return PointResult(
-        proposal.number, proposal.position, proposal.values, row.outcome, value, row.verdicts[0],
-        row.run, row.label, row.digest,
+        proposal.number, proposal.position, proposal.values, run.outcome, value, run.verdicts[0],
+        run.id, run.label, run.digest,
     )  # fmt: skip
 
 
@@ -132,7 +128,7 @@ def make_answer():
         ),
         findings=(
             Finding(
-                "keeps-clear", "kitchen_door", "kitchen", 2, best, rows[6].verdicts[0].evidence
+                "keeps-clear", "kitchen_door", "kitchen", 2, best, rows[6].run.verdicts[0].evidence
             ),
         ),
         influence=(

@@ -1,17 +1,29 @@
-"""What questions about campaigns and runs come to in SQL: their filters and their order."""
+"""Questions about campaigns and runs in SQL: columns, filters, order, and rows as answers."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
+from daemon.batch.paths import StatePaths
 from daemon.model.messages import CampaignQuery, RunQuery
 from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.spec import RunResult
+from daemon.model.status import RunRow
+from daemon.model.verdicts import Outcome, join_notes
+from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
 
+# Named like the fields of RunRow, and what its trace is found by.
+_ROW: Final = (
+    'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
+    ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, repeatable,'
+    " nondeterministic, digest, seed, trace_name, trace_at"
+)
+_RESULT: Final = "(SELECT body FROM result WHERE result.run = run.id)"
 _SEVERITY: Final = (
     "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
     " WHEN 'pass' THEN 3 ELSE 4 END"
@@ -99,3 +111,66 @@ def _check_word(column: str, word: str) -> None:
     names = [str(name) for name in known]
     if names and word not in names:
         raise Refused(f"there is no {column} {word!r}: {did_you_mean(word, names)}")
+
+
+def select_runs(
+    db: sqlite3.Connection, where: str, values: Sequence[Any], *, results: bool = False
+) -> Iterator[sqlite3.Row]:
+    """Return the rows of runs, which :func:`run_row` reads; ``where`` also has their order."""
+    cursor = db.cursor()
+    cursor.row_factory = sqlite3.Row
+    body = _RESULT if results else "NULL"
+    return cursor.execute(f"SELECT {_ROW}, {body} AS body FROM run {where}", values)
+
+
+def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None = None) -> RunRow:
+    """Return a run; its trace is looked for below ``paths``, or not at all: that reads the disk."""
+    values = dict(row)
+    names = (values.pop("trace_name"), values["cached"], values.pop("trace_at"))
+    body = values.pop("body")
+    outcome = Outcome(values["outcome"]) if values["outcome"] else None
+    trace = gone = ""
+    if outcome is not None and paths is not None:
+        trace = find_trace(db, paths, *names)
+        gone = "" if trace else missing_trace_text(values["cached"])
+    values |= {
+        "state": RunState(values["state"]),
+        "outcome": outcome,
+        "trace": trace,
+        "repeatable": bool(values["repeatable"]),
+        "nondeterministic": bool(values["nondeterministic"]),
+        "reason": join_notes(values["reason"], gone),
+        "seed": int(values["seed"]),  # text in the table: 64 bits without a sign do not fit SQLite
+        "result": None if body is None else read_result(body),
+    }
+    return RunRow(**values)
+
+
+def find_trace(
+    db: sqlite3.Connection, paths: StatePaths, name: str, source: str, location: str = ""
+) -> str:
+    """Return where a run's trace lies: its ``location`` if it is in a store, else its path.
+
+    It is that of ``source``, the run it was taken from, while it has none of its own. Empty when
+    the file was deleted since; what lies in a store is not looked after.
+    """
+    if location:
+        return location
+    own = paths.traces / name
+    if own.exists():
+        return str(own)
+    if not source:
+        return ""
+    row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
+    path = paths.traces / row[0] if row else None
+    return str(path) if path is not None and path.exists() else ""
+
+
+def missing_trace_text(source: str) -> str:
+    """Say that there is no trace of a run any more, whose result is that of ``source`` if any."""
+    return f"the trace of {source} is gone" if source else "its trace is gone"
+
+
+def read_result(body: bytes) -> RunResult:
+    """Return a result as it was stored; raises ``ValueError`` for one that is damaged."""
+    return codec.from_json(RunResult, body)

@@ -13,15 +13,21 @@ from typing import Any, Final
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._forecast import Forecast, PlannedRun, read_forecast
-from daemon.batch.ledger._queries import campaign_filter, run_filter, run_order
-from daemon.batch.ledger._results import (
-    SpecReader,
+from daemon.batch.ledger._queries import (
+    campaign_filter,
     find_trace,
     missing_trace_text,
+    read_result,
+    run_filter,
+    run_order,
+    run_row,
+    select_runs,
+)
+from daemon.batch.ledger._results import (
+    SpecReader,
     read_declared,
     read_origin,
     read_records,
-    read_result,
     require_era,
     require_lease,
 )
@@ -52,12 +58,6 @@ from daemon.model.status import (
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 
-# Named like the fields of RunRow, and what its trace is found by.
-_ROW: Final = (
-    'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
-    ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at, repeatable, nondeterministic"
-)
 _OUTCOMES: Final = {
     "passed": Outcome.PASS, "failed": Outcome.FAIL,
     "inconclusive": Outcome.INCONCLUSIVE, "errors": Outcome.ERROR,
@@ -176,12 +176,14 @@ class LedgerReader:
     def runs(self, query: RunQuery) -> RunPage:
         """One page of runs, filtered and sorted; equal values keep the order of submission.
 
-        It has fewer than asked for when their texts are long: ``total`` says how many there are.
+        It has fewer than asked for when they have many bytes: ``total`` says how many there are.
         """
         where, values = run_filter(query)
-        rows = self._db.execute(
-            f"SELECT {_ROW} FROM run {where} ORDER BY {run_order(query)} LIMIT ? OFFSET ?",
+        rows = select_runs(
+            self._db,
+            f"{where} ORDER BY {run_order(query)} LIMIT ? OFFSET ?",
             (*values, query.limit, query.offset),
+            results=query.results,
         )
         found: list[RunRow] = []
         room, whole = LARGEST_PAGE_BYTES, True
@@ -189,8 +191,8 @@ class LedgerReader:
             if room <= 0:
                 whole = False
                 break
-            found.append(self._run_row(row))
-            room -= sum(len(value) for value in row if isinstance(value, str))
+            found.append(run_row(self._db, row, self._paths))
+            room -= sum(len(value) for value in row if isinstance(value, str | bytes))
         last = whole and len(found) < query.limit and (found or not query.offset)
         total = query.offset + len(found) if last else self._total(query, where, values)
         return RunPage(tuple(found), total)
@@ -208,13 +210,13 @@ class LedgerReader:
 
     def run(self, name: str) -> RunDetail:
         """Everything about one run."""
-        row = self._db.execute(f"SELECT {_ROW} FROM run WHERE id = ?", (name,)).fetchone()
+        row = next(select_runs(self._db, "WHERE id = ?", (name,)), None)
         if row is None:
             raise Refused(f"there is no run {name}")
         spec = self._db.execute("SELECT body FROM spec WHERE run = ?", (name,)).fetchone()
         result = self._db.execute("SELECT body FROM result WHERE run = ?", (name,)).fetchone()
         return RunDetail(
-            self._run_row(row),
+            run_row(self._db, row, self._paths),
             self._specs.read(spec[0]),
             None if result is None else read_result(result[0]),
         )
@@ -251,8 +253,13 @@ class LedgerReader:
         return read_searches(self._db, query)
 
     def proposals(self, query: ProposalQuery) -> tuple[ProposalRow, ...]:
-        """A page of the runs of a search, in order."""
-        return read_proposals(self._db, self._paths, query)
+        """A page of the runs of a search in order; refuses when there is no such search.
+
+        It has fewer than asked for when they have many bytes; after the last it is empty.
+        """
+        read_task(self._db, query.campaign)
+        asked = RunQuery(query.campaign, offset=query.offset, limit=query.limit, results=True)
+        return tuple(map(ProposalRow, read_proposals(self._db, query), self.runs(asked).rows))
 
     def search_submission(self, campaign: str) -> SearchSubmission:
         """A search as it was submitted, without its files; refuses when there is none."""
@@ -327,22 +334,6 @@ class LedgerReader:
         ).fetchone()
         wanted = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
         return ExpectedUpload(str(trace), wanted=wanted)
-
-    def _run_row(self, row: sqlite3.Row) -> RunRow:
-        values = dict(row)
-        names = (values.pop("trace_name"), values["cached"], values.pop("trace_at"))
-        outcome = Outcome(values["outcome"]) if values["outcome"] else None
-        trace = find_trace(self._db, self._paths, *names) if outcome is not None else ""
-        gone = missing_trace_text(values["cached"]) if outcome is not None and not trace else ""
-        values |= {
-            "state": RunState(values["state"]),
-            "outcome": outcome,
-            "trace": trace,
-            "repeatable": bool(values["repeatable"]),
-            "nondeterministic": bool(values["nondeterministic"]),
-            "reason": "; ".join(reason for reason in (values["reason"], gone) if reason),
-        }
-        return RunRow(**values)
 
 
 def _count(counts: Counter[str], state: str, outcome: str, runs: int) -> None:

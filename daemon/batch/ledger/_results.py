@@ -12,13 +12,14 @@ from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
 from daemon.batch.ledger._entry import INSERT_RUN, count_queued
+from daemon.batch.ledger._queries import find_trace, missing_trace_text, read_result
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_digest, trace_name
 from daemon.model.messages import Completion, Rejection
 from daemon.model.packed_submission import Script
-from daemon.model.spec import LARGEST_RESULT, RunResult, RunSpec
+from daemon.model.spec import LARGEST_RESULT, RunSpec
 from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
@@ -60,36 +61,6 @@ class SpecReader:
 def _read_script(text: bytes) -> Script:
     script: Script = codec.from_json(Script, text)
     return script
-
-
-def find_trace(
-    db: sqlite3.Connection, paths: StatePaths, name: str, source: str, location: str = ""
-) -> str:
-    """Return where a run's trace lies: its ``location`` if it is in a store, else its path.
-
-    It is that of ``source``, the run it was taken from, while it has none of its own. Empty when
-    the file was deleted since; what lies in a store is not looked after.
-    """
-    if location:
-        return location
-    own = paths.traces / name
-    if own.exists():
-        return str(own)
-    if not source:
-        return ""
-    row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
-    path = paths.traces / row[0] if row else None
-    return str(path) if path is not None and path.exists() else ""
-
-
-def missing_trace_text(source: str) -> str:
-    """Say that there is no trace of a run any more, whose result is that of ``source`` if any."""
-    return f"the trace of {source} is gone" if source else "its trace is gone"
-
-
-def read_result(body: bytes) -> RunResult:
-    """Return a result as it was stored; raises ``ValueError`` for one that is damaged."""
-    return codec.from_json(RunResult, body)
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:

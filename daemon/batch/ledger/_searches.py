@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final, cast
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._results import find_trace, missing_trace_text, read_result
-from daemon.batch.paths import StatePaths
 from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES
-from daemon.model.proposals import Proposal, ProposalQuery, ProposalRow
-from daemon.model.run_state import RunState
+from daemon.model.proposals import Proposal, ProposalQuery
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchQuery, SearchRow, SearchState
-from daemon.model.spec import LARGEST_RESULT
 from grammars.text import codec
 
 _SEARCHES: Final = (
@@ -25,11 +22,8 @@ _SEARCHES: Final = (
     " FROM search JOIN campaign ON campaign.id = search.campaign"
 )
 _PROPOSALS: Final = (
-    "SELECT proposal.position, number, proposal.repeat, phase, method, guided, vals, note,"
-    " run.id, scenario, sut, run.repeat, run.digest, state, reason, cached, trace_name, trace_at,"
-    " body FROM proposal JOIN run USING (campaign, position)"
-    " LEFT JOIN result ON result.run = run.id"
-    " WHERE proposal.campaign = ? AND proposal.position >= ? ORDER BY proposal.position LIMIT ?"
+    "SELECT position, number, repeat, phase, method, guided, vals, note FROM proposal"
+    " WHERE campaign = ? AND position >= ? ORDER BY position LIMIT ?"
 )
 _INSERT: Final = (
     "INSERT INTO proposal (campaign, position, number, repeat, phase, method, guided, vals, note)"
@@ -120,49 +114,9 @@ def _search_row(row: Any, answer: SearchAnswer | None) -> SearchRow:
     )
 
 
-def read_proposals(
-    db: sqlite3.Connection, paths: StatePaths, query: ProposalQuery
-) -> tuple[ProposalRow, ...]:
-    """Return a page of the runs of a search in order; refuses when there is no such search.
-
-    It has fewer than asked for when they have many bytes; after the last it is empty.
-    """
-    read_task(db, query.campaign)
-    found, room = [], LARGEST_PAGE_BYTES
+def read_proposals(db: sqlite3.Connection, query: ProposalQuery) -> Iterator[Proposal]:
+    """Yield what a page of the runs of a search is about, in order."""
     for row in db.execute(_PROPOSALS, (query.campaign, query.offset, query.limit)):
-        if room <= 0:
-            break
-        found.append(_proposal_row(db, paths, row))
-        room -= min(len(row[-1] or b""), LARGEST_RESULT) + len(row[6])
-    return tuple(found)
-
-
-def _proposal_row(db: sqlite3.Connection, paths: StatePaths, row: Any) -> ProposalRow:
-    position, number, repeat, phase, method, guided, values, note = tuple(row)[:8]
-    run, scenario, sut, of_run, digest, state, reason, cached, trace, url, body = tuple(row)[8:]
-    proposal = Proposal(
-        position, number, repeat, phase, method, bool(guided), tuple(json.loads(values)), note
-    )
-    label = f"{scenario}/{sut}/{of_run}"
-    if body is None:
-        return ProposalRow(proposal, run, label, digest, RunState(state), note=reason)
-    result = read_result(body)
-    path = find_trace(db, paths, trace, cached, url)
-    notes = (result.note, reason, "" if path else missing_trace_text(cached))
-    return ProposalRow(
-        proposal,
-        run,
-        label,
-        digest,
-        RunState(state),
-        result.outcome,
-        result.verdicts,
-        result.leads,
-        result.ended,
-        "; ".join(words for words in notes if words),
-        bool(cached),
-        result.timing.simulated,
-        result.timing.wall,
-        result.timing.cpu,
-        path,
-    )
+        position, number, repeat, phase, method, guided, values, note = row
+        point = tuple(json.loads(values))
+        yield Proposal(position, number, repeat, phase, method, bool(guided), point, note)

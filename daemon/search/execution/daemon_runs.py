@@ -174,7 +174,7 @@ class DaemonRuns:
         It is in the ledger at the latest when a result is waited for.
         """
         if proposal.position < len(self._rows):
-            known = self._rows[proposal.position]
+            known = self._rows[proposal.position].run
             if known.digest != candidate.spec.digest:
                 raise SearchDivergedError(
                     f"run {proposal.position} of the search is another one than it was before"
@@ -205,7 +205,7 @@ class DaemonRuns:
             row = self._rows[position]
             if _has_result(row):
                 break
-            if row.state is RunState.CANCELLED or not told:
+            if row.run.state is RunState.CANCELLED or not told:
                 self._require_running()
             self._say()
             told = self._changed.wait(_LOOK_EVERY)
@@ -304,7 +304,7 @@ class DaemonRuns:
 
 def _has_result(row: ProposalRow) -> bool:
     """Whether a run has told what it can; a cancelled one is queued again if the search goes on."""
-    return row.settled and row.state is not RunState.CANCELLED
+    return row.run.settled and row.run.state is not RunState.CANCELLED
 
 
 def _scenes(part: list[tuple[Proposal, Candidate]]) -> dict[str, Scene]:

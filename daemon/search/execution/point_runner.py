@@ -205,6 +205,6 @@ class PointRunner:
     def wait(self, position: int) -> ProposalRow:
         """Wait for a run and return it, counted."""
         row = self.runs.result(position)
-        self.executed += not row.cached
-        self.reused += row.cached
+        self.executed += not row.run.cached
+        self.reused += bool(row.run.cached)
         return row

@@ -30,14 +30,14 @@ def point_result(task: SearchTask, row: ProposalRow) -> PointResult:
     A run that was lost, or in which the system under test crashed, is an error: another failure
     than the one that is looked for.
     """
-    trusted = row.state is RunState.DONE and row.ended != "crashed"
-    value = objective(task, row.leads) if trusted else None
-    verdict = _decisive_verdict(task, row.verdicts, value) if trusted else None
+    run, proposal = row.run, row.proposal
+    trusted = run.state is RunState.DONE and run.ended != "crashed"
+    value = objective(task, run.leads) if trusted else None
+    verdict = _decisive_verdict(task, run.verdicts, value) if trusted else None
     if verdict is None or verdict.outcome is Outcome.ERROR:
         value, outcome = None, Outcome.ERROR
     else:
         outcome = verdict.outcome
-    proposal = row.proposal
     return PointResult(
         number=proposal.number,
         position=proposal.position,
@@ -45,10 +45,10 @@ def point_result(task: SearchTask, row: ProposalRow) -> PointResult:
         outcome=outcome,
         value=value,
         verdict=verdict,
-        run=row.run,
-        label=row.label,
-        digest=row.digest,
-        unsought=_unsought(task, row.verdicts),
+        run=run.id,
+        label=run.label,
+        digest=run.digest,
+        unsought=_unsought(task, run.verdicts),
     )
 
 

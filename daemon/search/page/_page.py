@@ -139,11 +139,12 @@ def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str,
     if task.stop in stop:
         budget += f", or {stop[task.stop]}"
     runs = count_noun(len(proposals), "run")
-    reused = sum(proposal.cached for proposal in proposals)
+    reused = sum(bool(one.run.cached) for one in proposals)
     if reused:
         runs += f", {reused} of them there already"
-    simulated = sum(proposal.simulated for proposal in proposals)
-    cpu = sum(proposal.cpu for proposal in proposals if not proposal.cached)
+    simulated = sum(one.run.simulated for one in proposals)
+    results = (one.run.result for one in proposals if not one.run.cached)
+    cpu = sum(result.timing.cpu for result in results if result is not None)
     state = row.state if answer is None or not answer.ended else ending_words(task, answer.ended)
     facts = (
         ("scenario", f"{task.scenario} with {task.sut}"),

@@ -34,7 +34,7 @@ def drawn_points(
     """Return the settled points of a phase; of one that was repeated the median counts."""
     groups: dict[int, list[ProposalRow]] = {}
     for row in rows:
-        if row.proposal.phase == phase and row.settled:
+        if row.proposal.phase == phase and row.run.settled:
             groups.setdefault(row.proposal.number, []).append(row)
     return tuple(
         DrawnPoint(

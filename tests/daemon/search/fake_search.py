@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from daemon.model.proposals import Proposal, ProposalRow
-from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile
 from daemon.model.search_answer import SearchAnswer, ShrunkScenario
 from daemon.model.spec import LeadingMargin, RunSpec, TraceInfo
@@ -26,6 +25,7 @@ from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_result, make_spec
+from tests.run_rows import run_row
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate
@@ -81,7 +81,7 @@ def answer_of(task, explored):
 
 
 def learn(learnt, row):
-    margin = row.leads[0].margin if row.leads else None
+    margin = row.run.leads[0].margin if row.run.leads else None
     return hashlib.sha256(f"{learnt} {margin}".encode()).hexdigest()
 
 
@@ -107,8 +107,7 @@ class LocalRuns:
         spec = candidate.spec
         self.digests.append((proposal.position, spec.digest))
         result = self._make(spec)
-        row = ProposalRow(proposal, "", "", spec.digest, RunState.DONE, result.outcome)
-        self._rows.append(replace(row, verdicts=result.verdicts, leads=result.leads))
+        self._rows.append(ProposalRow(proposal, run_row(digest=spec.digest, result=result)))
 
     def issued(self, position):
         return None

@@ -13,6 +13,7 @@ from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import RunResult
 from daemon.run import execute
+from tests.run_rows import run_row
 
 BatchExecutor = Callable[[Sequence[Candidate]], list[RunResult | None]]
 """Executes runs at the same time; ``None`` for one that left no result."""
@@ -80,24 +81,9 @@ class LocalRuns:
 
     def _settle(self, position, candidate, result, *, cached):
         spec, proposal = candidate.spec, self.proposals[position]
-        row = ProposalRow(
-            proposal, f"{position:06d}", spec.label, self.digests[position], RunState.LOST
-        )
-        if result is not None:
-            row = ProposalRow(
-                proposal,
-                row.run,
-                row.label,
-                row.digest,
-                RunState.DONE,
-                outcome=result.outcome,
-                verdicts=result.verdicts,
-                leads=result.leads,
-                ended=result.ended,
-                note=result.note,
-                cached=cached,
-                simulated=result.timing.simulated,
-                wall=result.timing.wall,
-                cpu=result.timing.cpu,
-            )
-        self._rows[position] = row
+        run = run_row(
+            f"{position:06d}", spec.scenario, spec.sut.name, spec.repeat, result,
+            state=RunState.LOST if result is None else RunState.DONE,
+            digest=self.digests[position], cached="earlier" if cached else "",
+        )  # fmt: skip
+        self._rows[position] = ProposalRow(proposal, run)

@@ -65,7 +65,7 @@ def undisturbed(tmp_path_factory):
 
 
 def digests(client, campaign="s"):
-    return [(row.proposal.position, row.digest) for row in client.proposals(campaign)]
+    return [(row.proposal.position, row.run.digest) for row in client.proposals(campaign)]
 
 
 def ended(client, campaign="s"):
@@ -105,7 +105,7 @@ def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(tmp_path, undist
             assert ended(client).state == "finished"
             assert digests(client) == undisturbed
             rows = client.proposals("s")
-            assert {row.state for row in rows} == {"done"}
+            assert {row.run.state for row in rows} == {"done"}
             client.submit_search(sought("t", parameters={"until": str(tmp_path / "gate")}))
             eventually(lambda: len(client.proposals("t")) == TASK.window)
             last = coordinators(daemon)[-1]
@@ -137,7 +137,7 @@ def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(daemon
         assert row.answer.shrunk is not None
         assert row.answer.shrunk.files == ()
         assert "too large" in row.note
-        assert all(found.leads and found.trace for found in client.proposals("s"))
+        assert all(found.run.leads and found.run.trace for found in client.proposals("s"))
         campaign = client.campaign("s")
         assert campaign is not None
         assert campaign.finished_at is not None

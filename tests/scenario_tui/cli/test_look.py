@@ -129,7 +129,7 @@ def test_what_is_not_repeatable_is_marked_where_it_is_named(scenario, fake):
 
 def test_results_default_to_the_newest_campaign(scenario, fake):
     scenario("results")
-    assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "") in fake.calls
+    assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "", False) in fake.calls
 
 
 def test_a_campaign_is_found_by_name_and_by_its_beginning(scenario):

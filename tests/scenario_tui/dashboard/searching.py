@@ -23,6 +23,7 @@ from daemon.model.spec import LeadingMargin, RunResult
 from daemon.model.status import RunDetail, RunRow
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
+from tests.run_rows import run_result, run_row
 from tests.scenario_tui.fake import NOW, FakeDaemon, campaign_row, make_result, make_row, make_spec
 from tests.scenario_tui.recorded import HIT, WORLD, make_run, record_run
 
@@ -100,18 +101,16 @@ def proposal_row(position, values, margin, *, done=True, phase="explore"):
         position, position, 0, phase, "halton" if position < _HALTON else "tpe",
         position >= _HALTON, tuple(values),
     )  # fmt: skip
-    found = ProposalRow(
-        proposal, f"{SEARCH}.{position}", f"doors-in-time.{position}/pilot/0", f"{position:064d}",
-        RunState.DONE if done else RunState.RUNNING,
-    )  # fmt: skip
+    named = (f"{SEARCH}.{position}", f"doors-in-time.{position}")
     if not done:
-        return found
+        return ProposalRow(proposal, run_row(*named, state=RunState.RUNNING, worker="bench-1"))
     object = "door-1" if position % 2 else "hall-wall-1"
     outcome = Outcome.INCONCLUSIVE if margin is None else _outcome(margin)
     verdict = Verdict("no-contact", "never(contact)", outcome, margin, margin, "m",
                       Evidence(HIT, margin, 0.0, object))  # fmt: skip
     lead = LeadingMargin("no-contact", margin, "m", object)
-    return replace(found, outcome=outcome, verdicts=(verdict,), leads=(lead,), ended="finished")
+    result = run_result(verdict, outcome=outcome, leads=(lead,))
+    return ProposalRow(proposal, run_row(*named, result=result, digest=f"{position:064d}"))
 
 
 def _outcome(margin):
@@ -125,19 +124,19 @@ NEAREST = proposal_row(
 
 def point_of(row):
     """What a run says of its point."""
-    proposal, lead = row.proposal, row.leads[0]
+    run, proposal, lead = row.run, row.proposal, row.run.leads[0]
     assert lead.margin is not None
     value = ObjectiveValue(lead.margin, lead.margin, "m", lead.oracle, lead.object)
     return PointResult(
-        proposal.number, proposal.position, proposal.values, row.outcome, value, row.verdicts[0],
-        row.run, row.label, row.digest,
+        proposal.number, proposal.position, proposal.values, run.outcome, value, run.verdicts[0],
+        run.id, run.label, run.digest,
     )  # fmt: skip
 
 
 def make_answer(rows, *, ended="budget"):
     """What such a search says when it is over."""
     rows = [row for row in rows if row.proposal.phase == "explore"]
-    known = [row for row in rows if row.leads and row.leads[0].margin is not None]
+    known = [row for row in rows if row.run.leads and row.run.leads[0].margin is not None]
     points = [point_of(row) for row in known]
     failed = [point for point in points if point.fails]
     best = min(points, key=lambda point: point.value.value if point.value else 0.0)
@@ -179,7 +178,7 @@ def make_search(rows, state="finished", **changes):
     """The search of these runs."""
     row = SearchRow(
         SEARCH, "house", NOW - 100.0, TASK, state,
-        proposed=len(rows), finished=sum(row.settled for row in rows),
+        proposed=len(rows), finished=sum(row.run.settled for row in rows),
         answer=make_answer(rows) if state == "finished" else None,
     )  # fmt: skip
     return replace(row, **changes)
@@ -226,17 +225,17 @@ class SearchingDaemon(FakeDaemon):
     def _searched(self):
         proposed, results, rows = self._made
         if proposed is not self.proposed or results is not self.results:
-            rows = tuple(self._run_row(row) for row in self.proposed)
+            rows = tuple(self._run_row(row.run) for row in self.proposed)
             self._made = (self.proposed, self.results, rows)
         return rows
 
     def _run_row(self, row):
-        trace = next((path for run, _, path in self.results if run == row.run), "")
+        trace = next((path for run, _, path in self.results if run == row.id), "")
         lead = row.leads[0] if row.leads else LeadingMargin("", None, "")
         return make_row(
-            row.proposal.position, id=row.run, campaign=SEARCH, state=row.state,
-            scenario=row.label.partition("/")[0], repeat=0, outcome=row.outcome,
-            oracle=lead.oracle, margin=lead.margin, unit=lead.unit, trace=trace,
+            row.index, id=row.id, campaign=SEARCH, state=row.state, scenario=row.scenario, repeat=0,
+            outcome=row.outcome, oracle=lead.oracle, margin=lead.margin, unit=lead.unit,
+            trace=trace,
         )  # fmt: skip
 
     def _run(self, request):

@@ -146,9 +146,9 @@ async def test_the_run_in_front_is_the_one_of_parameters_and_keys():
         assert text.count("≠ kitchen_opens") == 1
         assert "8 → 8.54 s" in text
         await press(pilot, "x")
-        assert f"scenario verify {NEAREST.run}" in pilot.app.clipboard
+        assert f"scenario verify {NEAREST.run.id}" in pilot.app.clipboard
         await press(pilot, "y")
-        assert pilot.app.clipboard == f"scenario show {NEAREST.run}"
+        assert pilot.app.clipboard == f"scenario show {NEAREST.run.id}"
         await press(pilot, "N", "enter")
         assert isinstance(pilot.app.screen, RunScreen)
         assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)
@@ -242,7 +242,9 @@ async def test_a_run_to_be_played_is_given_up_for_the_next_one_in_front(tmp_path
     fake.record(tmp_path, f"{SEARCH}.34")
     fake.record(tmp_path, f"{SEARCH}.{BEST}")
     fake.proposed = tuple(
-        replace(row, state=RunState.RUNNING) if row.run == f"{SEARCH}.{BEST}" else row
+        replace(row, run=replace(row.run, state=RunState.RUNNING))
+        if row.run.id == f"{SEARCH}.{BEST}"
+        else row
         for row in fake.proposed
     )
     async with opened(fake) as pilot:

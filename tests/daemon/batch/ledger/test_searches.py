@@ -98,11 +98,11 @@ def test_runs_are_added_by_position_and_only_once(searches):
     assert searches.extend(0, 3) == 0
     assert searches.extend(2, 2) == 1
     rows = searches.rows()
-    assert [(r.run, r.proposal.position, r.label) for r in rows] == [
+    assert [(r.run.id, r.proposal.position, r.run.label) for r in rows] == [
         (f"s.{n}", n, f"doors.{n}/pilot/0") for n in range(4)
     ]
     assert [row.proposal.values for row in rows] == [(40.0 + n,) for n in range(4)]
-    assert {row.state for row in rows} == {RunState.QUEUED}
+    assert {row.run.state for row in rows} == {RunState.QUEUED}
     assert (searches.campaign().total, searches.campaign().queued) == (4, 4)
     with pytest.raises(Refused, match="has 4 runs: none can be added at 5"):
         searches.extend(5)
@@ -139,7 +139,7 @@ def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches):
             continue
         with pytest.raises(Refused, match="'doors.1@17' is not proposal 0 of s"):
             searches.add(request)
-    assert [row.label for row in searches.rows()] == ["doors.0@17/pilot/0"]
+    assert [row.run.label for row in searches.rows()] == ["doors.0@17/pilot/0"]
 
 
 def test_pages_of_proposals_begin_at_a_position(searches):
@@ -187,7 +187,7 @@ def test_runs_under_way_at_the_end_of_a_search_are_finished(searches):
     assert searches.campaign().finished_at is None
     assert searches.work() == 2
     assert searches.campaign().finished_at == NOW
-    (first, _) = searches.rows()
+    first = searches.rows()[0].run
     assert (first.outcome, first.leads[0].margin, first.trace) == (
         Outcome.FAIL,
         0.25,
@@ -235,13 +235,13 @@ def test_results_are_used_again_among_searches_only(searches):
     searches.book.submit(submission_of("plain", *plain), NOW)
     searches.work()
     searches.extend(0, 2)
-    assert {row.state for row in searches.rows()} == {RunState.QUEUED}
+    assert {row.run.state for row in searches.rows()} == {RunState.QUEUED}
     searches.work()
     searches.submit("again")
     assert searches.extend(0, 3, name="again") == 3
     rows = searches.rows(name="again")
-    assert [row.cached for row in rows] == [True, True, False]
-    assert rows[0].leads == searches.rows()[0].leads
+    assert [bool(row.run.cached) for row in rows] == [True, True, False]
+    assert rows[0].run.leads == searches.rows()[0].run.leads
     assert searches.campaign("again").cached == 2
     receipt = searches.book.submit(replace(submission_of("last", *plain), fresh=False), NOW)
     assert receipt.cached == 2

@@ -58,7 +58,7 @@ def test_the_files_of_a_search_come_back_as_they_were(tmp_path):
         assert kept(places) == [folder]
         assert client.ask(EXTEND, make_extension("s", 0, 3)).count == 3
         assert client.ask(EXTEND, make_extension("s", 1, 3, send_scenes=False)).count == 1
-        assert [row.digest for row in client.proposals("s")] == [
+        assert [row.run.digest for row in client.proposals("s")] == [
             client.run(row.id).spec.digest for row in client.runs(campaign="s").rows
         ]
         assert [row.proposal.position for row in client.proposals("s", 2)] == [2, 3]

@@ -9,6 +9,7 @@ from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.execution.results import confirmation, first_failure, median_result, point_result
 from tests.daemon.search.pretended import ORACLE, made_result, make_task, seconds
+from tests.run_rows import run_result, run_row
 
 TASK = make_task(seconds("doors.a"))
 SEVERAL = replace(
@@ -16,11 +17,12 @@ SEVERAL = replace(
 )
 
 
-def row(*verdicts, **more):
+def row(*verdicts, leads=None, ended="finished", **more):
     proposal = Proposal(3, 2, 0, "explore", "halton", False, (5.0,))
-    leads = tuple(LeadingMargin(v.oracle, v.lower, v.unit) for v in verdicts)
-    plain = ProposalRow(proposal, "id", "s.2/pilot/0", "digest", RunState.DONE, Outcome.PASS)
-    return replace(plain, verdicts=verdicts, leads=leads, **more)
+    if leads is None:
+        leads = tuple(LeadingMargin(v.oracle, v.lower, v.unit) for v in verdicts)
+    result = run_result(*verdicts, leads=leads, ended=ended)
+    return ProposalRow(proposal, run_row("s.3", "s.2", result=result, **more))
 
 
 def verdict(oracle, margin, unit="m"):
@@ -45,7 +47,7 @@ def test_of_any_the_smallest_share_counts_and_a_failure_wins():
     assert told(SEVERAL, passing) == (Outcome.PASS, 0.2, "in-time")
     failing = row(verdict("clear", -0.025), verdict("in-time", 12.0, "s"))
     assert told(SEVERAL, failing) == (Outcome.FAIL, -0.1, "clear")
-    without_lead = replace(failing, leads=failing.leads[1:])
+    without_lead = row(*failing.run.verdicts, leads=failing.run.leads[1:])
     assert told(SEVERAL, without_lead) == (Outcome.FAIL, 0.2, "clear")
 
 

@@ -8,6 +8,7 @@ import html5lib
 import numpy as np
 import pytest
 
+from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
@@ -133,15 +134,14 @@ def test_runs_without_a_margin_leave_gaps():
 
 def test_of_a_point_that_was_repeated_the_median_counts():
     row, rows = searched(DOOR, runs=3, confirm=0, then=())
-    first = rows[0]
-    assert first.leads[0].margin is not None
+    first, run = rows[0].proposal, rows[0].run
+    assert run.leads[0].margin is not None
+    led = [
+        replace(run, result=replace(run.result, leads=(replace(run.leads[0], margin=margin),)))
+        for margin in (0.5, 0.1, 0.3)
+    ]
     repeats = [
-        replace(
-            first,
-            proposal=replace(first.proposal, position=100 + k, repeat=k),
-            leads=(replace(first.leads[0], margin=margin),),
-        )
-        for k, margin in enumerate((0.5, 0.1, 0.3))
+        ProposalRow(replace(first, position=100 + k, repeat=k), one) for k, one in enumerate(led)
     ]
     (point,) = drawn_points(row.task, repeats)
     assert point.value == 0.3
@@ -149,7 +149,7 @@ def test_of_a_point_that_was_repeated_the_median_counts():
 
 def test_what_is_not_settled_is_not_drawn():
     row, rows = searched(DOOR)
-    waiting = [replace(one, state=RunState.QUEUED) for one in rows]
+    waiting = [ProposalRow(one.proposal, replace(one.run, state=RunState.QUEUED)) for one in rows]
     assert drawn_points(row.task, waiting) == ()
     assert search_figures(replace(row, answer=None), waiting) == {}
     assert "Not known" in search_page(replace(row, answer=None, state="running"), waiting)
