@@ -170,17 +170,14 @@ _LONGEST_REASON: Final = 4000
 
 
 class LeaseUpdates(RunUpdates):
-    """What workers may do with runs; a lease lasts ``lease`` seconds.
+    """Leases of runs: the ledger knows who has what, the daemon's memory until when.
 
     Which worker comes with a lease does not matter: the next worker of a machine takes over what a
     dead one has left.
     """
 
-    def __init__(
-        self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
-    ) -> None:
+    def __init__(self, connection: sqlite3.Connection, *, attempts: int = 3) -> None:
         super().__init__(connection, attempts)
-        self._lease = lease
         self._era = ""
         self._specs = SpecReader(connection)
         # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
@@ -216,7 +213,7 @@ class LeaseUpdates(RunUpdates):
                 self._hold(campaign, run, why, now)
                 continue
             token = self._next_token()
-            change = self._apply(run, Leased(worker, token, now + self._lease), now)
+            change = self._apply(run, Leased(worker, token), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             self._db.execute("UPDATE run SET leased_at = ? WHERE id = ?", (now, run))
             attempt = change.run.attempt
@@ -264,7 +261,7 @@ class LeaseUpdates(RunUpdates):
         return int(row[0])
 
     def renew(self, worker: str, holds: Iterable[LeaseRef], now: float) -> tuple[LeaseRef, ...]:
-        """Extend the leases a worker holds and return those whose runs it is to stop.
+        """Take in which leases a worker holds and return those whose runs it is to stop.
 
         A lease that has lapsed is the worker's again while its run waits; if another one has the
         run by now, both go on. Runs leased to the worker that it does not claim were granted in an
@@ -284,7 +281,7 @@ class LeaseUpdates(RunUpdates):
     def _renew_lease(self, worker: str, hold: LeaseRef, now: float) -> bool:
         if lease_problem(self._db, hold.run, hold.token) is not None:
             return False
-        change = self._apply(hold.run, Renewed(worker, hold.token, now + self._lease), now)
+        change = self._apply(hold.run, Renewed(worker, hold.token), now)
         held = change.answer is LedgerAnswer.DONE
         if held and change.run.token not in (0, hold.token):
             self._contested.add(hold.run)
@@ -389,32 +386,17 @@ class LeaseUpdates(RunUpdates):
         event = Released(release.token, reason, release.blame, release.died)
         return self._apply(release.run, event, now).answer
 
-    def expire_leases(self, now: float) -> int:
-        """Queue every run again whose lease has lapsed, or give it up; returns how many."""
-        rows = self._db.execute(
-            "SELECT id, token FROM run WHERE state = 'running' AND lease_until < ?", (now,)
-        ).fetchall()
-        for run, token in rows:
-            self._apply(run, Lapsed(token), now)
-        return len(rows)
+    def leases(self) -> tuple[LeaseRef, ...]:
+        """Return the leases that runs are running under."""
+        rows = self._db.execute("SELECT id, token FROM run WHERE state = 'running'")
+        return tuple(LeaseRef(run, token) for run, token in rows)
+
+    def lapse(self, leases: Iterable[LeaseRef], now: float) -> None:
+        """Queue the runs of leases that nobody renewed in time again, or give them up."""
+        for lease in leases:
+            self._apply(lease.run, Lapsed(lease.token), now)
 
     def busy_workers(self) -> frozenset[str]:
         """The ids of workers that have leases now."""
         rows = self._db.execute("SELECT DISTINCT worker FROM run WHERE state = 'running'")
         return frozenset(row[0] for row in rows)
-
-    def extend_leases(self, now: float) -> int:
-        """Let all leases last one period, for a daemon that starts: it was away, not they.
-
-        Returns how many there are.
-        """
-        # Not the later of both: the clock may have been set back while no daemon ran.
-        return self._db.execute(
-            "UPDATE run SET lease_until = ? WHERE state = 'running'", (now + self._lease,)
-        ).rowcount
-
-    def shift_leases(self, seconds: float) -> None:
-        """Move all leases along with a clock that was set: they last as long as before."""
-        self._db.execute(
-            "UPDATE run SET lease_until = lease_until + ? WHERE state = 'running'", (seconds,)
-        )

@@ -38,10 +38,9 @@ class SearchUpdates(LeaseUpdates):
         connection: sqlite3.Connection,
         *,
         attempts: int = 3,
-        lease: float = 30.0,
         paths: StatePaths | None = None,
     ) -> None:
-        super().__init__(connection, attempts=attempts, lease=lease)
+        super().__init__(connection, attempts=attempts)
         self._paths = paths
         self._deleted: list[str] = []
 

@@ -33,11 +33,11 @@ T = TypeVar("T")
 # retried: at once, since there may be 200,000.
 _CANCEL: Final = (
     "UPDATE run SET state = CASE result WHEN '' THEN 'cancelled' ELSE 'done' END, token = 0,"
-    " lease_until = 0, reason = 'cancelled', nondeterministic = 0"
+    " reason = 'cancelled', nondeterministic = 0"
     " WHERE campaign = ? AND state IN ('queued', 'running')"
 )
 _RETRY: Final = (
-    "UPDATE run SET state = 'queued', token = 0, lease_until = 0, reason = '', strikes = 0,"
+    "UPDATE run SET state = 'queued', token = 0, reason = '', strikes = 0,"
     " lapses = 0, nondeterministic = 0,"
     " outdated = CASE state WHEN 'done' THEN granted ELSE outdated END WHERE id = ?"
 )
@@ -46,22 +46,20 @@ _RETRY: Final = (
 class LedgerWriter(SearchUpdates):
     """The write side of the ledger on one connection, used by one thread, in transactions.
 
-    A run is lost after ``attempts`` leases that ended badly; a lease lasts ``lease`` seconds.
+    A run is lost after ``attempts`` leases that ended badly.
     Times given to the methods are wall clock seconds since the epoch.
     """
 
     @classmethod
     @contextmanager
-    def open(
-        cls, paths: StatePaths, *, attempts: int = 3, lease: float = 30.0
-    ) -> Iterator[LedgerWriter]:
+    def open(cls, paths: StatePaths, *, attempts: int = 3) -> Iterator[LedgerWriter]:
         """Open a ledger, creating it if need be.
 
         Raises :class:`DaemonError`, also for what is done in the block outside of a transaction.
         """
         try:
             with closing(connect(paths.ledger)) as connection:
-                yield cls(connection, attempts=attempts, lease=lease, paths=paths)
+                yield cls(connection, attempts=attempts, paths=paths)
         except UNREADABLE as error:
             raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
 

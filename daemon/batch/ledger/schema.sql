@@ -54,7 +54,6 @@ CREATE TABLE run (
     strikes     INTEGER NOT NULL DEFAULT 0,
     worker      TEXT NOT NULL DEFAULT '',
     token       INTEGER NOT NULL DEFAULT 0,
-    lease_until REAL NOT NULL DEFAULT 0,
     result      TEXT NOT NULL DEFAULT '',
     reason      TEXT NOT NULL DEFAULT '',
     outcome     TEXT NOT NULL DEFAULT '',
@@ -82,7 +81,6 @@ CREATE TABLE run (
 CREATE INDEX run_queue ON run (state, serial);
 -- Ready to be leased, those first that were leased less often.
 CREATE INDEX run_ready ON run (campaign, attempt, serial) WHERE state = 'queued';
-CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- What each worker has: asked with every request for work and every renewal.
 CREATE INDEX run_working ON run (worker, token) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.

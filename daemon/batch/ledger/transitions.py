@@ -58,7 +58,6 @@ class ExecutionState:
     strikes: int = 0
     worker: str = ""
     token: int = 0
-    lease_until: float = 0.0
     result: str = ""
     reason: str = ""
     repeatable: bool = True
@@ -74,7 +73,6 @@ class Leased:
 
     worker: str
     token: int
-    until: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +81,6 @@ class Renewed:
 
     worker: str
     token: int
-    until: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,9 +176,7 @@ def _holds(run: ExecutionState, token: int) -> bool:
 
 
 def _at_rest(run: ExecutionState, state: RunState, reason: str) -> ExecutionState:
-    return replace(
-        run, state=state, token=0, lease_until=0.0, reason=reason, nondeterministic=False
-    )
+    return replace(run, state=state, token=0, reason=reason, nondeterministic=False)
 
 
 def _lease(run: ExecutionState, event: Leased) -> RunTransition:
@@ -194,7 +189,6 @@ def _lease(run: ExecutionState, event: Leased) -> RunTransition:
         worker=event.worker,
         token=event.token,
         granted=event.token,
-        lease_until=event.until,
     )
     return RunTransition(taken, LedgerAnswer.DONE)
 
@@ -204,10 +198,7 @@ def _renew(run: ExecutionState, event: Renewed) -> RunTransition:
     if run.state in (RunState.DONE, RunState.CANCELLED) or event.token <= run.outdated:
         return RunTransition(run, LedgerAnswer.STALE)
     if _holds(run, event.token):
-        # The later of both: renewals may overtake each other on the way.
-        until = max(event.until, run.lease_until)
-        same = replace(run, worker=event.worker, lease_until=until)
-        return RunTransition(same, LedgerAnswer.DONE)
+        return RunTransition(replace(run, worker=event.worker), LedgerAnswer.DONE)
     if run.state is not RunState.QUEUED:
         # Another has it, or it is lost: work that is well is not stopped, its result may be first.
         return RunTransition(run, LedgerAnswer.DONE)
@@ -216,7 +207,6 @@ def _renew(run: ExecutionState, event: Renewed) -> RunTransition:
         state=RunState.RUNNING,
         worker=event.worker,
         token=event.token,
-        lease_until=event.until,
         reason="",
         nondeterministic=False,
         lapses=0,
@@ -248,7 +238,7 @@ def _complete(run: ExecutionState, event: Completed) -> RunTransition:
 def _settled(run: ExecutionState, token: int) -> ExecutionState:
     """A result was there before: only what was executed since ends the repetition under way."""
     if token > run.outdated and run.state in (RunState.QUEUED, RunState.RUNNING):
-        return replace(run, state=RunState.DONE, token=0, lease_until=0.0, lapses=0)
+        return replace(run, state=RunState.DONE, token=0, lapses=0)
     return run
 
 

@@ -2,10 +2,8 @@
 
 from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import (
-    DaemonClock,
     DaemonSettings,
     EventLog,
-    StallMeter,
     exposure_warning,
     prepare_endpoints,
 )
@@ -14,17 +12,17 @@ from daemon.batch.server._serve import STOP_MARGIN, serve
 from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._threads import LedgerJob, WriterThread
 from daemon.batch.server._uploads import FileUploads, TraceUploads
-from daemon.batch.server._workers import WorkerRegistry
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 
 __all__ = [
     "STOP_MARGIN",
-    "DaemonClock",
     "DaemonSettings",
     "EventLog",
     "FileUploads",
+    "LeaseClock",
+    "LeaseDeadlines",
     "LedgerJob",
     "RevokedKeys",
-    "StallMeter",
     "TraceUploads",
     "WorkerRegistry",
     "WriterThread",

@@ -21,10 +21,9 @@ from daemon.batch.security import strip_control_characters
 from daemon.batch.server._revoked_keys import RevokedKeys, split_key
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import BUSY, LedgerJob, LedgerThread
-from daemon.model.verbs import RENEW, VERBS, AnyVerb, ServerThread
+from daemon.model.verbs import VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
-_RENEWS: Final = f"/{RENEW}"
 _LONGEST_PROBLEM: Final = 4000
 _LONGEST_KEY: Final = 200
 
@@ -104,8 +103,7 @@ class RequestDispatcher:
         done: Callable[[object], None] | None = None,
     ) -> None:
         answer = done or (lambda value: self._reply(query, value))
-        renews = str(query.key_expr).endswith(_RENEWS)
-        if not thread.offer(LedgerJob(act, answer, renews)):
+        if not thread.offer(LedgerJob(act, answer)):
             self.overload.offer(LedgerJob(lambda _: BUSY, answer))
 
     def _prepare(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,12 +15,12 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._quota import Quota
-from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
+from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchHandlers
 from daemon.batch.server._submissions import prepare_request
 from daemon.batch.server._time_left import TimeLeftClock
 from daemon.batch.server._uploads import FileUploads, TraceUploads
-from daemon.batch.server._workers import WorkerRegistry
+from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
 from daemon.batch.time_left import RunProgress
 from daemon.model.assessments import AssessmentRules, RunRecord
@@ -100,7 +101,7 @@ class Handlers(SearchHandlers):
     settings: DaemonSettings
     registry: WorkerRegistry
     log: EventLog
-    clock: DaemonClock
+    deadlines: LeaseDeadlines
     quota: Quota
     version: str
     stop: Callable[[], None]
@@ -116,7 +117,7 @@ class Handlers(SearchHandlers):
         self._files = FileUploads(self.paths, self.log)
         self._inputs = InputStore(self.paths, self.log)
         self._time_left = TimeLeftClock(self.registry)
-        self._started_at = self.clock.now()
+        self._started_at = time.time()
         self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
         # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
         self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
@@ -127,12 +128,12 @@ class Handlers(SearchHandlers):
     # Questions, each answered from one snapshot of the ledger
 
     def overview(self, ledger: LedgerReader, _: Empty) -> DaemonOverview:
-        now = self.clock.now()
+        now = time.time()
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
         standing: Any = count_states(counts)
         halts, troubles = self._standing_troubles()
-        workers = [row for row in self.registry.rows(now) if not row.away]
+        workers = [row for row in self.registry.rows() if not row.away]
         return DaemonOverview(
             version=self.version,
             state=str(self.paths.state),
@@ -150,7 +151,7 @@ class Handlers(SearchHandlers):
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:
-        rows, now = ledger.campaigns(query), self.clock.now()
+        rows, now = ledger.campaigns(query), time.time()
         return tuple(
             row
             if row.finished_at is not None or row.paused
@@ -160,7 +161,7 @@ class Handlers(SearchHandlers):
 
     def _standing_troubles(self) -> tuple[bool, tuple[Trouble, ...]]:
         """Whether the first trouble lets no run start; and all that runs or workers have."""
-        workers = [row for row in self.registry.rows(self.clock.now()) if not row.away]
+        workers = [row for row in self.registry.rows() if not row.away]
         halting = list(self.troubles())
         here, said = socket.gethostname(), {trouble.words for trouble in halting}
         idle = [
@@ -192,7 +193,7 @@ class Handlers(SearchHandlers):
         return ledger.records(query)
 
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
-        return self.registry.rows(self.clock.now())
+        return self.registry.rows()
 
     def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
         try:
@@ -257,22 +258,22 @@ class Handlers(SearchHandlers):
 
     def submit(self, ledger: LedgerWriter, prepared: AdmittedSubmission) -> SubmissionReceipt:
         self._end_waits(ledger)
-        receipt = ledger.enter(prepared, self.clock.now())
+        receipt = ledger.enter(prepared, time.time())
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
 
     def _end_waits(self, ledger: LedgerWriter) -> None:
         """Let runs go on whose scene or file somebody has brought back."""
         for reason in self._inputs.take_restored():
-            ledger.end_hold(reason, self.clock.now())
+            ledger.end_hold(reason, time.time())
 
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        count = ledger.cancel(request.id, self.clock.now())
+        count = ledger.cancel(request.id, time.time())
         self.log.write("cancelled", campaign=request.id, runs=count)
         return Count(count)
 
     def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:
-        count = ledger.retry(request, self.clock.now())
+        count = ledger.retry(request, time.time())
         self.log.write("retried", campaign=request.campaign, runs=count)
         return Count(count)
 
@@ -294,25 +295,25 @@ class Handlers(SearchHandlers):
             for name, runs in zip(request.campaigns, counts, strict=True)
         )
         if not request.dry:
-            ledger.delete(request.campaigns, self.clock.now())
+            ledger.delete(request.campaigns, time.time())
             self.log.write("deleted", campaigns=request.campaigns[:20], runs=sum(counts))
         return gone
 
     def pause(self, ledger: LedgerWriter, request: IdRequest) -> Count:
         self.log.write("paused", campaign=request.id)
-        return Count(ledger.pause(request.id, self.clock.now(), paused=True))
+        return Count(ledger.pause(request.id, time.time(), paused=True))
 
     def resume(self, ledger: LedgerWriter, request: IdRequest) -> Count:
         self.log.write("resumed", campaign=request.id)
-        return Count(ledger.pause(request.id, self.clock.now(), paused=False))
+        return Count(ledger.pause(request.id, time.time(), paused=False))
 
     def prioritise(self, ledger: LedgerWriter, request: PriorityRequest) -> Empty:
-        ledger.set_priority(request.campaign, request.priority, self.clock.now())
+        ledger.set_priority(request.campaign, request.priority, time.time())
         self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
     def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
-        now = self.clock.now()
+        now = time.time()
         self._register_worker(ledger, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
@@ -330,11 +331,12 @@ class Handlers(SearchHandlers):
         )
 
     def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
-        now = self.clock.now()
+        now = time.time()
         self._register_worker(ledger, request.worker, now)
         told = zip(request.holds, request.simulated, strict=False)
         progress = {hold.run: RunProgress(seconds, now) for hold, seconds in told}
         self.registry.record_progress(request.worker.id, progress)
+        self.deadlines.renew(request.holds)
         return RenewReply(ledger.renew(request.worker.id, request.holds, now))
 
     def complete(self, ledger: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
@@ -345,7 +347,7 @@ class Handlers(SearchHandlers):
         ledger.check_completion(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = ledger.complete(completion, self.clock.now())
+        answer = ledger.complete(completion, time.time())
         self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED:
             self.quota.add_bytes(completion.result.trace.size)
@@ -357,7 +359,7 @@ class Handlers(SearchHandlers):
         ledger.require_era(request.era, request.token)
         if request.damaged:
             self._inputs.examine(request.damaged)
-        answer = ledger.release(request, self.clock.now())
+        answer = ledger.release(request, time.time())
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
@@ -367,6 +369,6 @@ class Handlers(SearchHandlers):
         self.registry.check_version(worker)
         ledger.require_era(worker.era)
         self.registry.check_room(worker.id)
-        if self.registry.record_contact(worker, now):
+        if self.registry.record_contact(worker):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

@@ -46,7 +46,5 @@ def open_state(
         if error.errno in _NO_ROOM:
             raise Unavailable(f"{words}: free some space and start the daemon again") from error
         raise DaemonError(words) from error
-    ledger = stack.enter_context(
-        LedgerWriter.open(paths, attempts=settings.attempts, lease=settings.lease)
-    )
+    ledger = stack.enter_context(LedgerWriter.open(paths, attempts=settings.attempts))
     return OpenedState(ledger, marker, ledger.begin_era())

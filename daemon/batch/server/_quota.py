@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from typing import Final
 
 from daemon.batch.amounts import size_text
@@ -29,16 +28,13 @@ class Quota(threading.Thread):
     ``used`` is what they take now, as far as is known; ``trouble`` says why no run may start.
     """
 
-    def __init__(
-        self, paths: StatePaths, log: EventLog, limit: int, now: Callable[[], float]
-    ) -> None:
+    def __init__(self, paths: StatePaths, log: EventLog, limit: int) -> None:
         super().__init__(name="quota", daemon=True)
         self.limit = limit
         self.used = 0
         self.trouble = ""
         self._paths = paths
         self._log = log
-        self._now = now
         self._wake = threading.Event()
         self._closing = threading.Event()
 
@@ -72,9 +68,8 @@ class Quota(threading.Thread):
     def _enforce(self) -> None:
         self.used = stored_bytes(self._paths)
         if self.limit and self.used > self.limit:
-            swept = sweep_traces(
-                self._paths, RetentionPolicy(size=int(_LEAST * self.limit)), self._now()
-            )
+            policy = RetentionPolicy(size=int(_LEAST * self.limit))
+            swept = sweep_traces(self._paths, policy, time.time())
             self.used = swept.kept
             if swept.gone:
                 campaigns = list(dict.fromkeys(trace.campaign for trace in swept.gone))

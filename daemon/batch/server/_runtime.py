@@ -1,4 +1,4 @@
-"""What a daemon runs with: its settings, the endpoints it listens at, its clock, its event log."""
+"""What a daemon runs with: its settings, the endpoints it listens at, its event log."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import json
 import os
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,59 +106,8 @@ def exposure_warning(listen: str) -> str:
     return f"INSECURE: {who} can look, submit, cancel and stop the daemon through {listen}"
 
 
-_STEP: Final = 0.5
-"""Seconds; less than this between two looks is a clock being disciplined, not set."""
 _LARGEST: Final = 4 * 2**20
 _OLD_FILES: Final = 3
-
-
-class DaemonClock:
-    """Seconds since the epoch that pass evenly between calls of :meth:`follow_wall_clock`."""
-
-    def __init__(
-        self,
-        wall: Callable[[], float] = time.time,
-        steady: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._wall = wall
-        self._steady = steady
-        self._offset = wall() - steady()
-
-    def now(self) -> float:
-        """The time [s]; safe to ask from any thread."""
-        return self._steady() + self._offset
-
-    def follow_wall_clock(self) -> float:
-        """Go on with what the wall clock says now; returns by how much it was set [s], else 0.
-
-        A machine that slept looks the same as a clock that was set forward.
-        """
-        before = self._offset
-        self._offset = self._wall() - self._steady()
-        moved = self._offset - before
-        return moved if abs(moved) > _STEP else 0.0
-
-
-_LEAST_STALL: Final = 0.25
-"""Seconds; ticks that are late by less are late because something else had its turn."""
-
-
-class StallMeter:
-    """Measures for how long the writer did nothing of what waited, by how late its ticks are.
-
-    That is a transaction that took long, a process that was stopped, a machine that was too busy:
-    whatever it was, nobody could renew a lease meanwhile. ``tick`` is their period [s].
-    """
-
-    def __init__(self, tick: float) -> None:
-        self._tick = tick
-        self._last: float | None = None
-
-    def measure(self, now: float) -> float:
-        """Return how late this tick is [s], 0 when it is not; ``now`` is of a steady clock."""
-        late = 0.0 if self._last is None else now - self._last - self._tick
-        self._last = now
-        return late if late > max(_LEAST_STALL, self._tick) else 0.0
 
 
 class EventLog:

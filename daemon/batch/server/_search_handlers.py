@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._runtime import DaemonClock, EventLog
+from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._searches import (
     StagedExtension,
     StagedSearch,
@@ -28,7 +29,6 @@ class SearchHandlers:
 
     paths: StatePaths
     log: EventLog
-    clock: DaemonClock
 
     def searches(self, ledger: LedgerReader, query: SearchQuery) -> tuple[SearchRow, ...]:
         return ledger.searches(query)
@@ -52,7 +52,7 @@ class SearchHandlers:
             staged.place(self.paths, same=same)
 
         try:
-            now = self.clock.now()
+            now = time.time()
             receipt = ledger.submit_search(staged.asked, staged.digest, place, now)
         finally:
             staged.remove()
@@ -63,10 +63,10 @@ class SearchHandlers:
         return stage_extension(payload, self.paths)
 
     def extend(self, ledger: LedgerWriter, staged: StagedExtension) -> Count:
-        return Count(ledger.extend(staged.proposals, staged.runs, self.clock.now()))
+        return Count(ledger.extend(staged.proposals, staged.runs, time.time()))
 
     def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:
-        ledger.note_progress(progress, self.clock.now())
+        ledger.note_progress(progress, time.time())
         if progress.state != "running":
             self.log.write(
                 "search ended",

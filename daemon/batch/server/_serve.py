@@ -27,11 +27,9 @@ from daemon.batch.server._processes import LocalWorker, SearchCoordinator
 from daemon.batch.server._quota import Quota
 from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import (
-    DaemonClock,
     DaemonSettings,
     EventLog,
     ListenSettings,
-    StallMeter,
     prepare_endpoints,
 )
 from daemon.batch.server._searches import remove_staged_searches
@@ -45,7 +43,7 @@ from daemon.batch.server._threads import (
     WriterThread,
 )
 from daemon.batch.server._trace_mover import TraceMover
-from daemon.batch.server._workers import WorkerRegistry
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
@@ -149,13 +147,13 @@ class _Daemon:
         self._listening = listening
         self._stop = stop
         self._opened = opened
-        self._clock = DaemonClock()
-        self._stalls = StallMeter(settings.tick)
+        self._clock = LeaseClock(settings.tick)
+        self._deadlines = LeaseDeadlines(settings.lease, self._clock)
         self._revoked = RevokedKeys(log, listening.keys)
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
-        self._registry = WorkerRegistry(settings.lease)
-        self._quota = Quota(paths, log, settings.quota, self._clock.now)
+        self._registry = WorkerRegistry(settings.lease, self._clock)
+        self._quota = Quota(paths, log, settings.quota)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
         self._coordinator: SearchCoordinator | None = None
@@ -165,7 +163,7 @@ class _Daemon:
             settings,
             self._registry,
             log,
-            self._clock,
+            self._deadlines,
             self._quota,
             version=self._version,
             stop=stop,
@@ -196,7 +194,7 @@ class _Daemon:
         local = self._local
         if local is None or local.trouble or self._stop.asked:
             return None
-        known = any(row.pid == local.pid for row in self._registry.rows(self._clock.now()))
+        known = any(row.pid == local.pid for row in self._registry.rows())
         return None if known else Preparation(PreparationPhase.STARTING)
 
     def run(
@@ -231,7 +229,7 @@ class _Daemon:
                 writer.put(LedgerJob(partial(self._fail_searches, given_up), self._ticked))
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
-            writer.put(LedgerJob(partial(self._tick, writer), self._ticked))
+            writer.put(LedgerJob(self._tick, self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stop.wait(self._settings.tick)
@@ -242,10 +240,8 @@ class _Daemon:
     def _start_threads(
         self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
     ) -> tuple[WriterThread, tuple[LedgerThread, ...]]:
-        # Workers could renew nothing while there was no daemon: none of that is held against them.
-        extended = ledger.extend_leases(self._clock.now())
-        if extended:
-            self._log.write("resumed", leases=extended)
+        if leases := ledger.leases():
+            self._log.write("resumed", leases=len(leases))
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
         writer = WriterThread(
@@ -286,34 +282,27 @@ class _Daemon:
         if sample.kind == zenoh.SampleKind.PUT:
             self._registry.connected(worker)
         else:
-            self._registry.disconnected(worker, self._clock.now())
+            self._registry.disconnected(worker)
 
-    def _tick(self, writer: WriterThread, ledger: LedgerWriter) -> None:
-        moved = self._clock.follow_wall_clock()
-        if moved:
-            ledger.shift_leases(moved)
-            self._registry.shift(moved)
-            self._log.write("clock set", seconds=round(moved, 3))
-        stalled = self._stalls.measure(time.monotonic())
+    def _tick(self, ledger: LedgerWriter) -> None:
+        stalled = self._clock.advance(time.monotonic())
         if stalled:
-            ledger.shift_leases(stalled)
-            self._registry.shift(stalled)
             self._log.write("stalled", seconds=round(stalled, 3))
         self._searches = ledger.running_searches()
-        now = self._clock.now()
-        # A renewal that has come proves that its worker lives, whenever there is time to read it.
-        taken = 0 if writer.renewals_wait else ledger.expire_leases(now)
-        if taken:
-            self._log.write("leases lapsed", runs=taken)
-        absent = self._registry.absent(now)
+        now = time.time()
+        overdue = self._deadlines.overdue(ledger.leases())
+        if overdue:
+            ledger.lapse(overdue, now)
+            self._log.write("leases lapsed", runs=len(overdue))
+        absent = self._registry.absent()
         if absent:
             # Who still has a lease may come back to it.
-            for worker in self._registry.forget(sorted(absent - ledger.busy_workers()), now):
+            for worker in self._registry.forget(sorted(absent - ledger.busy_workers())):
                 ledger.record_event(now, "worker", worker, state="gone")
                 self._log.write("worker gone", worker=worker)
 
     def _fail_searches(self, note: str, ledger: LedgerWriter) -> None:
-        failed = ledger.fail_searches(note, self._clock.now())
+        failed = ledger.fail_searches(note, time.time())
         self._log.write("searches given up", count=failed, problem=note)
 
     def _ticked(self, value: object) -> None:

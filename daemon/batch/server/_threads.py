@@ -27,14 +27,10 @@ BUSY: Final = Unavailable(
 
 @dataclass(frozen=True, slots=True)
 class LedgerJob:
-    """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
-
-    It ``renews`` leases, maybe.
-    """
+    """Something to do with the ledger; ``done`` gets its value, or the exception it raised."""
 
     act: Callable[[Any], object]
     done: Callable[[object], None]
-    renews: bool = False
 
 
 class LedgerThread(threading.Thread):
@@ -62,7 +58,7 @@ class LedgerThread(threading.Thread):
             self._room.release()
             job.done(value)
 
-        self.put(LedgerJob(job.act, done, job.renews))
+        self.put(LedgerJob(job.act, done))
         return True
 
     def finish(self) -> None:
@@ -92,39 +88,6 @@ class WriterThread(LedgerThread):
         self._changes = -1
         self._changed_at = 0.0
         self._emptied = False
-        self._renewals = 0
-        self._counting = threading.Lock()
-
-    @property
-    def renewals_wait(self) -> bool:
-        """Whether leases may be renewed by what has come and is not done yet."""
-        return self._renewals > 0
-
-    def put(self, job: LedgerJob) -> None:
-        """Queue a job; returns at once."""
-        if not job.renews:
-            super().put(job)
-            return
-        with self._counting:
-            self._renewals += 1
-        waits = True
-
-        def wait_no_more() -> None:
-            nonlocal waits
-            with self._counting:
-                self._renewals -= waits
-                waits = False
-
-        def act(ledger: LedgerWriter) -> object:
-            wait_no_more()
-            return job.act(ledger)
-
-        def done(value: object) -> None:
-            # It was never begun where the transaction was not, for want of room on the disk say.
-            wait_no_more()
-            job.done(value)
-
-        super().put(LedgerJob(act, done))
 
     def run(self) -> None:
         """Work until told to finish."""

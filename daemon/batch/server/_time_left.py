@@ -49,7 +49,7 @@ class TimeLeftClock:
         if last.made_at <= now < last.until:
             return last
         begun = time.perf_counter()
-        rows = self._registry.rows(now)
+        rows = self._registry.rows()
         slots = sum(row.slots for row in rows if not row.away and not row.trouble)
         work = ledger.workload(now, self._registry.progress())
         left = estimate_time_left(work, slots)

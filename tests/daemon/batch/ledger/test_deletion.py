@@ -79,7 +79,6 @@ STATES = st.builds(
     strikes=st.integers(0, 2),
     worker=st.just("w"),
     token=st.integers(0, 9),
-    lease_until=st.just(5.0),
     result=st.sampled_from(["", "a" * 64]),
     reason=st.just("why"),
     repeatable=st.booleans(),

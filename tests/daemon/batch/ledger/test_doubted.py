@@ -85,7 +85,7 @@ def test_a_run_that_the_wall_clock_ended_says_nothing_about_others(ledger, order
 def test_nor_about_another_attempt_at_the_same_run(ledger, order):
     ledger.submit("first", 1)
     (grant,) = ledger.book.lease("a", 1, NOW)
-    ledger.book.expire_leases(NOW + 100.0)
+    ledger.book.lapse(ledger.book.leases(), NOW + 100.0)
     (again,) = ledger.book.lease("b", 1, NOW + 110.0)
     answers = [
         ledger.book.complete(

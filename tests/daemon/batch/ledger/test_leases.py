@@ -14,7 +14,7 @@ LATER = NOW + 100.0
 @pytest.fixture
 def book(tmp_path):
     db = connect(tmp_path / "ledger.db")
-    book = LedgerWriter(db, lease=30.0)
+    book = LedgerWriter(db)
     book.submit(make_submission("c", 1), NOW)
     yield book
     db.close()
@@ -44,7 +44,7 @@ def heard(book):
 def replaced(book):
     """A run that is leased anew since the first lease has lapsed."""
     (first,) = book.lease("cut", 1, NOW)
-    assert book.expire_leases(LATER - 10.0) == 1  # and it waits a little
+    book.lapse(book.leases(), LATER)
     (second,) = book.lease("other", 1, LATER)
     return first, second
 
@@ -77,7 +77,7 @@ def test_nobody_is_told_to_stop_where_nobody_else_is_at_it(book):
 def test_a_worker_that_holds_nothing_any_more_is_not_busy(book):
     first, _ = replaced(book)
     assert book.busy_workers() == {"other"}
-    book.expire_leases(LATER + 100.0)
+    book.lapse(book.leases(), LATER + 100.0)
     assert book.busy_workers() == frozenset()
     # The next worker of the machine has taken over what the first one finished.
     assert book.renew("heir", refs(first), LATER) == ()

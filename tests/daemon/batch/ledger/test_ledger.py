@@ -9,7 +9,7 @@ from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.batch.time_left import CellWork, ExecutedRuns, RunInProgress, RunProgress
-from daemon.model.messages import Completion, RunQuery
+from daemon.model.messages import Completion, LeaseRef, RunQuery
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.batch.samples import make_result, make_search, make_submission
@@ -192,14 +192,12 @@ def test_everything_is_still_there_after_reopening(tmp_path):
     path = tmp_path / "ledger.db"
     db = connect(path)
     LedgerWriter(db).submit(make_submission("c", 2), NOW)
-    granted = LedgerWriter(db, lease=30).lease("w", 1, NOW)
+    (granted,) = LedgerWriter(db).lease("w", 1, NOW)
     db.close()
     again = connect(path)
-    book = LedgerWriter(again, lease=30)
-    assert book.extend_leases(NOW + 29) == 1
-    assert book.expire_leases(NOW + 58) == 0
-    assert book.expire_leases(NOW + 60) == 1
-    assert book.lease("w", 1, NOW)[0].token > granted[0].token
+    book = LedgerWriter(again)
+    assert book.leases() == (LeaseRef(granted.run, granted.token),)
+    assert book.lease("w", 1, NOW)[0].token > granted.token
     again.close()
 
 

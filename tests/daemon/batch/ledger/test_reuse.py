@@ -386,7 +386,7 @@ def test_what_is_not_repeatable_may_come_out_differently_without_an_alarm(ledger
 def test_of_two_executions_of_one_run_the_first_stays(ledger):
     ledger.submit("first", external(specs(1)[0]))
     (slow,) = ledger.book.lease("slow", 1, NOW)
-    ledger.book.expire_leases(NOW + 3600.0)
+    ledger.book.lapse(ledger.book.leases(), NOW + 3600.0)
     (fast,) = ledger.book.lease("fast", 1, NOW)
     answers = [
         ledger.book.complete(

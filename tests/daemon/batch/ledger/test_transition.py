@@ -18,7 +18,7 @@ from daemon.model.messages import LedgerAnswer
 from daemon.model.run_state import RunState
 
 QUEUED = ExecutionState()
-RUNNING = advance(QUEUED, Leased("w", 7, 30.0), attempts=3).run
+RUNNING = advance(QUEUED, Leased("w", 7), attempts=3).run
 
 
 def after(run, *events):
@@ -28,21 +28,19 @@ def after(run, *events):
 
 
 def test_a_lease_makes_a_queued_run_run():
-    expected = ExecutionState(
-        RunState.RUNNING, attempt=1, worker="w", token=7, lease_until=30.0, granted=7
-    )
+    expected = ExecutionState(RunState.RUNNING, attempt=1, worker="w", token=7, granted=7)
     assert expected == RUNNING
 
 
 def test_only_queued_runs_can_be_leased():
-    change = advance(RUNNING, Leased("v", 8, 40.0), attempts=3)
+    change = advance(RUNNING, Leased("v", 8), attempts=3)
     assert change.answer is LedgerAnswer.STALE
     assert change.run == RUNNING
 
 
-def test_renewing_extends_but_never_shortens_a_lease():
-    assert after(RUNNING, Renewed("w", 7, 50.0)).lease_until == 50.0
-    assert after(RUNNING, Renewed("w", 7, 10.0)).lease_until == 30.0
+def test_a_renewal_says_who_has_the_lease_now():
+    assert after(RUNNING, Renewed("w", 7)) == RUNNING
+    assert after(RUNNING, Renewed("heir", 7)) == replace(RUNNING, worker="heir")
 
 
 @pytest.mark.parametrize("event", [Released(6, "x", blame=True), Lapsed(6)])
@@ -54,41 +52,41 @@ def test_an_older_lease_that_ends_ends_nothing(event):
 def test_a_lapse_is_nobodys_fault_and_a_renewal_takes_the_run_back():
     waiting = after(RUNNING, Lapsed(7))
     assert (waiting.state, waiting.strikes, waiting.lapses) == (RunState.QUEUED, 0, 1)
-    back = advance(waiting, Renewed("adopter", 7, 90.0), attempts=3)
+    back = advance(waiting, Renewed("adopter", 7), attempts=3)
     assert back.answer is LedgerAnswer.DONE
-    assert back.run == replace(RUNNING, worker="adopter", lease_until=90.0)
+    assert back.run == replace(RUNNING, worker="adopter")
 
 
 def test_two_that_are_at_a_run_both_go_on_until_one_has_the_result():
-    replaced = after(RUNNING, Lapsed(7), Leased("v", 8, 60.0))
-    change = advance(replaced, Renewed("w", 7, 90.0), attempts=3)
+    replaced = after(RUNNING, Lapsed(7), Leased("v", 8))
+    change = advance(replaced, Renewed("w", 7), attempts=3)
     assert (change.answer, change.run) == (LedgerAnswer.DONE, replaced)
     for first, other in ((7, 8), (8, 7)):
         done = after(replaced, Completed(first, "aa"))
         assert done.state is RunState.DONE
-        change = advance(done, Renewed("x", other, 90.0), attempts=3)
+        change = advance(done, Renewed("x", other), attempts=3)
         assert (change.answer, change.run) == (LedgerAnswer.STALE, done)
     left = after(replaced, Released(8, "crash", blame=True))
-    assert after(left, Renewed("w", 7, 90.0)).token == 7
+    assert after(left, Renewed("w", 7)).token == 7
 
 
 def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end():
     run = QUEUED
     for token in range(1, MOST_LAPSES + 1):
         assert run.state is RunState.QUEUED
-        run = after(run, Leased("w", token, 1.0), Renewed("w", token, 2.0), Lapsed(token))
+        run = after(run, Leased("w", token), Renewed("w", token), Lapsed(token))
     assert (run.state, run.strikes) == (RunState.LOST, 0)
     assert run.reason.startswith(f"{MOST_LAPSES} workers in a row died with it or fell silent")
     # Whoever is still at it may go on, and is not too late.
-    assert advance(run, Renewed("w", 3, 9.0), attempts=3).answer is LedgerAnswer.DONE
+    assert advance(run, Renewed("w", 3), attempts=3).answer is LedgerAnswer.DONE
     assert after(run, Completed(3, "aa")).state is RunState.DONE
     assert after(run, Retried()).lapses == 0
 
 
-@pytest.mark.parametrize("heard", [Renewed("w", 7, 90.0), Released(8, "full", blame=False)])
+@pytest.mark.parametrize("heard", [Renewed("w", 7), Released(8, "full", blame=False)])
 def test_lapses_count_in_a_row_only(heard):
     waiting = after(RUNNING, Lapsed(7))
-    events = (heard,) if isinstance(heard, Renewed) else (Leased("v", 8, 9.0), heard)
+    events = (heard,) if isinstance(heard, Renewed) else (Leased("v", 8), heard)
     assert after(waiting, *events).lapses == 0
 
 
@@ -134,18 +132,18 @@ def test_retried_what_is_not_repeatable_gets_a_new_result():
 
 
 def test_a_late_result_is_taken_from_a_lease_that_lapsed():
-    again = after(RUNNING, Lapsed(7), Leased("v", 8, 60.0))
+    again = after(RUNNING, Lapsed(7), Leased("v", 8))
     change = advance(again, Completed(7, "aa"), attempts=3)
     assert change.answer is LedgerAnswer.RECORDED
     assert change.run.state is RunState.DONE
-    assert advance(change.run, Renewed("v", 8, 90.0), attempts=3).answer is LedgerAnswer.STALE
+    assert advance(change.run, Renewed("v", 8), attempts=3).answer is LedgerAnswer.STALE
 
 
 def test_a_run_is_lost_after_three_bad_endings():
     run = QUEUED
     for token in range(3):
         assert run.state is RunState.QUEUED
-        run = after(run, Leased("w", token, 1.0), Released(token, "crash", blame=True))
+        run = after(run, Leased("w", token), Released(token, "crash", blame=True))
     assert run.state is RunState.LOST
     assert run.attempt == 3
     assert run.reason == "crash"
@@ -154,7 +152,7 @@ def test_a_run_is_lost_after_three_bad_endings():
 def test_giving_back_without_blame_never_loses_a_run():
     run = QUEUED
     for token in range(10):
-        run = after(run, Leased("w", token, 1.0), Released(token, "leaving", blame=False))
+        run = after(run, Leased("w", token), Released(token, "leaving", blame=False))
     assert run.state is RunState.QUEUED
     assert run.attempt == 10
 
@@ -181,7 +179,7 @@ def test_a_retried_run_starts_with_a_clean_slate_and_its_attempts_counted():
 
 def test_repeating_a_done_run_keeps_its_result_whatever_happens():
     done = after(RUNNING, Completed(7, "aa"))
-    again = after(done, Retried(), Leased("w", 9, 1.0))
+    again = after(done, Retried(), Leased("w", 9))
     assert again.state is RunState.RUNNING
     assert after(again, Cancelled()).state is RunState.DONE
     assert after(again, Completed(9, "aa")).state is RunState.DONE
@@ -190,7 +188,7 @@ def test_repeating_a_done_run_keeps_its_result_whatever_happens():
     lapsed = after(again, Lapsed(9))
     assert after(lapsed, Completed(9, "aa")).state is RunState.DONE
     assert after(lapsed, Completed(7, "aa")).state is RunState.QUEUED
-    assert advance(lapsed, Renewed("w", 7, 9.0), attempts=3).answer is LedgerAnswer.STALE
+    assert advance(lapsed, Renewed("w", 7), attempts=3).answer is LedgerAnswer.STALE
 
 
 @pytest.mark.parametrize(
@@ -205,11 +203,11 @@ def test_what_was_executed_before_a_retry_is_not_what_was_asked_for(repeatable, 
     first = after(replace(RUNNING, repeatable=repeatable), Completed(7, "aa"))
     for again in (
         after(first, Retried(stopped)),
-        after(first, Retried(stopped), Leased("v", 8, 60.0)),
+        after(first, Retried(stopped), Leased("v", 8)),
     ):
         change = advance(again, Completed(7, "aa"), attempts=3)
         assert (change.answer, change.record, change.run) == (answer, False, again)
-        assert advance(again, Renewed("w", 7, 90.0), attempts=3).answer is LedgerAnswer.STALE
+        assert advance(again, Renewed("w", 7), attempts=3).answer is LedgerAnswer.STALE
 
 
 @pytest.mark.parametrize("repeatable", [True, False])
@@ -218,7 +216,7 @@ def test_a_late_result_of_a_lost_or_cancelled_run_is_as_good_after_a_retry(repea
     for ended in (after(run, Cancelled()), replace(run, state=RunState.LOST, token=0)):
         again = after(ended, Retried())
         assert after(again, Completed(7, "aa")).result == "aa"
-        assert after(again, Renewed("w", 7, 90.0)).state is RunState.RUNNING
+        assert after(again, Renewed("w", 7)).state is RunState.RUNNING
 
 
 def test_what_is_under_way_is_not_retried():

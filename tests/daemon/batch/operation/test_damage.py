@@ -141,7 +141,7 @@ def test_a_damaged_ledger_never_ends_the_examination_nor_the_daemon_in_a_traceba
             with LedgerReader.open(places) as reader:
                 reader.campaigns()
             with LedgerWriter.open(places) as ledger:
-                ledger.extend_leases(NOW)
+                ledger.lapse(ledger.leases(), NOW)
                 ledger.checkpoint()
         except DaemonError:
             continue

@@ -152,7 +152,7 @@ def test_whoever_was_ever_leased_the_run_may_send(site):
         with pytest.raises(Refused, match="never leased"):
             site.take(0, TRACE[:400], token=token)
     site.take(0, TRACE[:400])
-    site.book.expire_leases(NOW + 1000.0)
+    site.book.lapse(site.book.leases(), NOW + 1000.0)
     (again,) = site.book.lease("v", 1, NOW + 2000.0)
     assert site.take(0, TRACE[:300], token=again.token).offset == 300
     assert site.take(400, TRACE[400:]).complete

@@ -1,39 +1,92 @@
-"""Which workers there are, which of them are away, and when one is forgotten."""
+"""Which workers there are, which of them are away, when one is forgotten, when leases lapse."""
 
-from daemon.batch.server import WorkerRegistry
-from daemon.model.messages import WorkerInfo
+import pytest
+
+from daemon.batch.server import LeaseClock, LeaseDeadlines, WorkerRegistry
+from daemon.model.messages import LeaseRef, WorkerInfo
+
+TICK = 0.5
+
+
+@pytest.fixture
+def clock():
+    made = LeaseClock(TICK)
+    made.advance(0.0)
+    return made
+
+
+def passes(clock, seconds):
+    """Let the clock tick for so many seconds."""
+    for _ in range(round(seconds / TICK)):
+        clock.advance(clock.now + TICK)
 
 
 def info(name):
     return WorkerInfo(name, "host", 1, "1", 2, 0)
 
 
-def away(registry, now):
-    return {row.id: row.away for row in registry.rows(now)}
+def away(registry):
+    return {row.id: row.away for row in registry.rows()}
 
 
-def test_a_worker_that_lost_its_connection_is_away_until_it_is_back():
-    registry = WorkerRegistry(silence=30.0)
-    assert registry.record_contact(info("w"), 100.0)
-    registry.disconnected("w", 101.0)
-    registry.disconnected("stranger", 101.0)
-    assert away(registry, 101.0) == {"w": True}
-    assert registry.absent(102.0) == frozenset()  # it may be back at once
-    assert registry.absent(110.0) == {"w"}
+def test_a_worker_that_lost_its_connection_is_away_until_it_is_back(clock):
+    registry = WorkerRegistry(30.0, clock)
+    assert registry.record_contact(info("w"))
+    registry.disconnected("w")
+    registry.disconnected("stranger")
+    assert away(registry) == {"w": True}
+    passes(clock, 1.0)
+    assert registry.absent() == frozenset()  # it may be back at once
+    passes(clock, 8.0)
+    assert registry.absent() == {"w"}
     registry.connected("w")
-    assert away(registry, 110.0) == {"w": False}
-    assert registry.forget(["w", "stranger"], 110.0) == ()
-    registry.disconnected("w", 110.0)
-    assert not registry.record_contact(info("w"), 111.0)  # its token may come later
-    assert away(registry, 111.0) == {"w": False}
-    registry.disconnected("w", 112.0)
-    assert registry.forget(["w"], 120.0) == ("w",)
-    assert away(registry, 120.0) == {}
+    assert away(registry) == {"w": False}
+    assert registry.forget(["w", "stranger"]) == ()
+    registry.disconnected("w")
+    assert not registry.record_contact(info("w"))  # its token may come later
+    assert away(registry) == {"w": False}
+    registry.disconnected("w")
+    passes(clock, 8.0)
+    assert registry.forget(["w"]) == ("w",)
+    assert away(registry) == {}
 
 
-def test_a_worker_that_is_silent_is_away_whatever_its_connection_says():
-    registry = WorkerRegistry(silence=30.0)
-    registry.record_contact(info("w"), 100.0)
-    registry.shift(3600.0)  # a clock that is set is no silence
-    assert away(registry, 3725.0) == {"w": False}
-    assert (away(registry, 3731.0), registry.absent(3731.0)) == ({"w": True}, {"w"})
+def test_a_worker_that_is_silent_is_away_whatever_its_connection_says(clock):
+    registry = WorkerRegistry(30.0, clock)
+    registry.record_contact(info("w"))
+    passes(clock, 29.5)
+    assert away(registry) == {"w": False}
+    passes(clock, 0.5)
+    assert (away(registry), registry.absent()) == ({"w": True}, {"w"})
+
+
+def test_a_tick_that_comes_late_is_a_stall_and_takes_no_more_than_another():
+    clock = LeaseClock(TICK)
+    assert [clock.advance(at) for at in (10.0, 10.5, 11.2)] == [0.0, 0.0, 0.0]
+    assert clock.now == pytest.approx(1.2)
+    assert clock.advance(15.2) == pytest.approx(3.0)
+    assert clock.now == pytest.approx(2.2)
+    assert clock.advance(15.2) == 0.0
+
+
+def test_a_lease_lasts_one_period_from_its_latest_renewal_or_from_the_first_look(clock):
+    deadlines = LeaseDeadlines(30.0, clock)
+    leases = first, second = LeaseRef("c.0", 7), LeaseRef("c.1", 8)
+    passes(clock, 100.0)  # of another daemon, say
+    assert deadlines.overdue(leases) == ()
+    passes(clock, 20.0)
+    deadlines.renew([second, LeaseRef("c.2", 9)])
+    passes(clock, 10.5)
+    assert deadlines.overdue(leases) == (first,)
+    passes(clock, 20.0)
+    assert deadlines.overdue((second,)) == (second,)
+    # Whoever comes back with one that had lapsed has it for one period.
+    deadlines.renew([first])
+    assert deadlines.overdue((first,)) == ()
+
+
+def test_all_leases_survive_a_daemon_that_was_frozen(clock):
+    deadlines, lease = LeaseDeadlines(30.0, clock), LeaseRef("c.0", 7)
+    assert deadlines.overdue((lease,)) == ()
+    clock.advance(86_400.0)
+    assert deadlines.overdue((lease,)) == ()

@@ -1,17 +1,15 @@
 """The daemon's writing thread: large campaigns, renewals that wait, and what is refused."""
 
-import queue
 import sqlite3
 import threading
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.errors import DaemonError, Refused, Unavailable
-from daemon.batch.ledger import LedgerWriter
+from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import LedgerJob, StallMeter, WriterThread, admit_submission
+from daemon.batch.server import admit_submission
 from daemon.model.packed_submission import MOST_RUNS, pack_submission
 from tests.chaos.light import LightWorker
 from tests.daemon.batch.harness import daemon_at, eventually
@@ -80,35 +78,6 @@ def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path):
         assert daemon.noted("stalled")
         assert not daemon.noted("leases lapsed")
         assert client.run("c.0").row.attempt == 1
-
-
-def test_a_renewal_that_could_not_be_written_holds_up_no_lapse(tmp_path, monkeypatch):
-    answers = queue.SimpleQueue()
-
-    @contextmanager
-    def full_disk():
-        raise Unavailable("the ledger cannot be written: database or disk is full")
-        yield
-
-    with LedgerWriter.open(StatePaths(tmp_path)) as ledger:
-        monkeypatch.setattr(ledger, "transaction", full_disk)
-        writer = WriterThread(ledger, lambda _: None, lambda _: None)
-        writer.start()
-        writer.offer(LedgerJob(lambda _: "renewed", answers.put, renews=True))
-        assert isinstance(answers.get(timeout=60.0), Unavailable)
-        monkeypatch.undo()
-        assert not writer.renewals_wait  # else no lease would ever lapse again
-        writer.offer(LedgerJob(lambda _: writer.renewals_wait, answers.put, renews=True))
-        assert answers.get(timeout=60.0) is False
-        assert not writer.renewals_wait
-        writer.finish()
-
-
-def test_a_tick_that_comes_late_is_a_stall():
-    meter = StallMeter(0.5)
-    assert [meter.measure(at) for at in (10.0, 10.5, 11.2)] == [0.0, 0.0, 0.0]
-    assert meter.measure(15.0) == pytest.approx(3.3)
-    assert meter.measure(15.0) == 0.0
 
 
 def test_all_that_is_wrong_with_a_submission_is_said_up_to_ten_times(tmp_path):
