@@ -184,10 +184,7 @@ def _forecast(runs: Sequence[RunSpec], state: Path) -> Forecast | None:
     try:
         with LedgerReader.open(paths) as ledger:
             return ledger.forecast(
-                [
-                    PlannedRun(r.digest, r.scenario, r.sut.name, r.limit, r.sut.repeatable)
-                    for r in runs
-                ]
+                [PlannedRun(r.digest, r.scenario, r.sut.name, r.sut.repeatable) for r in runs]
             )
     except DaemonError:
         return None  # of another version: what is to be run is known without it

@@ -50,7 +50,6 @@ LONGEST_TROUBLE: Final = 2000
 
 # Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
-SimulatedSeconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
 Base64Text = Annotated[str, Field(max_length=CHUNK * 4 // 3 + 4)]
 
 
@@ -276,14 +275,10 @@ class LeaseRef:
 
 @dataclass(frozen=True, slots=True)
 class RenewRequest:
-    """All leases a worker holds, finished but unacknowledged runs included.
-
-    ``simulated`` is how far the first of them are [s], in order; it informs people.
-    """
+    """All leases a worker holds, finished but unacknowledged runs included."""
 
     worker: WorkerInfo
     holds: Annotated[tuple[LeaseRef, ...], Field(max_length=4096)]
-    simulated: Annotated[tuple[SimulatedSeconds, ...], Field(max_length=4096)] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         schema_problem,
     )
     from daemon.batch.ledger._entry import AdmittedSubmission, prepare_submission
-    from daemon.batch.ledger._forecast import Forecast, PlannedRun
     from daemon.batch.ledger._reader import LedgerReader, count_states
     from daemon.batch.ledger._retention import (
         RetentionPolicy,
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
         sweep_traces,
     )
     from daemon.batch.ledger._strays import StrayFile, find_strays, remove_strays
+    from daemon.batch.ledger._time_left import Forecast, PlannedRun, TimeLeft
     from daemon.batch.ledger._verification import (
         ContentReport,
         VerificationProgress,
@@ -49,6 +49,7 @@ __all__ = [
     "RetentionPolicy",
     "StrayFile",
     "SweepResult",
+    "TimeLeft",
     "VerificationProgress",
     "check_integrity",
     "connect",
@@ -66,13 +67,14 @@ _MODULES: Final = {
     "SCHEMA_REMEDY": "_connection",
     "SCHEMA_VERSION": "_connection",
     "ContentReport": "_verification",
-    "Forecast": "_forecast",
+    "Forecast": "_time_left",
     "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
-    "PlannedRun": "_forecast",
+    "PlannedRun": "_time_left",
     "AdmittedSubmission": "_entry",
     "StrayFile": "_strays",
+    "TimeLeft": "_time_left",
     "VerificationProgress": "_verification",
     "prepare_submission": "_entry",
     "check_integrity": "_connection",

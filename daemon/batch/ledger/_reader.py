@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
-from daemon.batch.ledger._forecast import Forecast, PlannedRun, read_forecast
 from daemon.batch.ledger._queries import (
     campaign_filter,
     find_trace,
@@ -32,10 +31,15 @@ from daemon.batch.ledger._results import (
     require_lease,
 )
 from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
-from daemon.batch.ledger._workload import read_workload
+from daemon.batch.ledger._time_left import (
+    Forecast,
+    PlannedRun,
+    TimeLeft,
+    read_forecast,
+    read_time_left,
+)
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
-from daemon.batch.time_left import CampaignWork, RunProgress
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import (
     LARGEST_PAGE_BYTES,
@@ -166,12 +170,9 @@ class LedgerReader:
             return 0.0
         return 60.0 * (len(times) - 1) / float(now - times[-1])
 
-    def workload(self, now: float, progress: Mapping[str, RunProgress]) -> tuple[CampaignWork, ...]:
-        """What is left of every open campaign, whose turn it is first.
-
-        ``progress`` is what workers have said of runs that run.
-        """
-        return read_workload(self._db, now, progress)
+    def time_left(self, now: float, slots: int) -> TimeLeft:
+        """Return how long what waits and runs takes on so many slots."""
+        return read_time_left(self._db, now, slots)
 
     def runs(self, query: RunQuery) -> RunPage:
         """One page of runs, filtered and sorted; equal values keep the order of submission.

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.time_left import RunProgress
 from daemon.model.messages import LeaseRef, WorkerInfo
 from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
@@ -82,7 +81,6 @@ class _KnownWorker:
     last_seen_at: float
     heard: float
     away_since: float | None = None
-    progress: dict[str, RunProgress] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -129,18 +127,6 @@ class WorkerRegistry:
             entry.heard, entry.away_since = heard, None
             return False
 
-    def record_progress(self, worker: str, progress: dict[str, RunProgress]) -> None:
-        """A worker has said how far its runs are."""
-        with self._lock:
-            if worker in self._entries:
-                self._entries[worker].progress = progress
-
-    def progress(self) -> dict[str, RunProgress]:
-        """How far runs are, as far as workers have told."""
-        with self._lock:
-            told = [entry.progress for entry in self._entries.values()]
-        return {run: far for one in told for run, far in one.items()}
-
     def connected(self, worker: str) -> None:
         """The worker's liveliness token appeared."""
         with self._lock:
@@ -153,6 +139,10 @@ class WorkerRegistry:
             entry = self._entries.get(worker)
             if entry is not None and entry.away_since is None:
                 entry.away_since = self.clock.now
+
+    def slots(self) -> int:
+        """How many runs the workers can execute at a time that are here and have no trouble."""
+        return sum(row.slots for row in self.rows() if not row.away and not row.trouble)
 
     def notices(self) -> tuple[str, ...]:
         """Return what workers that are here want people to know."""

@@ -11,7 +11,7 @@ import zenoh
 
 from daemon.batch.run_process import Wanted
 from daemon.batch.worker._attempts import Execution
-from daemon.model.messages import JUDGED, LIVE, MOST_SIMULATED, OWNER
+from daemon.model.messages import JUDGED, LIVE, OWNER
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 
@@ -114,18 +114,6 @@ class LivePublisher:
             watch.wanted = wanted
             execution.watch(wanted)
         return watch
-
-    def simulated(self, run: str) -> float:
-        """Return how far a run is, as it last said [s simulated]; 0 while it has said nothing."""
-        watch = self._runs.get(run)
-        if watch is None or not watch.latest:
-            return 0.0
-        try:
-            told = codec.from_json(LiveSnapshot, watch.latest).snapshot.time
-        except ValueError:  # written by the process of a run, which may be anything
-            return 0.0
-        # A renewal that says more is refused as a whole.
-        return min(max(0.0, told), MOST_SIMULATED)
 
     def forget(self, run: str) -> None:
         """Let go of a run that is over here."""

@@ -315,9 +315,7 @@ class WorkerLoop:
         attempts = [execution.attempt for execution in self._executions] + self._deliveries.finished
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
-        going = holds[: len(self._executions)]
-        simulated = tuple(self._live.simulated(hold.run) for hold in going)
-        reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds, simulated))
+        reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
         self._renew_at = time.monotonic() + self._renew_period
         if self._elsewhere:
             self._elsewhere = False

@@ -1,18 +1,16 @@
 import re
 import sqlite3
 from contextlib import closing
-from dataclasses import replace
 
 import pytest
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.time_left import CellWork, ExecutedRuns, RunInProgress, RunProgress
 from daemon.model.messages import Completion, LeaseRef, RunQuery
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from tests.daemon.batch.samples import make_result, make_search, make_submission
+from tests.daemon.batch.samples import make_result, make_submission
 
 NOW = 1_000_000.0
 
@@ -199,30 +197,6 @@ def test_everything_is_still_there_after_reopening(tmp_path):
     assert book.leases() == (LeaseRef(granted.run, granted.token),)
     assert book.lease("w", 1, NOW)[0].token > granted.token
     again.close()
-
-
-def test_the_workload_has_what_waits_what_runs_and_what_repeats_took(ledger):
-    book, reader, _ = ledger
-    book.submit(make_submission("before", 1), NOW)
-    finish(book)
-    book.submit(replace(make_submission("c", 4), name="Campaign before"), NOW + 10)
-    first, second = book.lease("w", 2, NOW + 20)
-    result = make_result(first.spec)
-    book.complete(Completion("w", first.run, 1, first.token, result), NOW + 30)
-    told = {second.run: RunProgress(7.0, NOW + 35)}
-    (work,) = reader.workload(NOW + 40, told)
-    assert (work.id, work.paused) == ("c", False)
-    took, limit = result.timing, first.spec.limit
-    executed = ExecutedRuns(1, took.wall, took.simulated, limit)
-    assert work.cells == (CellWork("S1", "pilot", 2, limit, executed, executed),)
-    assert work.running == (RunInProgress("S1", "pilot", limit, 20.0, 7.0, 5.0),)
-
-
-def test_a_search_has_the_runs_it_will_propose_in_its_workload(ledger):
-    book, reader, _ = ledger
-    book.submit_search(make_search("s"), "digest", lambda _: None, NOW)
-    (work,) = reader.workload(NOW, {})
-    assert work.more == make_search("s").task.runs
 
 
 @pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1])

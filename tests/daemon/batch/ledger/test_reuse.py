@@ -16,7 +16,6 @@ from daemon.batch.ledger import (
 )
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
-from daemon.batch.time_left import estimate_time_left
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
     AssessmentRules,
@@ -106,18 +105,15 @@ def test_what_a_submission_would_reuse_and_take_is_known_before(ledger):
         lambda spec: replace(make_result(spec), timing=Timing(2.0 + spec.repeat, 1.0, 10.0))
     )
     other = replace(make_spec(0), sut=SutReference("other", "pilot", {}))
-    longer = replace(make_spec(0, scenario="S2"), limit=2.0 * make_spec(0).limit)
-    wanted = (*specs(4), longer, other)
+    wanted = (*specs(4), make_spec(0, scenario="S2"), other)
     forecast = ledger.reader.forecast([planned(spec) for spec in wanted])
     submission = replace(submission_of("second", *wanted), name=first.name, fresh=False)
     receipt = ledger.book.submit(submission, NOW)
     assert sum(forecast.cached) == receipt.cached == 3
     assert list(forecast.cached) == [True, True, True, False, False, False]
-    # The cell's mean; for another scenario, or system, the share of the limit that others took.
-    assert list(forecast.seconds) == [3.0, 3.0, 3.0, 3.0, 6.0, 3.0]
+    assert set(forecast.seconds) == {3.0}
     # The same is said of them once they wait.
-    left = estimate_time_left(ledger.reader.workload(NOW, {}), 1)
-    assert left.all == pytest.approx(3.0 + 6.0 + 3.0)
+    assert ledger.reader.time_left(NOW, 1).all == pytest.approx(3 * 3.0)
 
 
 def test_nothing_is_said_of_how_long_the_first_runs_of_all_take(ledger):
@@ -132,19 +128,8 @@ def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger):
     assert ledger.reader.forecast([replace(planned(spec), repeatable=False)]).cached == (False,)
 
 
-def test_a_run_of_another_scenario_is_forecast_by_its_limit(ledger):
-    ledger.submit("first", *specs(1))
-    ledger.work()
-    (spec,) = specs(1)
-    (known,) = ledger.reader.forecast([planned(spec)]).seconds
-    other = replace(planned(spec), scenario="S9", limit=spec.limit / 4)
-    (expected,) = ledger.reader.forecast([other]).seconds
-    assert known
-    assert expected == pytest.approx(known / 4)
-
-
 def planned(spec):
-    return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.limit, spec.sut.repeatable)
+    return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.sut.repeatable)
 
 
 def test_only_runs_without_a_result_are_executed(ledger):

@@ -1,7 +1,6 @@
 """What is published of running runs: nothing unless somebody listens, and no more than the line."""
 
 from types import SimpleNamespace
-from typing import Any, cast
 
 import pytest
 
@@ -10,7 +9,7 @@ from daemon.batch.run_process import Wanted
 from daemon.batch.worker import _live
 from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
-from daemon.model.messages import LIVE, MOST_SIMULATED, Empty, LeaseRef, RenewRequest, WorkerInfo
+from daemon.model.messages import LIVE, Empty
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import OVERVIEW
@@ -182,20 +181,6 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, cl
         told.tells(7.0)
         publisher.publish(told)
         eventually(lambda: seen and seen[-1].snapshot.time == 7.0)
-
-
-@pytest.mark.parametrize(("told", "said"), [(12.5, 12.5), (1e300, MOST_SIMULATED), (-1.0, 0.0)])
-def test_a_renewal_never_says_of_a_run_what_is_refused(daemon, told, said):
-    with bus.open_client(daemon.endpoint) as session:
-        publisher, run = LivePublisher(session, "worker-1"), Told()
-        run.tells(told)
-        publisher.publish(cast("Any", run))
-        far = publisher.simulated(RUN)
-        publisher.forget(RUN)
-    assert far == said
-    worker = WorkerInfo("w", "host", 1, "1", 1, 0)
-    asked = codec.to_json(RenewRequest(worker, (LeaseRef(RUN, 1),), (far,)))
-    assert codec.from_json(RenewRequest, asked).simulated == (far,)
 
 
 @pytest.mark.parametrize("mark", ["", "details", "details judgement", "margin"])
