@@ -14,11 +14,11 @@ from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,
-    PointResult,
     SearchAnswer,
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin
+from daemon.model.trials import Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.methods import make_method
 from daemon.search.space import SearchSpace
@@ -143,7 +143,8 @@ def test_what_has_no_verdict_does_neither_well_nor_badly():
 
 def test_the_nearest_failure_and_the_cost_are_told(searches):
     search = searches["door-17-a2s"]
-    failure = PointResult(1, 1, (0.7, 0.1), Outcome.FAIL, None, None, "s.1", "", "")
+    proposal = Proposal(1, 1, 0, "nearest", "nearest", True, (0.7, 0.1))
+    failure = Trial(proposal, "s.1", outcome=Outcome.FAIL)
     nearest = NearestFailure(failure, (), None, 30, False, "a", Confirmation(2, 5, 0.05, 0.85))
     answer = SearchAnswer("budget", 4, 4, 0, 1, 0, 0, 3, 1, 0.9, nearest=nearest)
     told = {

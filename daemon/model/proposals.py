@@ -1,13 +1,11 @@
-"""The runs of a search: what is proposed, and what a run is worth.
+"""The runs of a search, as they are proposed and as the ledger has them.
 
 A *proposal* is a point that is to be run; proposal ``n`` of search ``S`` is the scenario ``S.n``,
-so that every run of a search is an ordinary run. What is learnt of a run is its *leading margin*:
-a signed margin that goes down towards a failure also where the verdict's own margin is flat.
+so that every run of a search is an ordinary run. :mod:`daemon.model.trials` says what it is worth.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeAlias
 
@@ -15,8 +13,7 @@ from pydantic import Field
 
 from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
 from daemon.model.packed_submission import PackedSubmission
-from daemon.model.search import Point, SearchTask
-from daemon.model.spec import LeadingMargin
+from daemon.model.search import Point
 from daemon.model.status import RunRow
 from daemon.model.text_fields import IdText
 
@@ -72,34 +69,3 @@ class ProposalRow:
 
     proposal: Proposal
     run: RunRow
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectiveValue:
-    """What a run is worth to a search: ``value`` is compared, ``margin`` in ``unit`` is told.
-
-    Both are the same where one oracle is minimised. ``oracle`` is the one that is nearest to
-    failing, ``object`` what it is about, ``waypoint`` the one that the robot was on its way to.
-    """
-
-    value: float
-    margin: float
-    unit: str
-    oracle: str
-    object: str = ""
-    waypoint: str = ""
-
-
-def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValue | None:
-    """Return what a run with these leading margins is worth; ``None`` when it has no value."""
-    best: ObjectiveValue | None = None
-    for lead in leads:
-        scale = next((s for s in task.scales if s.oracle == lead.oracle), None)
-        if scale is None or lead.margin is None:
-            continue
-        value = lead.margin if len(task.scales) == 1 else lead.margin / scale.scale
-        if best is None or value < best.value:
-            best = ObjectiveValue(
-                value, lead.margin, lead.unit, lead.oracle, lead.object, lead.waypoint
-            )
-    return best

@@ -7,51 +7,14 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.proposals import ObjectiveValue, Phase
-from daemon.model.search import BundledFile, Point, PointValue, SearchTask
+from daemon.model.proposals import Phase
+from daemon.model.search import BundledFile, PointValue, SearchTask
 from daemon.model.text_fields import IdText
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.trials import Trial
 
 LONGEST_NOTE: Final = 2000
 """Characters of what is said of a search."""
 SearchState: TypeAlias = Literal["running", "finished", "cancelled", "failed"]
-
-
-@dataclass(frozen=True, slots=True)
-class PointResult:
-    """A proposal with what it gave: its verdict, its margin, and the run to look at.
-
-    ``outcome`` is that of the oracle in question; an error where the run cannot be trusted.
-    ``unsought`` are the oracles that fail in the run and that the search is not about.
-    """
-
-    number: int
-    position: int
-    values: Point
-    outcome: Outcome | None
-    value: ObjectiveValue | None
-    verdict: Verdict | None
-    run: str
-    label: str
-    digest: str
-    unsought: tuple[str, ...] = ()
-
-    @property
-    def fails(self) -> bool:
-        """Whether the oracle in question fails."""
-        return self.verdict is not None and self.verdict.outcome is Outcome.FAIL
-
-    @property
-    def about(self) -> str:
-        """What it is about: the object of the margin that is told, else that of the verdict.
-
-        They may differ: a mission fails at the waypoint that was never near, its margin is the way
-        that was missing from the first one that was not reached.
-        """
-        value, verdict = self.value, self.verdict
-        if value is not None and value.object and (not verdict or value.oracle == verdict.oracle):
-            return value.object
-        return verdict.evidence.object if verdict is not None else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,19 +53,18 @@ class NearestFailure:
 
     ``complete`` is false when runs were spent before nothing else could be taken back. ``passes``
     is the last point on the way to the written values that passes. ``sentence`` tells it all:
-    "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m".
-    ``unconfirmed`` is a smaller change that fails too, but not with most of other noise. Where it
-    ``holds`` it fails with most noises; else no failure that was tried does, and one noise decided.
+    "kitchen_opens 8.54 s instead of 8 s and keeps-clear fails by 0.018 m".
+    Where it ``holds`` it fails with most noises; else no failure that was tried does, and one noise
+    decided.
     """
 
-    result: PointResult
+    result: Trial
     changes: tuple[ParameterChange, ...]
-    passes: PointResult | None
+    passes: Trial | None
     runs: int
     complete: bool
     sentence: str
     confirmed: Confirmation | None = None
-    unconfirmed: PointResult | None = None
     holds: bool = True
 
 
@@ -117,8 +79,7 @@ class Finding:
     object: str
     waypoint: str
     count: int
-    example: PointResult
-    evidence: Evidence
+    example: Trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,9 +147,9 @@ class SearchAnswer:
     space_filling: int
     space_filling_failed: int
     failing_share: float | None
-    written: PointResult | None = None
-    first: PointResult | None = None
-    best: PointResult | None = None
+    written: Trial | None = None
+    first: Trial | None = None
+    best: Trial | None = None
     confirmed: Confirmation | None = None
     nearest: NearestFailure | None = None
     shrunk: ShrunkScenario | None = None
@@ -202,6 +163,23 @@ class SearchAnswer:
     repeated: int = 0
     holding: int = 0
     unsought: tuple[UnsoughtFailure, ...] = ()
+
+    @property
+    def told_failure(self) -> Trial | None:
+        """The failure that is handed on.
+
+        That is the nearest one, else the first if most of its repeats confirm it, else the worst.
+        """
+        if self.nearest is not None:
+            return self.nearest.result
+        if self.confirmed is not None and self.confirmed.holds:
+            return self.first
+        return self.best if self.best is not None and self.best.fails else self.first
+
+    @property
+    def shown(self) -> Trial | None:
+        """The run to look at closely: the failure that is handed on, else the best."""
+        return self.told_failure or self.best
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,16 +10,17 @@ failure does, one noise decides, and that is told.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Final, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
 
 from daemon.model.search import Point, PointValue, SearchTask
-from daemon.model.search_answer import Confirmation, NearestFailure, ParameterChange, PointResult
+from daemon.model.search_answer import NearestFailure, ParameterChange
+from daemon.model.trials import Trial, first_failure, smallest_margin
 from daemon.model.verdicts import Outcome
-from daemon.search.answers.findings import distinct_failures
-from daemon.search.answers.wording import nearest_sentence, noise_words, short_name
-from daemon.search.execution.results import first_failure, smallest_margin
+from daemon.search.answers.facts import distinct_failures
+from daemon.search.answers.wording import nearest_sentence
+from daemon.search.execution.point_runner import PointRunner
 from daemon.search.points import (
     change_size,
     changed_parameters,
@@ -38,80 +39,54 @@ changes are worth more than smaller ones.
 _STARTS: Final = 5
 _MOST_STARTS: Final = 20
 """So many failures are begun with; where none of them holds more, until one does."""
-_MORE_TRIED: Final = 2
-_WELL_BEYOND: Final = 1.25
-"""Where noise does not confirm a failure, so many others are tried, each so many times as far."""
-
-
-class PointProber(Protocol):
-    """Runs points to find out whether they fail: with most noises, or with ``one_noise``.
-
-    ``runs`` counts what was run.
-    """
-
-    @property
-    def runs(self) -> int:
-        """How many runs were made."""
-
-    def is_known(self, point: Point, *, one_noise: bool) -> bool:
-        """Return whether nothing is run to find out about a point."""
-
-    def results(
-        self, tried: Sequence[tuple[Point, str]], *, one_noise: bool
-    ) -> list[PointResult | None]:
-        """Return what points say, run at the same time; ``None`` for what makes no run.
-
-        Each comes with a few words on what is tried. What fails by chance does not.
-        """
 
 
 class _SpentError(Exception):
     """Another point had to be tried and none is left."""
 
 
-@dataclass(frozen=True, slots=True)
-class NearestQuestion:
-    """What the nearest failure is looked for with.
+def find_nearest(
+    points: PointRunner, failures: Sequence[Trial], influence: Mapping[str, float]
+) -> NearestFailure | None:
+    """Return the nearest failure, which holds if one does; ``None`` when nothing has failed.
 
     ``influence`` is of each parameter, its sign does not matter.
     """
-
-    task: SearchTask
-    failures: Sequence[PointResult]
-    influence: Mapping[str, float]
-
-
-def find_nearest(question: NearestQuestion, prober: PointProber) -> NearestFailure | None:
-    """Return the nearest failure, which holds if one does; ``None`` when nothing has failed."""
-    trials = _PointTrials(prober)
-    found = _find(question, trials)
-    if found is None and question.failures:
-        trials.one_noise = True
-        found = _find(question, trials)
-    return found
-
-
-def _find(question: NearestQuestion, trials: _PointTrials) -> NearestFailure | None:
-    """Return the smallest change that is come down to from any of the starts that fail."""
-    task = question.task
+    task, before = points.case.task, points.position
     order = sorted(
         range(len(task.parameters)),
-        key=lambda i: (abs(question.influence.get(task.parameters[i].name, 0.0)), i),
+        key=lambda i: (abs(influence.get(task.parameters[i].name, 0.0)), i),
     )
+    for one_noise in (False, True):
+        budget = _PointBudget(points, one_noise)
+        descents = _descents(budget, _starts(task, failures), tuple(order))
+        if descents:
+            nearest, complete = _halve_fewest(budget, descents)
+            return _answer(nearest, points.position - before, complete=complete)
+    return None
+
+
+def _descents(
+    budget: _PointBudget, starts: Sequence[Trial], order: tuple[int, ...]
+) -> list[_Descent]:
+    """Return the starts that fail, brought as near as their parameters can be taken back."""
     descents: list[_Descent] = []
-    for count, start in enumerate(_starts(question)):
+    for count, start in enumerate(starts):
         if count >= _STARTS and descents:
             break
         # Whether it holds takes repeats, but it is no other point.
-        (failing,) = trials.prober.results([(start.values, "")], one_noise=trials.one_noise)
+        (failing,) = budget.judged([start])
         if failing is None or not failing.fails:
             continue
-        descents.append(_Descent(task, tuple(order), trials, failing))
+        descents.append(_Descent(order, budget, failing))
         if not descents[-1].take_back() or not descents[-1].changed():
             break
-    if not descents:
-        return None
-    trials.left = NEAREST_POINTS - trials.points
+    return descents
+
+
+def _halve_fewest(budget: _PointBudget, descents: Sequence[_Descent]) -> tuple[_Descent, bool]:
+    """Return the smallest of the fewest changes, and whether nothing else could be done."""
+    budget.left = NEAREST_POINTS - budget.spent
     fewest = min(len(descent.changed()) for descent in descents)
     finalists = [descent for descent in descents if len(descent.changed()) == fewest]
     ended = []
@@ -121,48 +96,62 @@ def _find(question: NearestQuestion, trials: _PointTrials) -> NearestFailure | N
             break
     nearest, complete = min(ended, key=lambda one: one[0].size())
     nearest.compare()
-    return _nearest(task, nearest, complete=complete)
+    return nearest, complete
 
 
-def _starts(question: NearestQuestion) -> list[PointResult]:
+def _starts(task: SearchTask, failures: Sequence[Trial]) -> list[Trial]:
     """Return failures to begin with, in this order.
 
     That with the smallest change, the worst, the first, the worst of each other kind, the worst of
     the rest.
     """
-    task, among = question.task, question.failures
-    if not among:
+    if not failures:
         return []
-    least = min(among, key=lambda f: (distance_from_written(task, f.values), f.number))
-    kinds = [one.example for one in distinct_failures(among)]
-    worst = sorted(among, key=lambda f: (f.value.value if f.value else math.inf, f.number))
-    picked = [least, smallest_margin(among), first_failure(among), *kinds, *worst]
-    starts = {one.values: one for one in picked if one is not None}
+    least = min(failures, key=lambda f: (distance_from_written(task, f.point), f.number))
+    kinds = [one.example for one in distinct_failures(failures)]
+    worst = sorted(failures, key=lambda f: (f.value.value if f.value else math.inf, f.number))
+    picked = [least, smallest_margin(failures), first_failure(failures), *kinds, *worst]
+    starts = {one.point: one for one in picked if one is not None}
     return list(starts.values())[:_MOST_STARTS]
 
 
 @dataclass(slots=True)
-class _PointTrials:
-    """Tries points as long as some are left, for all descents together."""
+class _PointBudget:
+    """Tries points as long as some are left, for all descents together.
 
-    prober: PointProber
-    one_noise: bool = False
-    points: int = 0
+    To fail is to do so with most noises, or with ``one_noise``.
+    """
+
+    points: PointRunner
+    one_noise: bool
+    spent: int = 0
     left: int = _TAKING_BACK
+
+    @property
+    def task(self) -> SearchTask:
+        """The search."""
+        return self.points.case.task
 
     def is_known(self, point: Point) -> bool:
         """Return whether nothing is run to find out about a point."""
-        return self.prober.is_known(point, one_noise=self.one_noise)
+        trial = self.points.known(point)
+        if trial is None or self.one_noise:
+            return self.points.is_known(point)
+        return self.points.holds(trial) is not None
 
-    def results(self, tried: Sequence[tuple[Point, str]]) -> list[PointResult | None]:
+    def try_points(self, tried: Sequence[tuple[Point, str]]) -> list[Trial | None]:
         """Return what points say; raises :class:`_SpentError`."""
         new = {point for point, _ in tried if not self.is_known(point)}
         # A whole batch or none: half of one would make the answer depend on what is left.
         if len(new) > self.left:
             raise _SpentError
-        self.points += len(new)
+        self.spent += len(new)
         self.left -= len(new)
-        return self.prober.results(tried, one_noise=self.one_noise)
+        return self.judged(self.points.results(tried, "nearest"))
+
+    def judged(self, trials: Sequence[Trial | None]) -> list[Trial | None]:
+        """Return trials, in place of failures by chance what most noises say."""
+        return list(trials) if self.one_noise else self.points.with_most_noises(trials)
 
 
 @dataclass(slots=True)
@@ -173,21 +162,20 @@ class _Descent:
     did.
     """
 
-    task: SearchTask
     order: tuple[int, ...]
-    trials: _PointTrials
-    failing: PointResult
+    budget: _PointBudget
+    failing: Trial
     passing: dict[int, PointValue] = field(default_factory=dict)
-    passes: PointResult | None = None
+    passes: Trial | None = None
 
     def size(self) -> tuple[int, float]:
         """Return how many parameters are not as written, and how far they are from it."""
-        values = self.failing.values
-        return len(self.changed()), distance_from_written(self.task, values)
+        values = self.failing.point
+        return len(self.changed()), distance_from_written(self.budget.task, values)
 
     def changed(self) -> tuple[int, ...]:
         """Return the parameters that are not as written, those of least influence first."""
-        changed = changed_parameters(self.task, self.failing.values)
+        changed = changed_parameters(self.budget.task, self.failing.point)
         return tuple(index for index in self.order if index in changed)
 
     def take_back(self) -> bool:
@@ -214,13 +202,13 @@ class _Descent:
     def compare(self) -> None:
         """Take as passing the known point that differs in one parameter alone, if there is one."""
         for index in self.changed():
-            written = self.task.parameters[index].written
+            written = self.budget.task.parameters[index].written
             for value in (self.passing.get(index), written):
                 if value is None:
                     continue
-                point = with_value(self.failing.values, index, value)
-                known = self.trials.is_known(point)
-                result = self.trials.results([(point, "")])[0] if known else None
+                point = with_value(self.failing.point, index, value)
+                known = self.budget.is_known(point)
+                result = self.budget.try_points([(point, "")])[0] if known else None
                 if result is not None and result.outcome is Outcome.PASS:
                     self._remember_passing(result, (index,))
                     break
@@ -249,9 +237,9 @@ class _Descent:
 
     def _first_failing(self, groups: Sequence[tuple[int, ...]]) -> int | None:
         """Take back the first of these groups without which it still fails; return which."""
-        values = self.failing.values
-        found = self.trials.results(
-            [(taken_back(self.task, values, group), self._note(group)) for group in groups]
+        values = self.failing.point
+        found = self.budget.try_points(
+            [(taken_back(self.budget.task, values, group), self._note(group)) for group in groups]
         )
         for number, (group, result) in enumerate(zip(groups, found, strict=True)):
             if result is not None and result.fails:
@@ -263,26 +251,27 @@ class _Descent:
     def _note(self, group: Sequence[int]) -> str:
         if len(group) != 1:
             return f"{len(group)} parameters as written"
-        return f"{short_name(self.task, self.task.parameters[group[0]])} as written"
+        task = self.budget.task
+        return f"{task.short_name(task.parameters[group[0]].name)} as written"
 
-    def _remember_passing(self, result: PointResult | None, group: Sequence[int]) -> None:
+    def _remember_passing(self, result: Trial | None, group: Sequence[int]) -> None:
         if result is None or result.outcome is not Outcome.PASS:
             return
         self.passes = result
         if len(group) == 1:
-            self.passing[group[0]] = result.values[group[0]]
+            self.passing[group[0]] = result.point[group[0]]
 
     def _halve(self, index: int) -> None:
         """Bring one parameter to the step at which it begins to fail."""
-        parameter = self.task.parameters[index]
+        parameter = self.budget.task.parameters[index]
         passing = parameter.written
         while passing is not None:
-            value = value_between(parameter, self.failing.values[index], passing)
+            value = value_between(parameter, self.failing.point[index], passing)
             if value is None:
                 return
-            point = with_value(self.failing.values, index, value)
-            note = f"{short_name(self.task, parameter)} at {parameter.shown(value)}"
-            (result,) = self.trials.results([(point, note)])
+            point = with_value(self.failing.point, index, value)
+            note = f"{self.budget.task.short_name(parameter.name)} at {parameter.shown(value)}"
+            (result,) = self.budget.try_points([(point, note)])
             if result is not None and result.fails:
                 self.failing = result
             else:
@@ -290,90 +279,29 @@ class _Descent:
                 self._remember_passing(result, (index,))
 
 
-def larger_changes(
-    task: SearchTask, nearest: NearestFailure, failures: Iterable[PointResult]
-) -> list[PointResult]:
-    """Return failures to take instead of one that other noise does not confirm, the next first.
-
-    They have no more changes; each is well beyond the one before, up to :data:`_MORE_TRIED`.
-    """
-    most = len(nearest.changes)
-    sized = sorted(
-        (distance_from_written(task, one.values), one.number, one)
-        for one in failures
-        if one.fails and 0 < len(changed_parameters(task, one.values)) <= most
+def _answer(descent: _Descent, runs: int, *, complete: bool) -> NearestFailure:
+    task, failing = descent.budget.task, descent.failing
+    # The largest change first.
+    ordered = sorted(
+        changed_parameters(task, failing.point),
+        key=lambda i: (-change_size(task.parameters[i], failing.point[i]), i),
     )
-    found: list[PointResult] = []
-    beyond = distance_from_written(task, nearest.result.values)
-    for size, _, one in sized:
-        if size >= _WELL_BEYOND * beyond and len(found) < _MORE_TRIED:
-            found.append(one)
-            beyond = size
-    return found
-
-
-def instead(
-    task: SearchTask, nearest: NearestFailure, result: PointResult, confirmed: Confirmation
-) -> NearestFailure:
-    """Return the nearest failure with a larger change, which other noise confirms."""
-    passing = {change.parameter: change.passing for change in nearest.changes}
-    changes = _changes(task, result, passing)
-    return replace(
-        nearest,
-        result=result,
-        changes=changes,
-        sentence=nearest_sentence(task, result, changes, nearest.passes),
-        confirmed=confirmed,
-        unconfirmed=nearest.result,
-        holds=True,
-    )
-
-
-def with_repeats(
-    task: SearchTask, nearest: NearestFailure, confirmed: Confirmation | None, *, holds: bool
-) -> NearestFailure:
-    """Return the nearest failure with what its repeats say; its sentence too where it is luck."""
-    sentence = nearest.sentence
-    if not holds:
-        luck = noise_words(confirmed)
-        sentence = nearest_sentence(task, nearest.result, nearest.changes, nearest.passes, luck)
-    return replace(nearest, confirmed=confirmed, sentence=sentence, holds=holds)
-
-
-def _nearest(task: SearchTask, descent: _Descent, *, complete: bool) -> NearestFailure:
-    result, passes = descent.failing, descent.passes
-    passing = {task.parameters[i].name: value for i, value in descent.passing.items()}
-    changes = _changes(task, result, passing)
-    sentence = nearest_sentence(task, result, changes, passes)
-    trials = descent.trials
-    return NearestFailure(
-        result=result,
-        changes=changes,
-        passes=passes,
-        runs=trials.prober.runs,
-        complete=complete,
-        sentence=sentence,
-        holds=not trials.one_noise,
-    )
-
-
-def _changes(
-    task: SearchTask, result: PointResult, passing: Mapping[str, PointValue | None]
-) -> tuple[ParameterChange, ...]:
-    """Return the changes of a failure, the largest first."""
-    changed = changed_parameters(task, result.values)
-    parameters = task.parameters
-    return tuple(
+    changes = tuple(
         ParameterChange(
-            parameter=parameters[i].name,
-            unit=parameters[i].unit,
-            written=parameters[i].written,
-            value=result.values[i],
-            passing=passing.get(parameters[i].name),
+            parameter=task.parameters[i].name,
+            unit=task.parameters[i].unit,
+            written=task.parameters[i].written,
+            value=failing.point[i],
+            passing=descent.passing.get(i),
         )
-        for i in sorted(changed, key=_by_size(task, result.values), reverse=True)
+        for i in ordered
     )
-
-
-def _by_size(task: SearchTask, point: Point) -> Callable[[int], tuple[float, int]]:
-    return lambda i: (change_size(task.parameters[i], point[i]), -i)
+    return NearestFailure(
+        result=failing,
+        changes=changes,
+        passes=descent.passes,
+        runs=runs,
+        complete=complete,
+        sentence=nearest_sentence(task, failing, changes, descent.passes),
+        holds=not descent.budget.one_noise,
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Final
 
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
@@ -107,15 +107,11 @@ def position_in_range(parameter: SearchParameter, value: PointValue | None) -> f
     return (at - low) / (high - low)
 
 
-def range_text(
-    parameter: SearchParameter, value_text: Callable[[PointValue], str] | None = None
-) -> str:
-    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b``.
-
-    Values are as in files, or as ``value_text`` says.
-    """
-    said = value_text or parameter.text
+def range_text(parameter: SearchParameter) -> str:
+    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b``."""
     if parameter.choices:
-        return ", ".join(said(choice) for choice in parameter.choices)
-    low = said(parameter.low).removesuffix(f" {parameter.unit}" if parameter.unit else "")
-    return f"{low} .. {said(parameter.high)}{', log' if parameter.log else ''}"
+        return ", ".join(parameter.shown(choice) for choice in parameter.choices)
+    low = parameter.shown(parameter.low)
+    if parameter.unit:
+        low = low.removesuffix(f" {parameter.unit}")
+    return f"{low} .. {parameter.shown(parameter.high)}{', log' if parameter.log else ''}"

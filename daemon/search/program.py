@@ -14,25 +14,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from daemon.model.proposals import Phase
-from daemon.model.search import Point, SearchTask
-from daemon.model.search_answer import Confirmation, NearestFailure, PointResult, SearchAnswer
+from daemon.model.proposals import Phase, Proposal
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import Confirmation, SearchAnswer
+from daemon.model.trials import Trial, first_failure
 from daemon.model.verdicts import Outcome
-from daemon.search.answers.answer import LaterResults, make_answer, told_failure
-from daemon.search.answers.findings import FailureKey, failure_key, parameter_influence
-from daemon.search.answers.wording import failure_words, quantity
-from daemon.search.execution.point_runner import MEDIAN_OF, BegunPoint, PointRunner, RunPurpose
-from daemon.search.execution.results import ExploredPoint, confirmation, first_failure
-from daemon.search.execution.runs import Case, Runs, SearchStoppedError
-from daemon.search.methods import MethodProposal, SearchMethod, make_method
-from daemon.search.nearest import (
-    NEAREST_POINTS,
-    NearestQuestion,
-    find_nearest,
-    instead,
-    larger_changes,
-    with_repeats,
+from daemon.search.answers.facts import (
+    FailureKey,
+    LaterResults,
+    confirmation,
+    failure_key,
+    make_answer,
+    parameter_influence,
 )
+from daemon.search.answers.wording import failure_words, nearest_sentence, noise_words, quantity
+from daemon.search.execution.point_runner import MEDIAN_OF, PointRunner
+from daemon.search.execution.runs import Case, Runs, SearchStoppedError
+from daemon.search.methods import SearchMethod, make_method
+from daemon.search.nearest import NEAREST_POINTS, find_nearest
 from daemon.search.shrinking import shrink_failure
 from daemon.search.space import SearchSpace
 from grammars.text.words import count_noun
@@ -61,15 +60,6 @@ def run_search(case: Case, runs: Runs) -> SearchAnswer:
         raise
 
 
-@dataclass(frozen=True, slots=True)
-class _Issued:
-    """A proposal that is out; nothing was begun of a point that makes no run."""
-
-    number: int
-    proposal: MethodProposal
-    begun: BegunPoint | None
-
-
 @dataclass(slots=True)
 class _StopRules:
     """What has to be known to say when a search is over."""
@@ -81,20 +71,20 @@ class _StopRules:
     _best: float = float("inf")
     _seen: set[FailureKey] = field(default_factory=set)
 
-    def learn(self, result: PointResult | None) -> bool:
-        """Take in a result, and return whether it is a better or a new one."""
+    def learn(self, trial: Trial) -> bool:
+        """Take in a trial, and return whether it is a better or a new one."""
         self.quiet += 1
         # A point that makes no run is none of the errors: nothing has gone wrong.
-        if result is None:
+        if trial.outcome is None:
             return False
-        self.errors = self.errors + 1 if result.outcome is Outcome.ERROR else 0
-        news = result.value is not None and result.value.value < self._best
-        if news and result.value is not None:
-            self._best = result.value.value
-        if result.fails:
+        self.errors = self.errors + 1 if trial.outcome is Outcome.ERROR else 0
+        news = trial.compared < self._best
+        if news:
+            self._best = trial.compared
+        if trial.fails:
             self.failures += 1
-            news = news or failure_key(result) not in self._seen
-            self._seen.add(failure_key(result))
+            news = news or failure_key(trial) not in self._seen
+            self._seen.add(failure_key(trial))
         if news:
             self.quiet = 0
         return news
@@ -116,7 +106,7 @@ class _SearchProgram:
 
     case: Case
     runs: Runs
-    explored: list[ExploredPoint] = field(default_factory=list)
+    explored: list[Trial] = field(default_factory=list)
     later: LaterResults = field(default_factory=LaterResults)
     space: SearchSpace = field(init=False)
     points: PointRunner = field(init=False)
@@ -143,8 +133,8 @@ class _SearchProgram:
             holding=self._holding(),
         )
 
-    def _failures(self) -> list[PointResult]:
-        return [r for p in self.explored if (r := p.result) is not None and r.fails]
+    def _failures(self) -> list[Trial]:
+        return [trial for trial in self.explored if trial.fails]
 
     def _holding(self) -> list[bool]:
         """Return of the explored failures whose repeats tell whether they hold."""
@@ -162,7 +152,7 @@ class _SearchProgram:
             self.later = LaterResults(self._confirm(first))
             if "nearest" in self.task.then:
                 self._bring_near(failures)
-            told = told_failure(self.answer())
+            told = self.answer().told_failure
             if "shrink" in self.task.then and told is not None:
                 self._report("shrink", f"shrinking run {told.number}")
                 self.later = replace(self.later, shrunk=shrink_failure(self.points, told))
@@ -170,7 +160,7 @@ class _SearchProgram:
 
     def _explore(self, method: SearchMethod) -> str:
         """Issue proposals in a window, learn from them in order, and return why it ended."""
-        rules, out, number = _StopRules(self.task), deque[_Issued](), 0
+        rules, out, number = _StopRules(self.task), deque[Proposal](), 0
         ended = ""
         while not ended:
             # Proposal n is made knowing the results up to n - window, whatever else is there.
@@ -183,9 +173,10 @@ class _SearchProgram:
             if proposal is None:
                 ended = "exhausted"
                 break
-            purpose = RunPurpose("explore", proposal.method, proposal.guided)
-            begun = self.points.begin(proposal.values, purpose)
-            out.append(_Issued(number, proposal, begun))
+            begun = self.points.begin(
+                proposal.values, "explore", proposal.method, guided=proposal.guided
+            )
+            out.append(begun)
             number += 1
         while out:
             self._learn(out.popleft(), method, rules)
@@ -201,16 +192,13 @@ class _SearchProgram:
         issued = self.runs.issued(self.points.position)
         return "" if issued is not None and issued.phase == "explore" else "time"
 
-    def _learn(self, issued: _Issued, method: SearchMethod, rules: _StopRules) -> None:
-        result = None if issued.begun is None else self.points.finish(issued.begun)
-        value = None if result is None or result.value is None else result.value.value
-        proposal, number = issued.proposal, issued.number
-        method.learn(number, proposal.values, value)
-        self.explored.append(
-            ExploredPoint(number, proposal.values, proposal.method, proposal.guided, result)
-        )
+    def _learn(self, begun: Proposal, method: SearchMethod, rules: _StopRules) -> None:
+        trial = self.points.finish(begun)
+        value = None if trial.value is None else trial.value.value
+        method.learn(trial.number, trial.point, value)
+        self.explored.append(trial)
         # Not after every run: an answer so far is large, and most change nothing.
-        if rules.learn(result) or number % self.task.window == 0:
+        if rules.learn(trial) or trial.number % self.task.window == 0:
             answer = self.answer()
             self.runs.report("explore", self._progress_note(answer), answer)
 
@@ -221,7 +209,7 @@ class _SearchProgram:
         value = None if answer.best is None else answer.best.value
         return f"{told}, best {quantity(value.margin, value.unit)}" if value is not None else told
 
-    def _confirm(self, failure: PointResult, least: int = 0) -> Confirmation | None:
+    def _confirm(self, failure: Trial, least: int = 0) -> Confirmation | None:
         """Run a failure again with other noise, ``least`` times at least, unless that was done."""
         number, count = failure.number, max(self.task.confirm, least)
         if not self.task.repeatable:
@@ -232,38 +220,29 @@ class _SearchProgram:
             self._confirmed[number] = confirmation(self.points.repeat(failure, count))
         return self._confirmed.get(number)
 
-    def _bring_near(self, failures: Sequence[PointResult]) -> None:
-        influence = parameter_influence(self.task, self.explored)
-        question = NearestQuestion(
-            self.task,
-            failures,
-            {one.parameter: one.correlation for one in influence},
-        )
+    def _bring_near(self, failures: Sequence[Trial]) -> None:
+        task = self.task
+        influence = parameter_influence(task, self.explored)
         self._report("nearest", f"at most {NEAREST_POINTS} points for the smallest change")
-        found = find_nearest(question, _NearestProber(self.points, self.points.position))
-        if found is None:
+        nearest = find_nearest(
+            self.points, failures, {one.parameter: one.correlation for one in influence}
+        )
+        if nearest is None:
             return
-        self.later = replace(self.later, nearest=found)
+        self.later = replace(self.later, nearest=nearest)
         # Where one noise decided it is not known yet what the others say of this very point.
-        repeats = self._confirm(found.result, 0 if found.holds else self.points.others)
-        holds = self.points.holds(found.result) is not False and not _is_doubtful(repeats)
-        found = with_repeats(self.task, found, repeats, holds=holds)
-        self.later = replace(self.later, nearest=found)
-        if _is_doubtful(repeats) and found.changes:
-            self._look_further(found)
-
-    def _look_further(self, found: NearestFailure) -> None:
-        """Take a larger change that noise confirms instead of one that fails by chance."""
-        for larger in larger_changes(self.task, found, self.points.failures()):
-            repeats = self._confirm(larger)
-            if repeats is not None and not _is_doubtful(repeats):
-                found = instead(self.task, found, larger, repeats)
-                self.later = replace(self.later, nearest=found)
-                return
+        result, holds = nearest.result, nearest.holds
+        repeats = self._confirm(result, 0 if holds else self.points.others)
+        nearest = replace(nearest, confirmed=repeats, holds=self.points.holds(result) is not False)
+        if not nearest.holds:
+            luck = noise_words(repeats)
+            told = nearest_sentence(task, result, nearest.changes, nearest.passes, luck)
+            nearest = replace(nearest, sentence=told)
+        self.later = replace(self.later, nearest=nearest)
 
     def with_found(self, answer: SearchAnswer) -> SearchAnswer:
         """Return an answer with the campaign file of its failure, if it has one."""
-        failure = told_failure(answer)
+        failure = answer.told_failure
         if failure is None:
             return answer
         # The nearest failure's own words, where it was looked for.
@@ -275,35 +254,3 @@ class _SearchProgram:
 
     def _report(self, phase: Phase, note: str) -> None:
         self.runs.report(phase, note, self.answer())
-
-
-def _is_doubtful(confirmed: Confirmation | None) -> bool:
-    return confirmed is not None and not confirmed.holds
-
-
-@dataclass(frozen=True, slots=True)
-class _NearestProber:
-    """Runs the points that the way to the nearest failure leads over."""
-
-    points: PointRunner
-    before: int
-
-    @property
-    def runs(self) -> int:
-        """How many runs were made."""
-        return self.points.position - self.before
-
-    def is_known(self, point: Point, *, one_noise: bool) -> bool:
-        """Return whether nothing is run to find out about a point."""
-        if one_noise or not self.points.is_known(point):
-            return self.points.is_known(point)
-        result = self.points.known(point)
-        return result is None or self.points.holds(result) is not None
-
-    def results(
-        self, tried: Sequence[tuple[Point, str]], *, one_noise: bool
-    ) -> list[PointResult | None]:
-        """Return what points say."""
-        purposes = [(point, RunPurpose("nearest", "nearest", note=note)) for point, note in tried]
-        found = self.points.results(purposes)
-        return found if one_noise else self.points.with_most_noises(found)

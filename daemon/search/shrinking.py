@@ -25,10 +25,12 @@ from daemon.analysis.blame import (
     unresolved_candidate,
 )
 from daemon.model.bundles import read_bundle
+from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile
-from daemon.model.search_answer import PointResult, ShrunkScenario
-from daemon.search.execution.point_runner import PointRunner, RunPurpose
+from daemon.model.search_answer import ShrunkScenario
+from daemon.model.trials import Trial
+from daemon.search.execution.point_runner import PointRunner
 from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun, enumerate_words
@@ -40,10 +42,10 @@ _NAMED: Final = 2
 _NAMED_LEFT: Final = 3
 
 
-def shrink_failure(points: PointRunner, failure: PointResult) -> ShrunkScenario:
+def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
     """Return the least of a failure that still fails; its candidates are runs of the search."""
     oracle = "" if failure.verdict is None else failure.verdict.oracle
-    case = points.case.run_case(failure.values, failure.number)
+    case = points.case.run_case(failure.point, failure.number)
     executor = _SearchExecutor(points, failure, case)
     runner = CandidateRunner(SHRINK_RUNS, executor=executor)
     try:
@@ -94,7 +96,7 @@ class _SearchExecutor:
     """Executes candidates as runs of the search; ``issued`` counts them."""
 
     points: PointRunner
-    failure: PointResult
+    failure: Trial
     case: RunCase
     issued: int = 0
 
@@ -107,7 +109,7 @@ class _SearchExecutor:
 
     def _position(self, candidate: Candidate) -> int:
         if candidate.spec.digest == self.failure.digest:
-            return self.failure.position
+            return self.failure.proposal.position
         points = self.points
         number = points.number
         points.number += 1
@@ -117,13 +119,10 @@ class _SearchExecutor:
             candidate.spec, scenario=points.case.task.scenario_of(number), repeat=0
         )
         note = left_out(Candidate(self.case.spec, self.case.scene), candidate)
-        return points.issue(
-            Candidate(spec, candidate.scene),
-            number,
-            0,
-            self.failure.values,
-            RunPurpose("shrink", "shrink", note=note),
+        proposal = Proposal(
+            points.position, number, 0, "shrink", "shrink", True, self.failure.point, note
         )
+        return points.issue(proposal, Candidate(spec, candidate.scene))
 
     def _endings(self, candidate: Candidate, position: int) -> tuple[CandidateResult, ...]:
         row = self.points.wait(position).run

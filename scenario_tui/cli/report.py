@@ -138,6 +138,7 @@ def _report_search(
 
     Tables are left to campaigns: nothing is expected of what a search tries.
     """
+    from daemon.search.answers.sentences import headline_sentence, verdict_words
     from scenario_tui.cli.search import search_code
     from scenario_tui.cli.search_report import choose_search, write_search_page
 
@@ -151,10 +152,10 @@ def _report_search(
         message = f"tables are of campaigns, {row.campaign} is a search: {hint}"
         raise typer.BadParameter(message, param_hint=", ".join(asked))
     page = output or _DEFAULT_PAGE
-    said = write_search_page(material, page)
+    write_search_page(material, page)
     code = search_code(row)
     written = {"page": str(page)}
-    answer = f"{said.word}. {said.sentence}"
+    answer = f"{verdict_words(row)}. {headline_sentence(row)}"
     if as_json:
         ReportOutput(row.name, len(material.proposals), answer, int(code), written).emit()
     else:

@@ -56,9 +56,10 @@ class SearchesOutput(Output, schema="searches"):
         """Print a line for each."""
         from rich.text import Text
 
+        from daemon.search.answers.sentences import search_word
         from scenario_tui.cli.results import print_commands
         from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
-        from scenario_tui.text.search_text import search_line, search_word
+        from scenario_tui.text.search_text import search_line
 
         console = stdout_console()
         if not self.searches:
@@ -238,7 +239,7 @@ def search_code(row: SearchRow) -> ExitCode:
 
     One that was cancelled, or whose runs all were inconclusive, is not decided.
     """
-    from scenario_tui.text.search_text import search_word
+    from daemon.search.answers.sentences import search_word
 
     return exit_code([search_word(row)])
 

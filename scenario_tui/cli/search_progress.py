@@ -12,8 +12,15 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.batch.errors import Refused
-from daemon.model.proposals import objective
 from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
+from daemon.model.trials import (
+    Trial,
+    first_failure,
+    read_trial,
+    smallest_margin,
+    smallest_so_far,
+)
+from daemon.search.answers.sentences import phase_words
 from grammars.text.words import count_noun
 from scenario_tui.cli.progress import (
     WAITING,
@@ -24,13 +31,7 @@ from scenario_tui.cli.progress import (
 )
 from scenario_tui.client import newer_proposals
 from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, duration, margin
-from scenario_tui.text.search_text import (
-    SearchTally,
-    failures_text,
-    phase_text,
-    sparkline,
-    tally_search,
-)
+from scenario_tui.text.search_text import sparkline
 
 if TYPE_CHECKING:
     from daemon.model.proposals import Phase, ProposalRow
@@ -49,7 +50,7 @@ class SearchWatch:
     campaign: str
     row: SearchRow | None = None
     rows: tuple[ProposalRow, ...] = ()
-    tally: SearchTally | None = None
+    explored: tuple[Trial, ...] = ()
     campaign_row: CampaignRow | None = None
     running: tuple[RunRow, ...] = ()
     told_first: bool = False
@@ -61,7 +62,11 @@ class SearchWatch:
         if row is None:
             raise Refused(f"the daemon does not know the search {self.campaign} (any more)")
         self.rows = newer_proposals(daemon, self.campaign, self.rows)
-        self.tally = tally_search(row.task, self.rows)
+        self.explored = tuple(
+            read_trial(row.task, one)
+            for one in self.rows
+            if one.proposal.phase == "explore" and one.run.settled
+        )
         if shown.on_screen:
             self.campaign_row = ask_campaign(daemon, self.campaign)
             self.running = ask_running(daemon, self.campaign_row)
@@ -76,7 +81,7 @@ class SearchWatch:
 
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
         """Return the line of the search, and one for each running run."""
-        if self.row is None or self.tally is None:
+        if self.row is None:
             return Text(preparing)
         # What is dispensable goes first, until the bar fits.
         for dispensable in range(4):
@@ -86,8 +91,8 @@ class SearchWatch:
         line = Table.grid(padding=(0, 2))
         for _ in range(3):
             line.add_column(no_wrap=True)
-        line.add_row(head, ProgressBar(self.row.task.runs, self.tally.explored, width=_BAR), tail)
-        idle = not (self.tally.explored or self.running)
+        line.add_row(head, ProgressBar(self.row.task.runs, len(self.explored), width=_BAR), tail)
+        idle = not (self.explored or self.running)
         # While it explores the note has the numbers of the bar, as they were a few runs ago.
         exploring = self.row.phase == "explore"
         note = [] if exploring else self.row.note.strip().splitlines()[-1:]
@@ -99,19 +104,18 @@ class SearchWatch:
     def _tail(self, dispensable: int) -> Text:
         """Return what stands behind the bar; less of it, the more is ``dispensable``."""
         assert self.row is not None
-        assert self.tally is not None
-        row, tally = self.row, self.tally
-        text = Text(f"{tally.explored}/{count_noun(row.task.runs, 'run')}")
-        if tally.failed:
-            words = failures_text(tally.failed) if dispensable < 3 else f"{tally.failed:,}"
-            words = f"{GLYPHS['fail']} {words}"
-            text.append(f"  {words}", style=TERMINAL_STYLES["fail"])
-        if tally.smallest is not None:
-            text.append(f"  {margin(tally.smallest.margin, tally.smallest.unit)}")
+        row, explored = self.row, self.explored
+        text = Text(f"{len(explored)}/{count_noun(row.task.runs, 'run')}")
+        if failed := sum(trial.fails for trial in explored):
+            words = count_noun(failed, "failure") if dispensable < 3 else f"{failed:,}"
+            text.append(f"  {GLYPHS['fail']} {words}", style=TERMINAL_STYLES["fail"])
+        best = smallest_margin(explored)
+        if best is not None and best.value is not None:
+            text.append(f"  {margin(best.value.margin, best.value.unit)}")
             if dispensable < 2:
-                text.append(f"  {sparkline([one.value for one in tally.best], _CURVE)}")
+                text.append(f"  {sparkline(smallest_so_far(explored), _CURVE)}")
         if row.phase != "explore" and dispensable < 3:
-            text.append(f"  {phase_text(row)}", style="dim")
+            text.append(f"  {phase_words(row)}", style="dim")
         elif dispensable < 1 and (left := self._seconds_left()) is not None:
             text.append(f"  at most {duration(left)} left")
         return text
@@ -122,12 +126,12 @@ class SearchWatch:
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
         if self.row is None and row.state != "running":
             self.told_first = True  # it was over when somebody came: its answer tells
-        first = self.tally.first if self.tally else None
+        first = first_failure(self.explored)
         if first is not None and not self.told_first:
             self.told_first = True
-            worth = objective(row.task, first.run.leads)
-            words = f": {worth.oracle} by {margin(worth.margin, worth.unit)}" if worth else ""
-            shown.note(f"run {first.proposal.number} fails{words} ({first.run.id})")
+            value = first.value
+            words = f": {value.oracle} by {margin(value.margin, value.unit)}" if value else ""
+            shown.note(f"run {first.number} fails{words} ({first.run})")
         if row.phase != self.told_phase and row.state == "running":
-            shown.note(phase_text(row))
+            shown.note(phase_words(row))
         self.told_phase = row.phase

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from daemon.model.proposals import ProposalRow
     from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
-    from daemon.search.page import SearchHeadline
 
 _UNGUIDED = ("halton", "random")
 """Methods whose runs are chosen without looking at results."""
@@ -150,9 +149,7 @@ def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:
 
 def _traces(row: SearchRow, bring: Callable[[str], Path]) -> dict[str, Path]:
     """Return the traces that the page draws; one that is gone leaves its pictures out."""
-    from daemon.search.page import told_point
-
-    shown = told_point(row.answer)
+    shown = row.answer.shown if row.answer is not None else None
     if shown is None or not shown.run:
         return {}
     try:
@@ -163,12 +160,9 @@ def _traces(row: SearchRow, bring: Callable[[str], Path]) -> dict[str, Path]:
 
 def write_search_page(
     material: SearchMaterial, page: Path, commands: Sequence[tuple[str, str]] = ()
-) -> SearchHeadline:
-    """Write the page of a search and return its first line.
-
-    ``commands`` stand on it besides those about its runs.
-    """
-    from daemon.search.page import search_headline, search_page
+) -> None:
+    """Write the page of a search; ``commands`` stand on it besides those about its runs."""
+    from daemon.search.page import search_page
     from scenario_tui.text.search_text import search_commands
 
     text = search_page(
@@ -179,4 +173,3 @@ def write_search_page(
         commands=(*commands, *search_commands(material.row)),
     )
     page.write_text(text, encoding="utf-8")
-    return search_headline(material.row)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 from daemon.batch.errors import DaemonError, Unreachable
 from daemon.model.run_state import RunState
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
-from scenario_tui.dashboard.known_searches import KnownSearches
 from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.run_watch import RunWatch
+from scenario_tui.dashboard.searches import KnownSearches
 from scenario_tui.dashboard.state import (
     CAMPAIGNS_SHOWN,
     RUNNING_SHOWN,
@@ -270,7 +270,7 @@ class Feed:
     def _add_search(
         self, daemon: DaemonClient, state: DashboardState, campaign: str
     ) -> DashboardState:
-        found = self._searches.runs(daemon, campaign)
+        found = self._searches.trials(daemon, campaign)
         return state if found is None else replace(state, search=found)
 
     def _forget(self) -> None:

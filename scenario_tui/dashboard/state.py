@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from grammars.model.scene import Scene
     from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
-    from scenario_tui.dashboard.search_runs import SearchRuns
+    from scenario_tui.dashboard.searches import SearchTrials
     from scenario_tui.text.results import CampaignResults, Conclusion
 
 RUNNING_SHOWN: Final = 200
@@ -78,7 +78,7 @@ class DashboardState:
     conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
     results: CampaignResults | None = None
     searches: Mapping[str, SearchRow] = field(default_factory=dict)
-    search: SearchRuns | None = None
+    search: SearchTrials | None = None
 
     def campaign(self, campaign: str) -> CampaignRow | None:
         """Return the campaign with this id."""
@@ -97,9 +97,9 @@ class DashboardState:
         """Return the details of a run, if that is the one that was asked for last."""
         return self.detail if self.detail is not None and self.detail.row.id == run else None
 
-    def search_of(self, campaign: str) -> SearchRuns | None:
-        """Return a search with its runs, if that is the one that was asked for last."""
-        return self.search if self.search and self.search.campaign == campaign else None
+    def search_of(self, campaign: str) -> SearchTrials | None:
+        """Return a search with its trials, if that is the one that was asked for last."""
+        return self.search if self.search and self.search.row.campaign == campaign else None
 
     def recording_of(self, run: str) -> TraceSummary | UnavailableTrace | None:
         """Return what is known of the trace of a run."""

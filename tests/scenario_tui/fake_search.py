@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from daemon.model.proposals import ObjectiveValue, Proposal, ProposalRow
+from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import BundledFile, OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
@@ -11,12 +11,12 @@ from daemon.model.search_answer import (
     Influence,
     NearestFailure,
     ParameterChange,
-    PointResult,
     SearchAnswer,
     SearchRow,
     ShrunkScenario,
 )
 from daemon.model.spec import LeadingMargin
+from daemon.model.trials import read_trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.run_rows import run_result, run_row
 
@@ -77,30 +77,18 @@ def make_proposals(*margins):
     return tuple(make_proposal_row(i, margin) for i, margin in enumerate(margins or MARGINS))
 
 
-def make_point(row):
-    """What a run says of its point."""
-    run, lead = row.run, row.run.leads[0]
-    margin = lead.margin or 0.0
-    value = ObjectiveValue(margin, margin, lead.unit, lead.oracle, lead.object)
-    proposal = row.proposal
-    return PointResult(
-        proposal.number, proposal.position, proposal.values, run.outcome, value, run.verdicts[0],
-        run.id, run.label, run.digest,
-    )  # fmt: skip
-
-
 def make_answer():
     """An answer with a failure, its nearest one, a finding, and what the parameters do."""
     rows = make_proposals()
-    best, first = make_point(rows[6]), make_point(rows[4])
+    best, first = read_trial(TASK, rows[6]), read_trial(TASK, rows[4])
     confirmed = Confirmation(5, 5, 0.478, 1.0)
     nearest = NearestFailure(
-        make_point(rows[4]),
+        read_trial(TASK, rows[4]),
         (ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32),),
-        make_point(rows[0]),
+        read_trial(TASK, rows[0]),
         13,
         complete=True,
-        sentence="kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by "
+        sentence="kitchen_opens 8.54 s instead of 8 s and keeps-clear fails by "
         "0.018 m near kitchen_door; at 8.32 s it passes with 0.105 m",
         confirmed=confirmed,
     )
@@ -115,7 +103,7 @@ def make_answer():
         space_filling=6,
         space_filling_failed=1,
         failing_share=None,
-        written=make_point(rows[0]),
+        written=read_trial(TASK, rows[0]),
         first=first,
         best=best,
         confirmed=confirmed,
@@ -128,7 +116,7 @@ def make_answer():
         ),
         findings=(
             Finding(
-                "keeps-clear", "kitchen_door", "kitchen", 2, best, rows[6].run.verdicts[0].evidence
+                "keeps-clear", "kitchen_door", "kitchen", 2, best
             ),
         ),
         influence=(

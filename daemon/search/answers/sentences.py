@@ -1,4 +1,4 @@
-"""The answer of a search in sentences, in the order in which people ask."""
+"""A search in sentences: how it stands, and its answer in the order in which people ask."""
 
 from __future__ import annotations
 
@@ -6,23 +6,76 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.judging.statistics import chance_correlation, cut_percentage, proportion_interval
+from daemon.model.proposals import Phase
 from daemon.model.search import SearchTask
-from daemon.model.search_answer import Finding, SearchAnswer
-from daemon.search.answers.findings import is_by_chance
+from daemon.model.search_answer import Influence, SearchAnswer, SearchRow
 from daemon.search.answers.wording import (
     AS_WRITTEN,
     confirmation_words,
     failure_words,
+    finding_words,
     margin_words,
     percentage,
     point_words,
-    quantity,
     rounded,
 )
 from grammars.text.words import count_noun, enumerate_words
 
+PHASES: Final[dict[Phase, str]] = {
+    "explore": "looking for failures",
+    "confirm": "repeating a failure with other noise",
+    "nearest": "looking for the nearest failure",
+    "shrink": "taking away what the failure does not need",
+}
 _MOST_TOLD: Final = 3
 """Findings and parameters that are named in a sentence."""
+
+
+def search_word(row: SearchRow) -> str:
+    """Return the one word for how a search stands: ``fail`` when there is a failure."""
+    answer = row.answer
+    if row.state == "failed":
+        return "error"
+    if answer is not None and answer.failed:
+        return "fail"
+    if row.state != "finished":
+        return row.state
+    if answer is None or answer.ended == "errors":
+        return "error"
+    return "pass" if answer.best is not None else "inconclusive"
+
+
+def verdict_words(row: SearchRow) -> str:
+    """Return whether the scenario can fail, as far as it is known."""
+    # Of one oracle that does not fail: others, which it was not about, may.
+    about = "nothing fails" if len(row.task.scales) > 1 else f"{row.task.minimise} does not fail"
+    words = {"fail": "it can fail", "pass": about, "running": "nothing fails so far"}
+    return words.get(search_word(row), "not known")
+
+
+def phase_words(row: SearchRow) -> str:
+    """Return what a search is doing, or why it does nothing any more."""
+    if row.state == "running":
+        return PHASES[row.phase]
+    if row.state == "failed":
+        return "it could not go on"
+    ended = row.answer.ended if row.answer is not None else ""
+    return ending_words(row.task, "cancelled" if row.state == "cancelled" else ended) or "ended"
+
+
+def headline_sentence(row: SearchRow) -> str:
+    """Return what stands beside the verdict: the nearest failure, or how much was tried."""
+    answer = row.answer
+    if row.state == "failed":
+        return (row.note.strip().splitlines() or ["It could not go on."])[-1]
+    if answer is None:
+        return "No run has a margin."
+    if answer.nearest is not None:
+        return f"Nearest failure: {answer.nearest.sentence}."
+    runs = count_noun(answer.explored - answer.refused, "run")
+    if answer.failed:
+        return f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}."
+    return f"{runs}, {_nothing_below(answer)}."
 
 
 def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
@@ -50,7 +103,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
 def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if answer.first is None:
         return
-    where = point_words(task, answer.first)
+    where = point_words(task, answer.first.point)
     runs = count_noun(answer.explored - answer.refused, "run")
     failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
     yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
@@ -68,7 +121,7 @@ def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     near = f" near {value.object}" if value.object else ""
     yield (
         f"the smallest margin is {margin_words(best)} ({value.oracle}{near}), "
-        f"in run {best.number}: {point_words(task, best)}"
+        f"in run {best.number}: {point_words(task, best.point)}"
     )
 
 
@@ -86,14 +139,11 @@ def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         return
     first = answer.first
     # The first failure may be the nearest one: its repeats have been told then.
-    same = first is not None and first.values == nearest.result.values
+    same = first is not None and first.point == nearest.result.point
     which = f", run {first.number}" if same and first is not None else ""
     yield f"nearest failure{which}: {nearest.sentence}"
     if nearest.confirmed is not None and not (same and nearest.confirmed == answer.confirmed):
         yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
-    if nearest.unconfirmed is not None:
-        smaller = point_words(task, nearest.unconfirmed)
-        yield f"with some noises a smaller change is enough: {smaller}"
     if not nearest.complete:
         runs = count_noun(nearest.runs, "run")
         yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
@@ -119,15 +169,6 @@ def _unsought(answer: SearchAnswer) -> Iterator[str]:
     yield f"fails as well, which this search is not about: {'; '.join(told)}"
 
 
-def finding_words(finding: Finding) -> str:
-    """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
-    # A mission's failure is about a waypoint, the one that it is on its way to.
-    named = finding.object and finding.object != finding.waypoint
-    near = f" near {finding.object}" if named else ""
-    way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
-    return f"{finding.oracle}{near}{way} ({count_noun(finding.count, 'run')})"
-
-
 def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
     drawn, failed = answer.space_filling, answer.space_filling_failed
@@ -150,10 +191,7 @@ def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
 
 
 def _nothing_below(answer: SearchAnswer) -> str:
-    best = answer.best
-    if best is None or best.value is None:
-        return "none with a margin"
-    return f"nothing below {quantity(best.value.margin, best.value.unit)}"
+    return f"nothing below {margin_words(answer.best)}" if answer.best else "none with a margin"
 
 
 def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
@@ -174,6 +212,13 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     else:
         bound = rounded(chance_correlation(count))
         yield f"nothing decides clearly: in {runs} chance gives rank correlations up to {bound}"
+
+
+def is_by_chance(task: SearchTask, influence: Influence) -> bool:
+    """Return whether a parameter that decides nothing gives such a correlation as well."""
+    choices = next(p.choices for p in task.parameters if p.name == influence.parameter)
+    bound = chance_correlation(influence.runs, max(len(choices), 2))
+    return not abs(influence.correlation) > bound
 
 
 def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:

@@ -1,28 +1,21 @@
-"""Values, changes and failures of a search in words: ``kitchen_opens 0.54 s later``."""
+"""Values, changes and failures of a search in words: ``kitchen_opens 8.54 s instead of 8 s``."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from typing import Final
 
 from daemon.judging.statistics import cut_percentage
-from daemon.model.search import PointValue, SearchParameter, SearchTask
-from daemon.model.search_answer import Confirmation, ParameterChange, PointResult
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import Confirmation, Finding, ParameterChange
+from daemon.model.trials import Trial
 from daemon.search.points import changed_parameters, is_as_written
 from grammars.text.words import count_noun, enumerate_words
 
 AS_WRITTEN: Final = "as written"
 """Said of a point that has every value as the scenario has it."""
 _DIGITS: Final = 3
-_TIMES: Final = frozenset({"s", "ms", "us", "min", "h"})
-_MOMENTS: Final = re.compile(
-    r"(opens?|closes?|shuts?|starts?|begins?|ends?|stops?|leaves?|arrives?|comes?|goes|moves?|"
-    r"departs?|enters?|at|time|when|again|back|going|returning|first|second|third|last)\d*\Z"
-)
-"""The last word of a parameter that is a moment, not how long something takes."""
-_SPREADS: Final = re.compile(r"noise|bias|error|tolerance|deviation|drift|std|sigma")
 
 
 def rounded(value: float) -> str:
@@ -51,115 +44,86 @@ def percentage(share: float) -> str:
     return f"{math.ceil(share * 1000 - 1e-9) / 10:g} %"
 
 
-def short_name(task: SearchTask, parameter: SearchParameter) -> str:
-    """Return a parameter's name without its layer, where no other one is called so."""
-    return task.short_name(parameter.name)
-
-
-def value_words(task: SearchTask, parameter: SearchParameter, value: PointValue) -> str:
-    """Return ``kitchen_opens 8.54 s``."""
-    return f"{short_name(task, parameter)} {parameter.shown(value)}"
-
-
-def point_words(task: SearchTask, result: PointResult, most: int = 4) -> str:
+def point_words(task: SearchTask, point: Point, most: int = 4) -> str:
     """Return the values that are not as written, at most so many of them."""
     changed = [
         i
-        for i, (p, value) in enumerate(zip(task.parameters, result.values, strict=True))
+        for i, (p, value) in enumerate(zip(task.parameters, point, strict=True))
         if p.written is None or not is_as_written(p, value)
     ]
     if not changed:
         return AS_WRITTEN
-    told = [value_words(task, task.parameters[i], result.values[i]) for i in changed[:most]]
-    more = len(changed) - len(told)
-    return ", ".join(told) + (f" and {more} more" if more else "")
+    words = ", ".join(_value_words(task, point, i) for i in changed[:most])
+    more = len(changed) - most
+    return f"{words} and {more} more" if more > 0 else words
+
+
+def _value_words(task: SearchTask, point: Point, index: int) -> str:
+    """Return ``kitchen_opens 8.54 s``."""
+    parameter = task.parameters[index]
+    return f"{task.short_name(parameter.name)} {parameter.shown(point[index])}"
 
 
 def change_words(task: SearchTask, change: ParameterChange) -> str:
-    """Return ``kitchen_opens 0.54 s later (8.54 s instead of 8 s)``."""
+    """Return ``kitchen_opens 8.54 s instead of 8 s``."""
     parameter = next(p for p in task.parameters if p.name == change.parameter)
-    name, value, written = short_name(task, parameter), change.value, change.written
-    if written is None:
-        return f"{name} {parameter.shown(value)}"
-    words = f"{parameter.shown(value)} instead of {parameter.shown(written)}"
-    if isinstance(value, str) or isinstance(written, str):
-        return f"{name} {words}"
-    size = parameter.text(float(f"{abs(value - written):.6g}"))
-    return f"{name} {size} {_comparative(parameter, value > written)} ({words})"
+    words = f"{task.short_name(parameter.name)} {parameter.shown(change.value)}"
+    if change.written is None:
+        return words
+    return f"{words} instead of {parameter.shown(change.written)}"
 
 
-def _comparative(parameter: SearchParameter, more: bool) -> str:
-    """Return ``later`` for a moment that is put off, ``faster`` for a speed that grows."""
-    last = re.split(r"[._/\s-]", parameter.name.lower())[-1]
-    if parameter.unit in _TIMES and _MOMENTS.match(last):
-        return "later" if more else "earlier"
-    if parameter.unit in _TIMES:
-        return "longer" if more else "shorter"
-    is_speed = re.fullmatch(r"[a-zµ°]+/(s|min|h)|rpm", parameter.unit) is not None
-    if is_speed and not _SPREADS.search(parameter.name.lower()):
-        return "faster" if more else "slower"
-    return "larger" if more else "smaller"
-
-
-def failure_words(result: PointResult) -> str:
+def failure_words(trial: Trial) -> str:
     """Return ``keeps-clear fails by 0.018 m near kitchen_door``."""
-    oracle, about, margin, unit = "", result.about, None, ""
-    if result.verdict is not None:
-        oracle = result.verdict.oracle
-        margin, unit = result.verdict.margin, result.verdict.unit
-    if result.value is not None and result.value.oracle == oracle:
-        margin, unit = result.value.margin, result.value.unit
+    oracle, margin, unit = "", None, ""
+    if trial.verdict is not None:
+        oracle = trial.verdict.oracle
+        margin, unit = trial.verdict.margin, trial.verdict.unit
+    if trial.value is not None and trial.value.oracle == oracle:
+        margin, unit = trial.value.margin, trial.value.unit
     by = "" if not margin else f" by {quantity(abs(margin), unit)}"
-    return f"{oracle} fails{by}{f' near {about}' if about else ''}"
+    return f"{oracle} fails{by}{f' near {trial.about}' if trial.about else ''}"
 
 
-def margin_words(result: PointResult) -> str:
+def margin_words(trial: Trial) -> str:
     """Return the margin of a run: ``0.105 m``; empty when it has none."""
-    return "" if result.value is None else quantity(result.value.margin, result.value.unit)
+    return "" if trial.value is None else quantity(trial.value.margin, trial.value.unit)
 
 
 def nearest_sentence(
     task: SearchTask,
-    result: PointResult,
+    failure: Trial,
     changes: Sequence[ParameterChange],
-    passes: PointResult | None,
+    passes: Trial | None,
     luck: str = "",
 ) -> str:
     """Return what to change for the scenario to fail, how it fails, and what still passes.
 
     ``luck`` are the :func:`noise_words` of a failure that hangs on the noise.
     """
-    fails = f"{failure_words(result)}{f', {luck}' if luck else ''}"
+    fails = f"{failure_words(failure)}{f', {luck}' if luck else ''}"
     if not changes:
         rest = [p for p in task.parameters if p.written is None]
-        how = f" with {point_words(task, result)}" if rest else ""
+        how = f" with {point_words(task, failure.point)}" if rest else ""
         return f"the scenario as written{how}: {fails}"
-    told = enumerate_words([change_words(task, change) for change in changes])
+    words = enumerate_words([change_words(task, change) for change in changes])
     comma = "," if len(changes) > 1 else ""
-    sentence = f"{told}{comma} and {fails}"
-    if passes is None:
-        return sentence
-    return f"{sentence}; {_passing(task, result, changes, passes)}"
+    sentence = f"{words}{comma} and {fails}"
+    return sentence if passes is None else f"{sentence}; {_passing(task, failure, passes)}"
 
 
-def _passing(
-    task: SearchTask, result: PointResult, changes: Sequence[ParameterChange], passes: PointResult
-) -> str:
+def _passing(task: SearchTask, failure: Trial, passes: Trial) -> str:
     margin = margin_words(passes)
     ends = f"it passes with {margin}" if margin else "it passes"
-    if not changed_parameters(task, passes.values):
+    if not changed_parameters(task, passes.point):
         return f"as written {ends}"
-    for change in changes:
-        index = next(i for i, p in enumerate(task.parameters) if p.name == change.parameter)
-        parameter = task.parameters[index]
-        pairs = zip(result.values, passes.values, strict=True)
-        differing = [i for i, (value, other) in enumerate(pairs) if value != other]
-        if change.passing is not None and differing == [index]:
-            words = parameter.shown(passes.values[index])
-            if len(changes) == 1:
-                return f"{'with' if isinstance(change.passing, str) else 'at'} {words} {ends}"
-            return f"with {short_name(task, parameter)} {words} {ends}"
-    return f"with {point_words(task, passes)} {ends}"
+    pairs = zip(failure.point, passes.point, strict=True)
+    differing = [i for i, (value, other) in enumerate(pairs) if value != other]
+    if len(differing) == 1:
+        words = _value_words(task, passes.point, differing[0])
+        alone = len(changed_parameters(task, failure.point)) == 1
+        return f"at {words.partition(' ')[2]} {ends}" if alone else f"with {words} {ends}"
+    return f"with {point_words(task, passes.point)} {ends}"
 
 
 def noise_words(confirmed: Confirmation | None) -> str:
@@ -171,9 +135,18 @@ def noise_words(confirmed: Confirmation | None) -> str:
 
 
 def confirmation_words(confirmed: Confirmation) -> str:
-    """Return ``fails in 5 of 5 repeats with other noise (in at least 47.8 % ...)``."""
+    """Return ``fails in 5 of 5 repeats with other noise (47.8 % to 100 % ...)``."""
     low, high = cut_percentage(confirmed.low), percentage(confirmed.high)
     return (
         f"fails in {confirmed.failed} of {confirmed.runs} repeats with other noise "
         f"({low} to {high} with 95 % certainty)"
     )
+
+
+def finding_words(finding: Finding) -> str:
+    """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
+    # A mission's failure is about a waypoint, the one that it is on its way to.
+    named = finding.object and finding.object != finding.waypoint
+    near = f" near {finding.object}" if named else ""
+    way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
+    return f"{finding.oracle}{near}{way} ({count_noun(finding.count, 'run')})"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from daemon.analysis.blame import Candidate
 from daemon.model.proposals import Phase, Proposal, ProposalRow
 from daemon.model.search import Point
-from daemon.model.search_answer import PointResult
-from daemon.search.execution.results import median_result, point_result
+from daemon.model.trials import Trial, median_trial, read_trial
 from daemon.search.execution.runs import Case, Runs
 from grammars.text.diagnostics import InputError
 
@@ -19,25 +18,6 @@ MEDIAN_OF: Final = 3
 _FEWEST_OTHERS: Final = 2
 _MOST_OTHERS: Final = 5
 """A failure holds if at least half of so many repeats with other noise are failures too."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunPurpose:
-    """What a run is for, by which method its point was chosen, and what it tries."""
-
-    phase: Phase
-    method: str
-    guided: bool = True
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class BegunPoint:
-    """A point whose runs have been issued, at these positions."""
-
-    number: int
-    point: Point
-    positions: tuple[int, ...]
 
 
 @dataclass(slots=True)
@@ -55,61 +35,64 @@ class PointRunner:
     number: int = 0
     executed: int = 0
     reused: int = 0
-    _known: dict[Point, PointResult | None] = field(default_factory=dict)
-    _repeats: dict[tuple[int, int], PointResult] = field(default_factory=dict)
+    _known: dict[Point, Trial] = field(default_factory=dict)
+    _refused: set[int] = field(default_factory=set)
+    _repeats: dict[tuple[int, int], Trial] = field(default_factory=dict)
 
     @property
     def repeats(self) -> int:
         """How many runs a point takes."""
         return 1 if self.case.task.repeatable else MEDIAN_OF
 
-    def begin(self, point: Point, purpose: RunPurpose) -> BegunPoint | None:
-        """Issue the runs of a point under the next number; ``None`` where it makes no run."""
+    def begin(
+        self, point: Point, phase: Phase, method: str, *, guided: bool = True, note: str = ""
+    ) -> Proposal:
+        """Issue the runs of a point under the next number, unless none can be made of it."""
         number = self.number
         self.number += 1
+        proposal = Proposal(self.position, number, 0, phase, method, guided, point, note)
         try:
             candidates = [self.case.candidate(point, number, r) for r in range(self.repeats)]
         except InputError:
-            self._known.setdefault(point, None)
-            return None
-        positions = tuple(
-            self.issue(candidate, number, repeat, point, purpose)
-            for repeat, candidate in enumerate(candidates)
-        )
-        return BegunPoint(number, point, positions)
+            self._refused.add(number)
+            return proposal
+        for repeat, candidate in enumerate(candidates):
+            self.issue(replace(proposal, repeat=repeat), candidate)
+        return proposal
 
-    def finish(self, begun: BegunPoint) -> PointResult:
+    def finish(self, begun: Proposal) -> Trial:
         """Wait for the runs of a point and return what they say."""
-        task = self.case.task
-        found = median_result([point_result(task, self.wait(p)) for p in begun.positions])
-        self._known.setdefault(begun.point, found)
-        return found
+        if begun.number in self._refused:
+            trial = Trial(begun)
+        else:
+            positions = range(begun.position, begun.position + self.repeats)
+            trial = median_trial([self._trial(position) for position in positions])
+        self._known.setdefault(begun.values, trial)
+        return trial
+
+    def _trial(self, position: int) -> Trial:
+        return read_trial(self.case.task, self.wait(position))
 
     def is_known(self, point: Point) -> bool:
         """Return whether nothing is run to find out about a point."""
         return point in self._known or not self.allowed(point)
 
-    def known(self, point: Point) -> PointResult | None:
-        """Return what a point is known to say; ``None`` where it makes no run, or had none."""
+    def known(self, point: Point) -> Trial | None:
+        """Return what a point is known to say; ``None`` for one that breaks a constraint."""
         return self._known.get(point)
 
-    def results(self, tried: Iterable[tuple[Point, RunPurpose]]) -> list[PointResult | None]:
-        """Return what points say, run at the same time; ``None`` for what makes no run.
+    def results(self, points: Iterable[tuple[Point, str]], phase: Phase) -> list[Trial | None]:
+        """Return what points say, run at the same time, each with a few words on what is tried.
 
-        What breaks a constraint of the search makes none.
+        What breaks a constraint of the search is not run: ``None``.
         """
-        wanted = list(tried)
-        new = {point: purpose for point, purpose in wanted if not self.is_known(point)}
-        for begun in [self.begin(point, purpose) for point, purpose in new.items()]:
-            if begun is not None:
-                self.finish(begun)
-        return [self._known.get(point) for point, _ in wanted]
+        tried = list(points)
+        new = {point: note for point, note in tried if not self.is_known(point)}
+        for begun in [self.begin(point, phase, phase, note=note) for point, note in new.items()]:
+            self.finish(begun)
+        return [self._known.get(point) for point, _ in tried]
 
-    def failures(self) -> list[PointResult]:
-        """Return every point that is known to fail, in the order in which they were run."""
-        return [one for one in self._known.values() if one is not None and one.fails]
-
-    def repeat(self, result: PointResult, times: int) -> list[PointResult]:
+    def repeat(self, result: Trial, times: int) -> list[Trial]:
         """Return what so many repeats of a point say, with other noise than the first run.
 
         Those that were run before are not run again.
@@ -126,7 +109,7 @@ class PointRunner:
         """
         return min(max(self.case.task.confirm, _FEWEST_OTHERS), _MOST_OTHERS)
 
-    def holds(self, result: PointResult) -> bool | None:
+    def holds(self, result: Trial) -> bool | None:
         """Return whether a failure is one with most noises; ``None`` where more runs must say.
 
         Where runs differ a point is judged by the median of several from the beginning.
@@ -138,25 +121,25 @@ class PointRunner:
             return None
         return missing_failed <= 0
 
-    def _missing(self, result: PointResult) -> tuple[int, int]:
+    def _missing(self, result: Trial) -> tuple[int, int]:
         """Return how many repeats have to fail, or not to, until it is known what most do."""
         known = self._others_of(result)
         failed = sum(one.fails for one in known)
         needed = (self.others + 1) // 2
         return needed - failed, self.others - needed + 1 - (len(known) - failed)
 
-    def _others_of(self, result: PointResult) -> list[PointResult]:
+    def _others_of(self, result: Trial) -> list[Trial]:
         keys = [(result.number, repeat) for repeat in range(1, self.others + 1)]
         return [self._repeats[key] for key in keys if key in self._repeats]
 
-    def with_most_noises(self, results: Sequence[PointResult | None]) -> list[PointResult | None]:
+    def with_most_noises(self, results: Sequence[Trial | None]) -> list[Trial | None]:
         """Return results, in place of those that are failures by chance what the others say.
 
         Failures are run again, at the same time, until it is known whether they hold.
         """
         failures = [one for one in results if one is not None and one.fails]
         while open_ones := [one for one in failures if self.holds(one) is None]:
-            wanted: list[tuple[PointResult, int]] = []
+            wanted: list[tuple[Trial, int]] = []
             for one in open_ones:
                 begun = len(self._others_of(one)) + 1
                 # No more than can be needed: the next ones may not be.
@@ -164,41 +147,31 @@ class PointRunner:
             self._repeated(wanted)
         return [self._usual(one) for one in results]
 
-    def _usual(self, result: PointResult | None) -> PointResult | None:
+    def _usual(self, result: Trial | None) -> Trial | None:
         if result is None or self.holds(result) == result.fails:
             return result
-        return median_result([one for one in self._others_of(result) if not one.fails])
+        return median_trial([one for one in self._others_of(result) if not one.fails])
 
-    def _repeated(self, wanted: Sequence[tuple[PointResult, int]]) -> list[PointResult]:
+    def _repeated(self, wanted: Sequence[tuple[Trial, int]]) -> list[Trial]:
         """Run the repeats of points that were not run, a window at a time, and return them all."""
-        task, purpose = self.case.task, RunPurpose("confirm", "repeat")
+        window = self.case.task.window
         new = [(r, repeat) for r, repeat in wanted if (r.number, repeat) not in self._repeats]
-        for start in range(0, len(new), task.window):
+        for start in range(0, len(new), window):
             positions: dict[tuple[int, int], int] = {}
-            for result, repeat in new[start : start + task.window]:
-                number, point = result.number, result.values
-                candidate = self.case.candidate(point, number, repeat)
-                positions[number, repeat] = self.issue(candidate, number, repeat, point, purpose)
+            for trial, repeat in new[start : start + window]:
+                number, point = trial.number, trial.point
+                positions[number, repeat] = self.issue(
+                    Proposal(self.position, number, repeat, "confirm", "repeat", True, point),
+                    self.case.candidate(point, number, repeat),
+                )
             for key, position in positions.items():
-                self._repeats[key] = point_result(task, self.wait(position))
-        return [self._repeats[result.number, repeat] for result, repeat in wanted]
+                self._repeats[key] = self._trial(position)
+        return [self._repeats[trial.number, repeat] for trial, repeat in wanted]
 
-    def issue(
-        self, candidate: Candidate, number: int, repeat: int, point: Point, purpose: RunPurpose
-    ) -> int:
-        """Issue one run and return its position."""
+    def issue(self, proposal: Proposal, candidate: Candidate) -> int:
+        """Issue one run at the next position, and return that."""
         position = self.position
-        proposal = Proposal(
-            position=position,
-            number=number,
-            repeat=repeat,
-            phase=purpose.phase,
-            method=purpose.method,
-            guided=purpose.guided,
-            values=point,
-            note=purpose.note,
-        )
-        self.runs.issue(proposal, candidate)
+        self.runs.issue(replace(proposal, position=position), candidate)
         self.position += 1
         return position
 

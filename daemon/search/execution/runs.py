@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from daemon.model.proposals import Phase, Proposal, ProposalRow
 from daemon.model.search import Point, SearchTask
-from daemon.model.search_answer import PointResult, SearchAnswer
+from daemon.model.search_answer import SearchAnswer
+from daemon.model.trials import Trial
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate, RunCase
@@ -38,7 +39,7 @@ class Case(Protocol):
     def run_case(self, point: Point, number: int) -> RunCase:
         """Return the run of a point taken apart."""
 
-    def found_text(self, result: PointResult, *, comment: str, why: str = "") -> str:
+    def found_text(self, result: Trial, *, comment: str, why: str = "") -> str:
         """Return a campaign file for the folder of the campaign, with the run of a point.
 
         Its failure is expected there; ``why`` says what it is.

@@ -1,36 +1,31 @@
-"""Which figures the page of a search has."""
+"""The figures of a search: margins over its runs, its space, what decides, and the failure."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import accumulate, combinations
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
-from daemon.analysis.report import PagePicture, draw_moment, plot_recorded_way
+import numpy as np
+
+from daemon.analysis.report import Axes, PagePicture, Sheet, draw_moment, plot_recorded_way
 from daemon.model.proposals import ProposalRow
-from daemon.model.search import Point
-from daemon.model.search_answer import PointResult, SearchAnswer, SearchRow
-from daemon.search.answers.answer import told_failure
-from daemon.search.page._boundary import plot_boundary
-from daemon.search.page._curves import plot_margins, space_filling_runs
-from daemon.search.page._influence import plot_influence
-from daemon.search.page._points import DrawnPoint, drawn_points
-from daemon.search.page._spaces import plot_pairs, plot_parallel
+from daemon.model.search import SearchTask
+from daemon.model.search_answer import SearchAnswer, SearchRow
+from daemon.model.trials import Trial, point_trials, smallest_so_far
+from daemon.search.answers.sentences import is_by_chance
+from daemon.search.answers.wording import minus
+from daemon.search.page._spaces import FULL, margin_title, plot_pair, plot_parallel, plot_range
 
 MOST_PAIRED: Final = 4
 """Parameters of which every two have a picture; of more, all are drawn side by side."""
 NO_TRACES: Final[Mapping[str, Path]] = {}
-
-
-@dataclass(frozen=True, slots=True)
-class PairFigure:
-    """The name of a figure of two parameters: ``axes`` are their names, as one over the other."""
-
-    axes: str
-
-
-FigureName: TypeAlias = str | PairFigure
+_LETTER: Final = 3.8
+"""Width of a letter beside a bar [points]."""
+_Figure = tuple[str, str, PagePicture | None]
+"""Name, the words that are read out where pictures are not seen, and picture."""
 
 
 def search_figures(
@@ -39,30 +34,18 @@ def search_figures(
     *,
     baseline: Sequence[ProposalRow] = (),
     traces: Mapping[str, Path] = NO_TRACES,
-) -> dict[FigureName, str]:
+) -> dict[str, str]:
     """Return the figures of a search as SVG to stand inside of a page, by what they show.
 
-    ``margins`` has the margin over runs; ``boundary`` the margin over one or two parameters;
-    ``parallel`` or every :class:`PairFigure` the points over their parameters; ``influence`` bars;
-    ``moment`` and ``way`` the failure that is told, where ``traces`` has the file of its run by the
-    run's id. ``baseline`` are the runs of another search of the same parameters that was not
-    guided. Figures that have nothing to show are left out.
+    ``margins`` has the margin over runs; ``boundary`` the margin over one or two parameters, or
+    ``parallel`` the points over many; of a few parameters there is a figure for every two, by their
+    names; ``influence`` has bars; ``moment`` and ``way`` the failure that is told, where ``traces``
+    has the file of its run by the run's id. ``baseline`` are the runs of another search of the same
+    parameters that was not guided. Figures that have nothing to show are left out.
     """
-    explored = drawn_points(row.task, proposals)
-    steps = drawn_points(row.task, proposals, "nearest")
-    return point_figures(row, explored, steps, baseline=baseline, traces=traces)
-
-
-def point_figures(
-    row: SearchRow,
-    explored: Sequence[DrawnPoint],
-    steps: Sequence[DrawnPoint],
-    *,
-    baseline: Sequence[ProposalRow],
-    traces: Mapping[str, Path],
-) -> dict[FigureName, str]:
-    """Return what :func:`search_figures` does, of points; ``steps`` lead to the nearest failure."""
-    drawn = _sheets(row, explored, steps, drawn_points(row.task, baseline), traces)
+    trials = point_trials(row.task, proposals)
+    steps = point_trials(row.task, proposals, "nearest")
+    drawn = _figures(row, trials, steps, point_trials(row.task, baseline), traces)
     return {
         name: sheet.svg(f"f{number}", label)
         for number, (name, label, sheet) in enumerate(drawn)
@@ -70,58 +53,137 @@ def point_figures(
     }
 
 
-def told_point(answer: SearchAnswer | None) -> PointResult | None:
-    """Return the run that a page shows closely: the failure that is told, else the best."""
-    return None if answer is None else told_failure(answer) or answer.best
-
-
-def _sheets(
+def _figures(
     row: SearchRow,
-    points: Sequence[DrawnPoint],
-    steps: Sequence[DrawnPoint],
-    baseline: Sequence[DrawnPoint],
+    trials: Sequence[Trial],
+    steps: Sequence[Trial],
+    baseline: Sequence[Trial],
     traces: Mapping[str, Path],
-) -> Iterator[tuple[FigureName, str, PagePicture | None]]:
+) -> Iterator[_Figure]:
     task, answer = row.task, row.answer
-    nearest = answer.nearest.result.values if answer is not None and answer.nearest else None
-    if points:
-        filling = space_filling_runs(task, points, baseline)
+    if trials:
         label = "Margin of every run, the smallest so far, and failures over runs"
-        yield "margins", label, plot_margins(task, points, filling)
-        yield from _of_space(row, points, steps, nearest)
+        yield "margins", label, _plot_margins(task, trials, baseline)
+        yield from _of_space(row, trials, steps)
     if answer is not None:
-        yield "influence", "Influence of parameters as bars", plot_influence(task, answer)
-    yield from _of_failure(told_point(answer), traces)
-
-
-def _of_space(
-    row: SearchRow,
-    points: Sequence[DrawnPoint],
-    steps: Sequence[DrawnPoint],
-    nearest: Point | None,
-) -> Iterator[tuple[FigureName, str, PagePicture | None]]:
-    task = row.task
-    count = len(task.parameters)
-    if count <= 2:
-        label = "Margin over the parameters that are varied"
-        # Nothing differs but what is drawn: those on the way to the nearest failure say more.
-        yield "boundary", label, plot_boundary(task, (*points, *steps), nearest)
-    elif count <= MOST_PAIRED:
-        for name, sheet in plot_pairs(task, points, nearest).items():
-            yield PairFigure(name), f"Runs that pass and that fail, {name}", sheet
-    else:
-        label = "Every run as a line over the parameters that are varied"
-        yield "parallel", label, plot_parallel(task, points, nearest)
-
-
-def _of_failure(
-    shown: PointResult | None, traces: Mapping[str, Path]
-) -> Iterator[tuple[FigureName, str, PagePicture | None]]:
+        yield "influence", "Influence of parameters as bars", _plot_influence(task, answer)
+    shown = answer.shown if answer is not None else None
     if shown is None or shown.run not in traces:
         return
     trace = traces[shown.run]
-    evidence = shown.verdict.evidence if shown.verdict is not None else None
-    if evidence is not None and evidence.time is not None:
-        sheet = draw_moment(trace, evidence.time)
-        yield "moment", f"The robot at {evidence.time:.1f} s of {shown.label}", sheet
+    time = shown.verdict.evidence.time if shown.verdict is not None else None
+    if time is not None:
+        yield "moment", f"The robot at {time:.1f} s of {shown.label}", draw_moment(trace, time)
     yield "way", f"The way driven in {shown.label}", plot_recorded_way(trace)
+
+
+def _of_space(row: SearchRow, trials: Sequence[Trial], steps: Sequence[Trial]) -> Iterator[_Figure]:
+    task, answer = row.task, row.answer
+    nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
+    count = len(task.parameters)
+    if count > MOST_PAIRED:
+        label = "Every run as a line over the parameters that are varied"
+        yield "parallel", label, plot_parallel(task, trials, nearest)
+        return
+    # Of one or two nothing differs but what is drawn: the way to the nearest failure says more.
+    among = (*trials, *steps) if count <= 2 else trials
+    known = [one for one in among if math.isfinite(one.compared)]
+    if not known:
+        return
+    label = "Margin over the parameters that are varied"
+    if count == 1:
+        yield "boundary", label, plot_range(task, known, nearest)
+    elif count == 2:
+        yield "boundary", label, plot_pair(task, known, nearest, (0, 1))
+    else:
+        names = [task.short_name(parameter.name) for parameter in task.parameters]
+        for x, y in combinations(range(count), 2):
+            name = f"{names[y]} over {names[x]}"
+            yield name, f"Margins of runs, {name}", plot_pair(task, known, nearest, (x, y))
+
+
+def _plot_margins(task: SearchTask, trials: Sequence[Trial], other: Sequence[Trial]) -> Sheet:
+    """Return the margin of every run and the smallest so far, and below how many have failed.
+
+    A guided search is held against the runs of an ``other`` one that was not, else its own.
+    """
+    if other:
+        filling, filled = f"{other[-1].proposal.method} alone, another search", other
+    else:
+        filling = f"{task.drawn_word} runs alone"
+        filled = [one for one in trials if not one.proposal.guided]
+    sheet = Sheet(FULL, 4.2, 2)
+    above, below = sheet.axes
+    last = max(one.number + 1 for one in (*trials, *filled))
+    known = [one for one in trials if not math.isnan(one.compared)]
+    passing = [one for one in known if not one.fails]
+    for chosen, draw, colour, size, label in (
+        ([p for p in passing if not p.proposal.guided], above.dots, "soft", 3.4, task.drawn_word),
+        ([p for p in passing if p.proposal.guided], above.dots, "line", 3.4, "guided"),
+        ([p for p in known if p.fails], above.crosses, "bad", 4.4, "fails"),
+    ):
+        if chosen:
+            draw([p.number for p in chosen], [p.compared for p in chosen], colour, size,
+                 label=label)  # fmt: skip
+    above.across(0.0, "bad", 0.9)
+    top = 0
+    for runs, colour, label, beside in (
+        (filled, "second", filling, filling), (trials, "ink", "smallest so far", "this search"),
+    ):  # fmt: skip
+        failed = list(accumulate(int(one.fails) for one in runs))
+        top = max([top, *failed[-1:]])
+        _step(above, runs, smallest_so_far(runs), last, colour, label)
+        _step(below, runs, failed, last, colour, beside)
+    above.x_limits = below.x_limits = (-0.5, last - 0.5 if last > 1 else 1.0)
+    below.y_limits = (0.0, max(1.0, 1.08 * top))
+    above.title, below.title, below.x_label = margin_title(task), "failures", "run"
+    return sheet
+
+
+def _step(
+    axes: Axes,
+    trials: Sequence[Trial],
+    values: Sequence[float],
+    last: int,
+    colour: str,
+    label: str,
+) -> None:
+    """Draw values that hold from their run to the next one's, and to the end."""
+    if not trials:
+        return
+    xs = np.repeat(np.array([*(one.number for one in trials), last], float), 2)[1:-1]
+    ys = np.repeat(np.array(values, float), 2)
+    axes.line(xs, ys, colour, 1.3, dashes="" if colour == "ink" else "5 3", label=label, flat=True)
+
+
+def _plot_influence(task: SearchTask, answer: SearchAnswer) -> Sheet | None:
+    """Return a bar for each parameter, those that decide most first; ``None`` without any.
+
+    Grey: what chance gives as well with so few runs.
+    """
+    shown = sorted(
+        (one for one in answer.influence if math.isfinite(one.correlation)),
+        key=lambda one: (-abs(one.correlation), one.parameter),
+    )
+    if not shown:
+        return None
+    sheet = Sheet(5.2, 0.35 + 0.19 * len(shown), bare=True)
+    (axes,) = sheet.axes
+    names = [task.short_name(one.parameter) for one in shown]
+    # So wide that the longest name fits left of -1: the box has 72 x 5.2 points.
+    share = min(0.6, (max(map(len, names)) * _LETTER + 12.0) / (72.0 * 5.2))
+    left = -1.0 - 2.35 * share / (1.0 - share)
+    axes.x_limits, axes.y_limits = (left, 1.35), (-len(shown) - 0.3, 0.9)
+    for value in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        axes.line([value, value], [-len(shown), 0.0], "rule" if value else "soft", 0.6)
+        words = minus(f"{value:g}")
+        axes.words(value, 0.15, words, shift=(-0.5 * len(words) * _LETTER, 0.0))
+    for row, (one, name) in enumerate(zip(shown, names, strict=True)):
+        y = -row - 0.5
+        colour = "second" if one.correlation < 0.0 else "line"
+        if is_by_chance(task, one):
+            colour = "wall"
+        axes.line([0.0, one.correlation], [y, y], colour, 8.0, flat=True)
+        axes.words(-1.0, y, name, 7.0, colour="ink", anchor="end", shift=(-5.0, -2.5))
+        axes.words(1.0, y, minus(f"{one.correlation:+.2f}"), 6.5, shift=(5.0, -2.2))
+    return sheet

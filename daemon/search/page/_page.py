@@ -1,24 +1,28 @@
-"""The page of a search: what it says, in what order, in which words."""
+"""The page of a search: what it says, in what order."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 from markupsafe import Markup
 
 from daemon.analysis.report import GLYPHS, NOTHING, duration_text, format_quantity
 from daemon.model.proposals import ProposalRow
-from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+from daemon.model.search import PointValue, SearchParameter
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
-from daemon.search.answers.sentences import ending_words
+from daemon.model.trials import Trial, point_trials
+from daemon.search.answers.sentences import (
+    headline_sentence,
+    phase_words,
+    search_word,
+    verdict_words,
+)
 from daemon.search.answers.wording import point_words
-from daemon.search.page._figures import NO_TRACES, PairFigure, point_figures, told_point
-from daemon.search.page._points import DrawnPoint, drawn_points
+from daemon.search.page._figures import NO_TRACES, search_figures
 from daemon.search.page._spaces import MOST_LINES
 from daemon.search.points import is_as_written, range_text
 from grammars.text.words import count_noun
@@ -27,40 +31,7 @@ from templates.report import render_search_report
 MOST_LISTED: Final = 60
 """Points in the table at most: those with the smallest margins."""
 _FIGURES: Final = ("margins", "boundary", "parallel", "influence", "moment", "way")
-
-
-@dataclass(frozen=True, slots=True)
-class SearchHeadline:
-    """Whether it can fail: one word for its colour, a short word, the sentence."""
-
-    tone: Literal["good", "bad", "open"]
-    word: str
-    sentence: str
-
-
-@dataclass(frozen=True, slots=True)
-class _ParameterLine:
-    """A parameter in words: what it may be, what is written, what some runs have."""
-
-    name: str
-    range: str
-    written: str
-    values: tuple[tuple[str, bool], ...]
-    """Value of each run beside, and whether it is as written."""
-
-
-@dataclass(frozen=True, slots=True)
-class _PointLine:
-    """A point in words."""
-
-    number: int
-    outcome: str
-    glyph: str
-    margin: str
-    about: str
-    method: str
-    changed: str
-    run: str
+"""Names of figures; others are of two parameters, by whose names they are called."""
 
 
 def search_page(
@@ -78,57 +49,45 @@ def search_page(
     does.
     """
     task, answer = row.task, row.answer
-    explored, steps = drawn_points(task, proposals), drawn_points(task, proposals, "nearest")
-    figures = point_figures(row, explored, steps, baseline=baseline, traces=traces)
-    compared = _compared_points(answer)
-    ordered = sorted(explored, key=lambda p: (math.isnan(p.value), p.value, p.number))
-    shown = told_point(answer)
-    passing = sum(not point.result.fails for point in explored)
+    trials = point_trials(task, proposals)
+    # Drawn here, from numbers and escaped names, never taken from a file.
+    figures = {
+        name: Markup(svg)
+        for name, svg in search_figures(row, proposals, baseline=baseline, traces=traces).items()
+    }
+    ordered = sorted(trials, key=lambda p: (math.isnan(p.compared), p.compared, p.number))
     return render_search_report(
-        {"quantity": format_quantity},
+        {
+            "quantity": format_quantity,
+            "range": range_text,
+            "value": _value_text,
+            "not_written": lambda trial: point_words(task, trial.point, len(task.parameters)),
+        },
         row=row,
         task=task,
         answer=answer,
-        headline=search_headline(row),
+        tone={"pass": "good", "fail": "bad"}.get(search_word(row), "open"),
+        verdict=verdict_words(row),
+        sentence=headline_sentence(row),
         facts=_facts(row, proposals),
-        # Drawn here, from numbers and escaped names, never taken from a file.
-        figures={name: Markup(figures.get(name, "")) for name in _FIGURES},
-        pairs={n.axes: Markup(s) for n, s in figures.items() if isinstance(n, PairFigure)},
-        compared=compared,
-        parameters=_parameter_lines(task, [values for _, values in compared]),
-        points=[_point_line(task, point) for point in ordered[:MOST_LISTED]],
+        figures={name: figures.get(name, "") for name in _FIGURES},
+        pairs={name: svg for name, svg in figures.items() if name not in _FIGURES},
+        compared=_compared_trials(answer),
+        is_as_written=is_as_written,
+        points=ordered[:MOST_LISTED],
         left_out=len(ordered) - MOST_LISTED,
-        thinned=passing > MOST_LINES,
-        steps=[_point_line(task, point) for point in steps],
+        thinned=sum(not trial.fails for trial in trials) > MOST_LINES,
+        steps=point_trials(task, proposals, "nearest"),
         other_baseline=bool(baseline),
-        shown=shown,
+        shown=answer.shown if answer is not None else None,
         commands=commands,
+        glyphs=GLYPHS,
         nothing=NOTHING,
     )
 
 
-def search_headline(row: SearchRow) -> SearchHeadline:
-    """Return the one line that says whether it can fail, and what it takes."""
-    answer = row.answer
-    if row.state == "failed":
-        said = (row.note.strip().splitlines() or ["It could not go on."])[-1]
-        return SearchHeadline("open", "Not known", said)
-    if answer is not None and answer.nearest is not None:
-        sentence = f"Nearest failure: {answer.nearest.sentence}."
-        return SearchHeadline("bad", "It can fail", sentence)
-    if answer is not None and answer.first is not None:
-        runs = count_noun(answer.explored, "run")
-        return SearchHeadline("bad", "It can fail", f"{answer.failed} of {runs} do.")
-    if answer is None or answer.best is None or answer.best.value is None:
-        return SearchHeadline("open", "Not known", "No run has a margin.")
-    margin = format_quantity(answer.best.value.margin, answer.best.value.unit)
-    sentence = f"{count_noun(answer.explored, 'run')}, nothing below {margin}."
-    word = "Nothing fails so far" if row.state == "running" else "Nothing fails"
-    return SearchHeadline("good", word, sentence)
-
-
 def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str, str], ...]:
-    task, answer = row.task, row.answer
+    task = row.task
     about = task.minimise
     if len(task.scales) > 1:
         about = f"{task.minimise} of {', '.join(scale.oracle for scale in task.scales)}"
@@ -145,7 +104,6 @@ def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str,
     simulated = sum(one.run.simulated for one in proposals)
     results = (one.run.result for one in proposals if not one.run.cached)
     cpu = sum(result.timing.cpu for result in results if result is not None)
-    state = row.state if answer is None or not answer.ended else ending_words(task, answer.ended)
     facts = (
         ("scenario", f"{task.scenario} with {task.sut}"),
         ("minimises", about),
@@ -157,55 +115,24 @@ def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str,
         ("constraints", "; ".join(task.constraints)),
         ("runs", runs),
         ("simulated", f"{duration_text(simulated)} in {duration_text(cpu)} of CPU"),
-        ("state", state),
+        ("state", phase_words(row)),
         ("search", row.campaign),
         ("page written by", own_version()),
     )
     return tuple((name, value) for name, value in facts if value)
 
 
-def _compared_points(answer: SearchAnswer | None) -> tuple[tuple[str, Point], ...]:
+def _compared_trials(answer: SearchAnswer | None) -> dict[str, Trial]:
     """Return the points whose values stand beside those written, by what they are."""
     if answer is None:
-        return ()
-    nearest = answer.nearest.result if answer.nearest is not None else None
-    named = (
-        ("nearest failure", nearest),
-        ("smallest margin", answer.best),
-        ("first failure", answer.first),
-    )
-    return tuple((name, point.values) for name, point in named if point is not None)
-
-
-def _parameter_lines(task: SearchTask, compared: Sequence[Point]) -> list[_ParameterLine]:
-    return [
-        _ParameterLine(
-            parameter.name,
-            range_text(parameter, parameter.shown),
-            _value_text(parameter, parameter.written),
-            tuple(
-                (_value_text(parameter, values[i]), is_as_written(parameter, values[i]))
-                for values in compared
-            ),
-        )
-        for i, parameter in enumerate(task.parameters)
-    ]
+        return {}
+    named = {
+        "nearest failure": answer.nearest.result if answer.nearest is not None else None,
+        "smallest margin": answer.best,
+        "first failure": answer.first,
+    }
+    return {name: trial for name, trial in named.items() if trial is not None}
 
 
 def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:
     return NOTHING if value is None else parameter.shown(value)
-
-
-def _point_line(task: SearchTask, point: DrawnPoint) -> _PointLine:
-    result = point.result
-    value, outcome = result.value, str(result.outcome or "error")
-    return _PointLine(
-        number=point.number,
-        outcome=outcome,
-        glyph=GLYPHS.get(outcome, "?"),
-        margin=NOTHING if value is None else format_quantity(value.margin, value.unit, signed=True),
-        about=" ".join(filter(None, (value.oracle, value.object))) if value else "",
-        method=point.method,
-        changed=point_words(task, result, len(task.parameters)),
-        run=result.run,
-    )

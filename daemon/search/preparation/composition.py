@@ -37,7 +37,7 @@ from grammars.text.sources import reading_only_in
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate, RunCase
-    from daemon.model.search_answer import PointResult
+    from daemon.model.trials import Trial
 
 _MOST_SCENES: Final = 64
 """So many scenes are kept: those of repeats, and of points nearby."""
@@ -85,13 +85,13 @@ class SearchCase:
         with reading_only_in(self._only_in):
             return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
 
-    def found_text(self, result: PointResult, *, comment: str, why: str = "") -> str:
+    def found_text(self, result: Trial, *, comment: str, why: str = "") -> str:
         """Return a campaign file beside that of the campaign with the scenario of a point alone.
 
         Its runs are those of the proposal, digest by digest, and it says only what is not as
         written. ``comment`` stands above it. What fails is expected to, where ``why`` is given.
         """
-        point, number = result.values, result.number
+        point, number = result.point, result.number
         expected: list[dict[str, str]] = []
         if why and result.fails and result.verdict is not None:
             expected.append({"oracle": result.verdict.oracle, "verdict": "fail", "why": why})

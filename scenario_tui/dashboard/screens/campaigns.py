@@ -14,7 +14,6 @@ from textual.widgets import Static
 from grammars.text.words import count_noun
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
-from scenario_tui.dashboard.search_runs import best_margin
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Query
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
 from scenario_tui.dashboard.widgets.static_text import StaticText
@@ -32,7 +31,6 @@ from scenario_tui.text.formatting import (
     run_counts,
 )
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
-from scenario_tui.text.search_text import search_line, search_word
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
@@ -221,6 +219,9 @@ def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
 
 
 def _searched(row: CampaignRow, search: SearchRow) -> Text:
+    # The first screen is not to wait for what only a search needs.
+    from daemon.search.answers.sentences import search_word
+
     if row.paused and search.state == "running":
         return Text("‖ paused", style=UNSURE)
     word = search_word(search)
@@ -228,8 +229,8 @@ def _searched(row: CampaignRow, search: SearchRow) -> Text:
         said: str = search.phase
     else:
         said = f"{GLYPHS[word]} {_SEARCHED.get(word, word)}"
-    best = best_margin(search)
-    least = f" {margin(best.margin, best.unit)}" if best is not None else ""
+    best = search.answer.best if search.answer is not None else None
+    least = f" {margin(best.value.margin, best.value.unit)}" if best and best.value else ""
     return Text(f"{said}{least}", style=DASHBOARD_STYLES[word])
 
 
@@ -246,6 +247,9 @@ def campaign_text(
     said = _up_to_date(row, said)
     text = Text.assemble((row.name, "bold"), "\n")
     if search is not None:
+        from daemon.search.answers.sentences import search_word
+        from scenario_tui.text.search_text import search_line
+
         text.append(f"search: {search_line(search)}\n", style=DASHBOARD_STYLES[search_word(search)])
     if said:
         text.append(f"{said.glyph_text}\n", style=DASHBOARD_STYLES[said.word])

@@ -13,6 +13,8 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.status import CampaignRow
+from daemon.model.trials import smallest_margin
+from daemon.search.answers.sentences import phase_words, search_word
 from grammars.text.words import count_noun
 from scenario_tui.dashboard.recorded_traces import (
     RecordingVersion,
@@ -24,12 +26,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.search_runs import (
-    NotableRun,
-    SearchRuns,
-    decisive_moment,
-    notable_runs,
-)
+from scenario_tui.dashboard.searches import NotableTrial, SearchTrials, notable_trials
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.search_curve import (
     SearchCurveView,
@@ -40,10 +37,9 @@ from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, NOTHING, QUIET, margin
-from scenario_tui.text.search_text import answer_lines, phase_text, search_word
+from scenario_tui.text.search_text import answer_lines
 
 if TYPE_CHECKING:
-    from daemon.model.search import SearchTask
     from scenario_tui.dashboard.playback import Playback
 
 _COLUMNS: Final = (
@@ -90,8 +86,8 @@ class SearchScreen(SteeringScreen, MapActions):
         super().__init__()
         self._campaign = campaign
         self._part = 0
-        self._shown: SearchRuns | None = None
-        self._notable: tuple[NotableRun, ...] = ()
+        self._shown: SearchTrials | None = None
+        self._notable: tuple[NotableTrial, ...] = ()
         self._stale = True
         self._opened: RecordingVersion | None = None
         self._playback: tuple[RecordingVersion, Playback] | None = None
@@ -131,9 +127,9 @@ class SearchScreen(SteeringScreen, MapActions):
         """The search; the run in front where its map is seen, or is to be played."""
         seen = self.has_class("-wide") or self.VIEWS[self._part] == "map"
         front = self._front()
-        if front is None or not (seen or front.run == self._to_play):
+        if front is None or not (seen or front.trial.run == self._to_play):
             return Query(search=self._campaign)
-        return Query(search=self._campaign, run=front.run)
+        return Query(search=self._campaign, run=front.trial.run)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign that the search is."""
@@ -146,19 +142,19 @@ class SearchScreen(SteeringScreen, MapActions):
     def cursor_command(self) -> str:
         """Return what to type about the run in front."""
         front = self._front()
-        return self.command() if front is None else self._line("show", front.run)
+        return self.command() if front is None else self._line("show", front.trial.run)
 
     def cursor_lines(self) -> list[tuple[str, str]]:
         """Return what can be typed about the run in front."""
         front = self._front()
-        return [] if front is None else self.run_lines(front.run)
+        return [] if front is None else self.run_lines(front.trial.run)
 
     def trail(self) -> str:
         """Where we are, and what is going on."""
         parts = [f"campaigns › {self._campaign} › search"]
         row, campaign = self.dashboard.daemon_state.searches.get(self._campaign), self.campaign()
         if row is not None:
-            parts.append(f"{row.task.minimise} of {row.task.scenario}  {phase_text(row)}")
+            parts.append(f"{row.task.minimise} of {row.task.scenario}  {phase_words(row)}")
         return "  ".join(parts + (schedule_marks(campaign) if campaign is not None else []))
 
     def show(self, state: DashboardState) -> None:
@@ -170,7 +166,7 @@ class SearchScreen(SteeringScreen, MapActions):
             return
         if search is not self._shown or self._stale:
             self._shown, self._stale = search, False
-            self._notable = notable_runs(search)
+            self._notable = tuple(notable_trials(search))
             self._say(search)
             table = self.query_one(KeyedTable)
             table.fill([_cells(one) for one in self._notable])
@@ -183,7 +179,7 @@ class SearchScreen(SteeringScreen, MapActions):
             self.query_one("#answer-text", Static).update(answer)
             self._show_point()
             self.dashboard.feed.set_query(self.state_query())
-        self._show_map(state, search)
+        self._show_map(state)
 
     def _nothing(self, state: DashboardState) -> str:
         if not state.connected:
@@ -191,23 +187,23 @@ class SearchScreen(SteeringScreen, MapActions):
         row = self.campaign()
         return "This is no search, or not any more." if row is None else "… reading its runs"
 
-    def _front(self) -> NotableRun | None:
+    def _front(self) -> NotableTrial | None:
         """Return the run in front."""
         key = self.query_one(KeyedTable).key
         return next((one for one in self._notable if one.key == key), None)
 
-    def _say(self, search: SearchRuns) -> None:
+    def _say(self, search: SearchTrials) -> None:
         """Say how it stands, and which part of the screen this is."""
-        row, runs = search.row, [run for run in search.runs if run.explores]
-        word, failed = search_word(row), sum(run.fails for run in runs)
-        settled = sum(run.settled for run in runs)
+        row, explored = search.row, search.explored
+        word, failed = search_word(row), sum(one.fails for one in explored)
+        settled = sum(one.outcome is not None for one in explored)
         said = Text(GLYPHS[word], style=DASHBOARD_STYLES[word])
         said.append(f" {settled}/{row.task.runs} {row.phase}")
         said.append(f"  {failed} fail", style=DASHBOARD_STYLES["fail"] if failed else QUIET)
-        best = next((one for one in self._notable if one.key == "best"), None)
+        best = smallest_margin(explored)
         if best is not None and best.value is not None:
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
-        after = len(search.runs) - len(runs)
+        after = len(search.trials) - len(explored)
         said.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
         tabs = "" if self.has_class("-wide") else self._tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
@@ -227,23 +223,23 @@ class SearchScreen(SteeringScreen, MapActions):
         answer = search.row.answer
         influence = {one.parameter: one.correlation for one in answer.influence} if answer else {}
         width = (self.query_one("#parameters").size.width or self.size.width) - 2
-        text = Text.assemble((front.what, "bold"), f"  {front.label}\n", overflow="ellipsis")
-        text.append(parameters_text(search.row.task, front.values, width, influence))
+        text = Text.assemble((front.what, "bold"), f"  {front.trial.label}\n", overflow="ellipsis")
+        text.append(parameters_text(search.row.task, front.trial.point, width, influence))
         self.query_one("#parameters-text", Static).update(text)
 
-    def _show_map(self, state: DashboardState, search: SearchRuns) -> None:
+    def _show_map(self, state: DashboardState) -> None:
         """Show the run in front at its decisive moment, as soon as its trace is read."""
         front, above = self._front(), self.query_one(RunMap)
-        detail = state.detail_of(front.run) if front is not None else None
+        detail = state.detail_of(front.trial.run) if front is not None else None
         if front is None or detail is None:
             above.show(None)
             above.explain("" if front is not None else "No run has a result yet.")
             return
         version = recording_version(detail)
-        seen = state.recording_of(front.run)
+        seen = state.recording_of(front.trial.run)
         if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
             self._opened, self._damage = version, ""
-            self._open(seen.path, version, search.row.task)
+            self._open(seen.path, version)
         elif isinstance(seen, UnavailableTrace):
             self._refuse_play(seen.why)
         elif version is None:
@@ -258,7 +254,7 @@ class SearchScreen(SteeringScreen, MapActions):
             above.show(view)
 
     @work(thread=True, exclusive=True)
-    def _open(self, path: Path, version: RecordingVersion, task: SearchTask) -> None:
+    def _open(self, path: Path, version: RecordingVersion) -> None:
         """Read a whole trace outside the thread that draws, then show it."""
         from daemon.trace import TraceError
 
@@ -268,7 +264,7 @@ class SearchScreen(SteeringScreen, MapActions):
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, version, f"{why}: {path}")
             return
-        self.app.call_from_thread(self._ready, version, task, playback)
+        self.app.call_from_thread(self._ready, version, playback)
 
     def _broken(self, version: RecordingVersion, why: str) -> None:
         if version != self._opened:
@@ -277,13 +273,15 @@ class SearchScreen(SteeringScreen, MapActions):
         self._refuse_play(why)
         self.update_from_state()
 
-    def _ready(self, version: RecordingVersion, task: SearchTask, playback: Playback) -> None:
+    def _ready(self, version: RecordingVersion, playback: Playback) -> None:
         """Show the run at its decisive moment; play it if that is what was asked for."""
         if version != self._opened:
             return  # another recording is in front by now
-        found = decisive_moment(task, playback.verdicts)
+        trial = next((t for one in self._notable if (t := one.trial).run == version.run), None)
+        verdict = trial.verdict if trial is not None else None
+        moment = verdict.evidence.time if verdict is not None else None
         self._playback = (version, playback)
-        self._moment = playback.within(playback.end if found is None else found)
+        self._moment = playback.within(playback.end if moment is None else moment)
         self.update_from_state()
         if self._to_play == version.run:
             self._to_play = ""
@@ -310,7 +308,7 @@ class SearchScreen(SteeringScreen, MapActions):
         """Open the run under the cursor."""
         self.action_open()
 
-    def _looked_at(self) -> NotableRun | None:
+    def _looked_at(self) -> NotableTrial | None:
         """Return the run in front; say so when there is none."""
         front = self._front()
         if front is None:
@@ -321,7 +319,7 @@ class SearchScreen(SteeringScreen, MapActions):
         """Open the run in front."""
         front = self._looked_at()
         if front is not None:
-            self.dashboard.open_run(front.run)
+            self.dashboard.open_run(front.trial.run)
 
     def action_play(self) -> None:
         """Play the run in front from just before its decisive moment."""
@@ -333,20 +331,20 @@ class SearchScreen(SteeringScreen, MapActions):
             return
         if self._damage:
             self._opened = None  # what could not be read may be readable by now
-        self._to_play = front.run
-        self.notify(f"reading {front.run}", markup=False, timeout=2)
+        self._to_play = front.trial.run
+        self.notify(f"reading {front.trial.run}", markup=False, timeout=2)
         self.query_changed()
 
     def _version_in_front(self) -> RecordingVersion | None:
-        front = self._front()
-        detail = self.dashboard.daemon_state.detail_of(front.run) if front is not None else None
+        front, state = self._front(), self.dashboard.daemon_state
+        detail = state.detail_of(front.trial.run) if front is not None else None
         return recording_version(detail) if detail is not None else None
 
     def action_rerun(self) -> None:
         """Copy the command that executes the run in front again."""
         front = self._looked_at()
         if front is not None:
-            self.dashboard.copy(self._line("verify", front.run))
+            self.dashboard.copy(self._line("verify", front.trial.run))
 
     def action_runs(self) -> None:
         """Open all runs of the search."""
@@ -370,13 +368,16 @@ class SearchScreen(SteeringScreen, MapActions):
         self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
 
 
-def _cells(one: NotableRun) -> Row:
+def _cells(one: NotableTrial) -> Row:
     """Return a run to look at as a row of the table."""
-    word = "fail" if one.fails else "pass"
-    said = NOTHING if one.value is None else margin(one.value.margin, one.value.unit)
+    value = one.trial.value
+    word = "fail" if one.trial.fails else "pass"
     return one.key, (
         Text(f"{one.what} ×{one.count:,}" if one.count else one.what),
-        Text(said, style=DASHBOARD_STYLES[word] if one.value is not None else QUIET),
+        Text(
+            NOTHING if value is None else margin(value.margin, value.unit),
+            style=QUIET if value is None else DASHBOARD_STYLES[word],
+        ),
         Text(one.about),
-        Text(f"{one.number:,}", style=QUIET),
+        Text(f"{one.trial.number:,}", style=QUIET),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -12,9 +11,10 @@ import numpy.typing as npt
 from rich.style import Style
 
 from daemon.model.search import SearchTask
+from daemon.model.trials import Trial
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats
-from scenario_tui.dashboard.search_runs import SearchedRun, SearchRuns
+from scenario_tui.dashboard.searches import SearchTrials
 from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes, write_text
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE, quantity
 
@@ -63,33 +63,31 @@ def curve_legend(drawn: str) -> str:
     return f"• run  ✗ fails  ━ best  ╌ best {drawn}  ┈ limit"
 
 
-def search_curve(search: SearchRuns) -> SearchCurve:
+def search_curve(search: SearchTrials) -> SearchCurve:
     """Return what is drawn of a search."""
-    runs, task = search.runs, search.row.task
-    value = np.array([_value(run) for run in runs], dtype=np.float64)
-    explores = np.array([run.explores for run in runs], dtype=np.bool_)
-    guided = np.array([run.guided for run in runs], dtype=np.bool_)
+    trials, task = search.trials, search.row.task
+    value = np.array([one.compared for one in trials], dtype=np.float64)
+    explores = np.array([one.explores for one in trials], dtype=np.bool_)
+    guided = np.array([one.proposal.guided for one in trials], dtype=np.bool_)
     known = np.isfinite(value)
     phases: dict[str, int] = {}
-    for run in runs:
-        phases.setdefault(run.phase, run.position)
+    for at, one in enumerate(trials):
+        phases.setdefault(one.proposal.phase, at)
     return SearchCurve(
         task.scales[0].unit if len(task.scales) == 1 else "",
-        _room(task, len(runs), search.row.state == "running"),
+        _room(task, len(trials), search.row.state == "running"),
         np.flatnonzero(known),
         value[known],
-        np.array([run.fails for run in runs], dtype=np.bool_)[known],
+        np.array([one.fails for one in trials], dtype=np.bool_)[known],
         _smallest(value, known & explores),
         _smallest(value, known & explores & ~guided),
         tuple(
-            (run.position, _sign(run)) for run in runs if run.settled and not known[run.position]
+            (at, _sign(one))
+            for at, one in enumerate(trials)
+            if one.outcome is not None and not known[at]
         ),
-        tuple((position, phase) for phase, position in phases.items() if position),
+        tuple((at, phase) for phase, at in phases.items() if at),
     )
-
-
-def _value(run: SearchedRun) -> float:
-    return math.nan if run.value is None else run.value.value
 
 
 def _smallest(value: Floats, counts: npt.NDArray[np.bool_]) -> Floats:
@@ -99,8 +97,8 @@ def _smallest(value: Floats, counts: npt.NDArray[np.bool_]) -> Floats:
     return found
 
 
-def _sign(run: SearchedRun) -> str:
-    return GLYPHS["inconclusive" if run.outcome is Outcome.INCONCLUSIVE else "error"]
+def _sign(trial: Trial) -> str:
+    return GLYPHS["inconclusive" if trial.outcome is Outcome.INCONCLUSIVE else "error"]
 
 
 def _room(task: SearchTask, known: int, running: bool) -> int:

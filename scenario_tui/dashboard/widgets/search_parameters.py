@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
 from rich.text import Text
 
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
-from scenario_tui.text.formatting import QUIET, UNSURE, keep_end, keep_start
-from scenario_tui.text.search_text import share_in_range, value_text
+from daemon.search.points import position_in_range
+from scenario_tui.text.formatting import NOTHING, QUIET, UNSURE, keep_end, keep_start
 
 _BAR, _LEAST_NAME = 11, 12
 """Cells of the range, and of a name at least."""
@@ -24,16 +25,11 @@ def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _BAR) 
     """
     line = ["─"] * cells
     for seen, sign in ((parameter.written, "│"), (value, "●")):
-        share = share_in_range(parameter, seen)
-        if share is not None:
-            line[round(share * (cells - 1))] = _outside(parameter, seen) or sign
+        share = position_in_range(parameter, seen)
+        if not math.isnan(share):
+            place = round(min(1.0, max(0.0, share)) * (cells - 1))
+            line[place] = "<" if share < 0.0 else ">" if share > 1.0 else sign
     return "".join(line)
-
-
-def _outside(parameter: SearchParameter, value: PointValue | None) -> str:
-    if parameter.choices or not isinstance(value, float | int):
-        return ""
-    return "<" if value < parameter.low else ">" if value > parameter.high else ""
 
 
 def parameters_text(
@@ -77,6 +73,8 @@ def parameters_text(
 
 def _written(parameter: SearchParameter, value: PointValue) -> str:
     """Return the written value, without its unit where that of the other one follows."""
-    words = value_text(parameter, parameter.written)
+    if parameter.written is None:
+        return NOTHING
+    words = parameter.shown(parameter.written)
     numbers = isinstance(value, float | int) and isinstance(parameter.written, float | int)
     return words.removesuffix(f" {parameter.unit}") if numbers and parameter.unit else words

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from daemon.analysis.blame import Candidate
-from daemon.model.proposals import ObjectiveValue
+from daemon.model.proposals import Proposal
 from daemon.model.search import OracleScale, Point, SearchParameter, SearchTask
-from daemon.model.search_answer import PointResult
 from daemon.model.spec import LeadingMargin, OracleText, RunResult, Timing, TraceInfo
+from daemon.model.trials import ObjectiveValue, Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.samples import SCENE, make_spec
@@ -54,7 +54,7 @@ class PretendedCase:
     def found_text(self, result, *, comment, why=""):
         lines = "".join(f"# {line}\n" for line in comment.splitlines())
         name = self.task.scenario_of(result.number)
-        return f"{lines}scenarios: {name} {list(result.values)}\n"
+        return f"{lines}scenarios: {name} {list(result.point)}\n"
 
     def execute(self, candidates):
         return [self._result(candidate) for candidate in candidates]
@@ -79,12 +79,12 @@ class PretendedCase:
         return LocalRuns(slots=slots, executor=self.execute, **more)
 
 
-def made_result(values, margin, number=0, near="door"):
+def made_trial(point, margin, number=0, near="door", method="halton", guided=False):
     """What a run of a point says; without a margin it is an error."""
+    proposal = Proposal(number, number, 0, "explore", method, guided, point)
     if margin is None:
-        return PointResult(number, number, values, Outcome.ERROR, None, None, "", "", "")
+        return Trial(proposal, outcome=Outcome.ERROR)
     outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
     verdict = Verdict(ORACLE, "", outcome, margin, margin, "m", Evidence(object=near))
     value = ObjectiveValue(margin, margin, "m", ORACLE, near)
-    label = f"s.{number}/pilot/0"
-    return PointResult(number, number, values, outcome, value, verdict, f"{number}", label, "d")
+    return Trial(proposal, f"{number}", f"s.{number}/pilot/0", "d", outcome, value, verdict)

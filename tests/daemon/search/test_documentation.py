@@ -29,7 +29,6 @@ def numbers(pattern):
         (r"for at most (\d+) of the points", nearest._TAKING_BACK),
         (r"the worst of the rest, (\w+) in all", nearest._STARTS),
         (r"until one does, up to (\w+)", nearest._MOST_STARTS),
-        (r"up to (\w+) failures with a change that is a quarter", nearest._MORE_TRIED),
         (r"At most (\d+) runs\.", shrinking.SHRINK_RUNS),
         (r"candidates are runs of the search, at most (\d+)", shrinking.SHRINK_RUNS),
         (r"that is after (\d+) results", program._SETTLED_RUNS),

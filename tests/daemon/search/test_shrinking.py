@@ -12,7 +12,7 @@ from daemon.model.bundles import unpack_bundle
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.coordinator import run_program
-from daemon.search.execution.point_runner import PointRunner, RunPurpose
+from daemon.search.execution.point_runner import PointRunner
 from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
 from daemon.search.shrinking import left_out, shrink_failure
@@ -75,8 +75,7 @@ def case(tmp_path, campaigns):
 def explored(case, fails):
     runs = LocalRuns(executor=judged_by(fails))
     points = PointRunner(case, runs)
-    begun = points.begin((1.5,), RunPurpose("explore", "halton", guided=False))
-    assert begun is not None
+    begun = points.begin((1.5,), "explore", "halton", guided=False)
     return points, runs, points.finish(begun)
 
 
@@ -149,7 +148,9 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
     file = case.folder / "near.found.yaml"
     file.write_text(answer.found)
     (run,) = expand(load_campaign(file)).runs
-    assert run.digest == answer.found_digest == runs.digests[answer.nearest.result.position]
+    assert (
+        run.digest == answer.found_digest == runs.digests[answer.nearest.result.proposal.position]
+    )
     assert run.label == answer.found_label
     phases = list(dict.fromkeys(p.phase for p in runs.proposals))
     assert phases == ["explore", "confirm", "nearest", "shrink"]

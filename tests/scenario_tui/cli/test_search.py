@@ -348,7 +348,7 @@ def test_waiting_for_a_search_leaves_with_its_code(scenario, fake):
     said = scenario("wait", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
     assert len(said.err.splitlines()) == 1
-    assert "the budget is spent" in said.err
+    assert "the budget of 60 runs is spent" in said.err
     fake.found = (make_search("running"),)
     said = scenario("wait", SEARCH, "--timeout", "0s")
     assert said.code == ExitCode.INCONCLUSIVE

@@ -14,9 +14,10 @@ from daemon.model.messages import Completion
 from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest
 from daemon.model.search import OracleScale
-from daemon.model.search_answer import PointResult, SearchAnswer, SearchProgress
+from daemon.model.search_answer import SearchAnswer, SearchProgress
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
+from daemon.model.trials import Trial
 from daemon.trace import read_trace
 from grammars.text import codec
 from scenario_tui.cli import invoke
@@ -60,9 +61,9 @@ def ledger(tmp_path, monkeypatch):
             kept, Timing(1.5, 1.0, 20.0), leads=leads,
         )  # fmt: skip
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
-    best = PointResult(0, 0, (40.0,), None, None, None, f"{SEARCH}.0", "doors.0/a/0", "d")
+    best = Trial(proposals[0], f"{SEARCH}.0", "doors.0/a/0", "d")
     answer = SearchAnswer(
-        "budget", 2, 2, 0, 0, 0, 0, 2, 0, 0.8, best=best, sentences=("nothing fails",)
+        "errors", 2, 2, 0, 0, 0, 0, 2, 0, 0.8, best=best, sentences=("nothing fails",)
     )
     book.note_progress(SearchProgress(SEARCH, "explore", "", "finished", answer), 3.0)
     connection.close()
@@ -73,7 +74,7 @@ def ledger(tmp_path, monkeypatch):
 def test_a_search_becomes_a_page(ledger, capsys, name):
     assert invoke(["report", *filter(None, [name]), "-o", "s.html"]) == 0
     out = capsys.readouterr().out
-    assert f"doors ({SEARCH}): Not known." in out
+    assert f"doors ({SEARCH}): not known." in out
     page = Path("s.html").read_text()
     assert "can it fail?" in page
     assert "nothing fails" in page
@@ -86,7 +87,7 @@ def test_a_folder_of_its_name_hides_no_search(ledger, capsys, name):
     Path(name).mkdir()
     (Path(name) / "campaign.yaml").write_text("")
     assert invoke(["report", name, "-o", "s.html"]) == 0
-    assert f"doors ({SEARCH}): Not known." in capsys.readouterr().out
+    assert f"doors ({SEARCH}): not known." in capsys.readouterr().out
 
 
 def test_a_folder_that_names_nothing_else_is_said_to_hold_no_traces(ledger, capsys):

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from daemon.model.proposals import ObjectiveValue, Proposal, ProposalRow
+from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
@@ -15,12 +15,12 @@ from daemon.model.search_answer import (
     Influence,
     NearestFailure,
     ParameterChange,
-    PointResult,
     SearchAnswer,
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin, RunResult
 from daemon.model.status import RunDetail, RunRow
+from daemon.model.trials import read_trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
 from tests.run_rows import run_result, run_row
@@ -97,10 +97,8 @@ def _value(parameter, share):
 
 def proposal_row(position, values, margin, *, done=True, phase="explore"):
     """A run of the search; without a margin it is inconclusive."""
-    proposal = Proposal(
-        position, position, 0, phase, "halton" if position < _HALTON else "tpe",
-        position >= _HALTON, tuple(values),
-    )  # fmt: skip
+    method = "written" if position == 0 else "halton" if position < _HALTON else "tpe"
+    proposal = Proposal(position, position, 0, phase, method, position >= _HALTON, tuple(values))
     named = (f"{SEARCH}.{position}", f"doors-in-time.{position}")
     if not done:
         return ProposalRow(proposal, run_row(*named, state=RunState.RUNNING, worker="bench-1"))
@@ -122,30 +120,19 @@ NEAREST = proposal_row(
 )
 
 
-def point_of(row):
-    """What a run says of its point."""
-    run, proposal, lead = row.run, row.proposal, row.run.leads[0]
-    assert lead.margin is not None
-    value = ObjectiveValue(lead.margin, lead.margin, "m", lead.oracle, lead.object)
-    return PointResult(
-        proposal.number, proposal.position, proposal.values, run.outcome, value, run.verdicts[0],
-        run.id, run.label, run.digest,
-    )  # fmt: skip
-
-
 def make_answer(rows, *, ended="budget"):
     """What such a search says when it is over."""
     rows = [row for row in rows if row.proposal.phase == "explore"]
     known = [row for row in rows if row.run.leads and row.run.leads[0].margin is not None]
-    points = [point_of(row) for row in known]
+    points = [read_trial(TASK, row) for row in known]
     failed = [point for point in points if point.fails]
     best = min(points, key=lambda point: point.value.value if point.value else 0.0)
     sentence = (
-        "kitchen_opens 0.54 s later (8.54 s instead of 8 s) and no-contact fails by 0.018 m near "
+        "kitchen_opens 8.54 s instead of 8 s and no-contact fails by 0.018 m near "
         "door-1; at 8.32 s it passes with 0.105 m"
     )
     nearest = NearestFailure(
-        point_of(NEAREST),
+        read_trial(TASK, NEAREST),
         (ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32),),
         None,
         13,
@@ -159,7 +146,7 @@ def make_answer(rows, *, ended="budget"):
         ended, len(rows), len(rows), 0, len(failed), 0, 1, _HALTON, 1, None,
         written=points[0], first=first, best=best, nearest=nearest,
         findings=tuple(
-            Finding("no-contact", name, "w2", len(group), group[-1], Evidence(HIT))
+            Finding("no-contact", name, "w2", len(group), group[-1])
             for name, group in groups.items()
         ),
         influence=(

@@ -9,18 +9,17 @@ import pytest
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale
 from daemon.model.status import ChangeEvent
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.trials import read_trial
 from daemon.trace import TraceError
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.known_searches import KnownSearches
 from scenario_tui.dashboard.playback_process import read_playback
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
-from scenario_tui.dashboard.search_runs import SearchRuns, decisive_moment, searched_run
+from scenario_tui.dashboard.searches import KnownSearches, SearchTrials
 from scenario_tui.dashboard.state import Query
 from scenario_tui.dashboard.widgets.search_curve import (
     draw_search_curve,
@@ -61,7 +60,7 @@ def shown(pilot):
 
 def search_runs(rows, state="running", **changes):
     row = make_search(rows, state, **changes)
-    return SearchRuns(row, tuple(searched_run(row.task, one) for one in rows))
+    return SearchTrials(row, tuple(read_trial(row.task, one) for one in rows))
 
 
 async def test_the_list_says_what_a_search_does_and_what_it_found():
@@ -76,7 +75,7 @@ async def test_the_list_says_what_a_search_does_and_what_it_found():
         await settle(pilot)
         text = shown(pilot)
         assert "✗ found −0.0468 m" in text
-        assert "kitchen_opens 0.54 s later" in text
+        assert "kitchen_opens 8.54 s instead" in text
         assert "scenario search" in text
 
 
@@ -104,9 +103,9 @@ async def test_enter_opens_the_search_with_all_of_it():
         "nearest failure     −0.018 m",
         "as written          +0.105 m",
         "Run 34 is the first that fails",
-        "kitchen_opens 0.54 s later",
+        "kitchen_opens 8.54 s instead",
         "→ 8.32 s",
-        "no-contact of busy-house  the budget is spent",
+        "no-contact of busy-house  the budget of 60 runs is spent",
     ):
         assert words in text, words
 
@@ -342,7 +341,7 @@ def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch):
         eventually(lambda: feed._state.search_of(SEARCH))
         fake.go_on(30)
         fake.listeners[0][0](ChangeEvent(1, "run", f"{SEARCH}.20", SEARCH))
-        eventually(lambda: len(feed._state.search.runs if feed._state.search else ()) == 34)
+        eventually(lambda: len(feed._state.search.trials if feed._state.search else ()) == 34)
     finally:
         feed.close()
     offsets = [call[1] for call in asked(fake, "proposals")]
@@ -359,21 +358,21 @@ def test_only_new_runs_and_those_that_were_not_over_are_asked_for():
 
     def look():
         watch.update_rows(fake, fake.campaign_page(limit=10))
-        return watch.runs(fake, SEARCH)
+        return watch.trials(fake, SEARCH)
 
     first = look()
     assert first is not None
-    assert len(first.runs) == 24
+    assert len(first.trials) == 24
     assert look() is first
     assert asked(fake, "proposals") == [(SEARCH, 0, 500)]
     assert len(asked(fake, "searches")) == 1
     fake.go_on(30)
-    assert len((look() or first).runs) == 34
+    assert len((look() or first).trials) == 34
     assert asked(fake, "proposals")[1:] == [(SEARCH, 20, 500)]
-    # One that was over is queued again: its event says so, what is counted would not.
-    watch.touch(ChangeEvent(1, "run", f"{SEARCH}.7", SEARCH))
+    # Runs that were over are queued again: fewer are finished.
+    fake.go_on(25)
     look()
-    assert asked(fake, "proposals")[2:] == [(SEARCH, 7, 500)]
+    assert asked(fake, "proposals")[2:] == [(SEARCH, 0, 500)]
     watch.touch(ChangeEvent(2, "run", f"{CAMPAIGN}.3", CAMPAIGN))
     look()
     assert len(asked(fake, "proposals")) == 3
@@ -390,9 +389,9 @@ def test_thousands_of_runs_come_in_pages():
         KnownSearches(),
     )
     watch.update_rows(fake, fake.campaign_page(limit=10))
-    found = watch.runs(fake, SEARCH)
+    found = watch.trials(fake, SEARCH)
     assert found is not None
-    assert len(found.runs) == 1200
+    assert len(found.trials) == 1200
     assert [call[1] for call in asked(fake, "proposals")] == [0, 500, 1000]
 
 
@@ -403,7 +402,7 @@ def test_a_search_that_is_gone_is_forgotten():
     fake.found = ()
     watch.update_rows(fake, fake.campaign_page(limit=10))
     assert not watch.rows
-    assert watch.runs(fake, SEARCH) is None
+    assert watch.trials(fake, SEARCH) is None
 
 
 def test_the_baseline_is_the_best_of_what_was_chosen_without_looking():
@@ -508,24 +507,3 @@ def test_parameters_fit_and_say_what_is_not_as_written():
     assert "−0.81" in wide
     assert "≠ kitchen_opens" in wide
     assert "doors_moving." not in wide
-
-
-def test_the_decisive_moment_is_that_of_the_oracle_searched_for():
-    def verdict(oracle, margin, time):
-        outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
-        return Verdict(oracle, "", outcome, margin, margin, "m", Evidence(time))
-
-    other, ours = verdict("slow", -1.0, 2.0), verdict("no-contact", 0.1, 6.0)
-    assert decisive_moment(TASK, (other, ours)) == 6.0
-    assert decisive_moment(TASK, (other,)) is None
-    assert decisive_moment(TASK, (verdict("no-contact", 0.1, None),)) is None
-    both = replace(TASK, scales=(*TASK.scales, OracleScale("slow", 1.0, "m/s")))
-    assert decisive_moment(both, (other, ours)) == 2.0
-
-
-def test_a_run_that_is_not_over_has_no_value():
-    (row,) = make_proposals(1, settled=0)
-    found = searched_run(TASK, row)
-    assert found.value is None
-    assert not found.settled
-    assert found.state is RunState.RUNNING

@@ -5,30 +5,23 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.proposals import ObjectiveValue
-from daemon.model.run_state import RunState
 from daemon.model.search_answer import ParameterChange
+from daemon.search.answers.sentences import phase_words, search_word
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.text.search_text import (
     answer_lines,
     headline,
     influence_lines,
-    parameter_table,
-    phase_text,
+    proposal_lines,
     search_commands,
     search_line,
-    search_word,
-    share_in_range,
     sparkline,
-    tally_search,
 )
 from tests.scenario_tui.fake_search import (
-    MARGINS,
     SEARCH,
     TASK,
     make_answer,
     make_proposal_row,
-    make_proposals,
     make_search,
 )
 
@@ -50,75 +43,47 @@ def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell():
     assert sparkline([math.inf, 1.0, math.nan]) == "█"
 
 
-def test_the_tally_knows_first_failure_and_best_value_after_each_run():
-    rows = (*make_proposals(), make_proposal_row(8, state=RunState.RUNNING))
-    rows += (make_proposal_row(9, -0.5, phase="nearest"),)
-    tally = tally_search(TASK, rows)
-    assert (tally.explored, tally.failed) == (len(MARGINS), 2)
-    assert tally.first == rows[4]
-    assert [one.margin for one in tally.best] == [
-        0.105, 0.104, 0.061, 0.061, -0.012, -0.012, -0.031, -0.031,
-    ]  # fmt: skip
-    assert tally.smallest == ObjectiveValue(-0.031, -0.031, "m", "keeps-clear", "kitchen_door")
-
-
-def test_a_run_without_a_value_neither_fails_nor_is_best():
-    tally = tally_search(TASK, (make_proposal_row(0, state=RunState.LOST),))
-    assert (tally.explored, tally.failed, tally.smallest) == (1, 0, None)
-
-
-def test_parameters_are_shown_beside_what_is_written():
-    assert parameter_table(TASK, (8.54, 0.01, "kitchen_door")) == (
-        ("doors_moving.kitchen_opens", "8 s", "8.54 s", True),
-        ("robot.laser.noise", "0.01 m", "0.01 m", False),
-        ("doors_moving.leading", "bedroom_door", "kitchen_door", True),
-    )
+def test_a_run_of_a_search_is_shown_with_what_is_not_as_written_first():
+    proposal = make_proposal_row(1).proposal
+    assert [line.plain for line in proposal_lines(TASK, proposal)] == [
+        "point 1 of the search doors-in-time, looking for failures (halton)",
+        "  doors_moving.kitchen_opens  8.1 s  instead of 8 s",
+        "  robot.laser.noise           0.02 m  instead of 0.01 m",
+        "  doors_moving.leading        kitchen_door  instead of bedroom_door",
+    ]
 
 
 def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs():
     swing = replace(TASK.parameters[1], low=-0.5, written=-0.1, unit="m")
-    task = replace(TASK, parameters=(swing,))
-    assert parameter_table(task, (-0.124,)) == ((swing.name, "−0.1 m", "−0.124 m", True),)
-    assert "−0.1 → −0.124 m" in parameters_text(task, (-0.124,), 80).plain
+    assert "−0.1 → −0.124 m" in parameters_text(replace(TASK, parameters=(swing,)), (-0.124,), 80)
     assert swing.override(-0.124) == "-0.124 m"
     named = replace(TASK.parameters[2], choices=("left-door",))
     assert named.shown("left-door") == "left-door"
-
-
-def test_where_in_its_range_a_value_lies():
-    opens, noise, leading = TASK.parameters
-    assert share_in_range(opens, 8.0) == pytest.approx(0.5)
-    assert share_in_range(opens, 99.0) == 1.0
-    assert share_in_range(noise, math.sqrt(0.01 * 0.05)) == pytest.approx(0.5)
-    assert share_in_range(noise, 0.0) == 0.0
-    assert share_in_range(leading, "kitchen_door") == 1.0
-    assert share_in_range(leading, "nowhere") is None
-    assert share_in_range(opens, None) is None
 
 
 @pytest.mark.parametrize(
     ("row", "word", "phase"),
     [
         (make_search("running"), "running", "looking for failures"),
-        (make_search(), "fail", "the budget is spent"),
+        (make_search(), "fail", "the budget of 60 runs is spent"),
         (make_search("running", answer=make_answer()), "fail", "looking for failures"),
         (make_search("cancelled"), "cancelled", "it was cancelled"),
         (make_search("failed", note="no"), "error", "it could not go on"),
         (
             make_search(answer=replace(make_answer(), first=None, failed=0, ended="settled")),
             "pass",
-            "nothing got better for a while",
+            "it ends because nothing better and nothing new was found for a while",
         ),
         (
             make_search(answer=replace(make_answer(), first=None, failed=0, best=None)),
             "inconclusive",
-            "the budget is spent",
+            "the budget of 60 runs is spent",
         ),
     ],
 )
 def test_one_word_and_one_phrase_for_how_a_search_stands(row, word, phase):
     assert search_word(row) == word
-    assert phase_text(row) == phase
+    assert phase_words(row) == phase
     assert phase in search_line(row)
 
 
@@ -127,7 +92,8 @@ def test_a_line_for_a_search():
         "doors-in-time: looking for failures, 8 of 60 runs"
     )
     assert search_line(make_search()) == (
-        "doors-in-time: the budget is spent, 8 runs, 2 failures, smallest margin −0.031 m"
+        "doors-in-time: the budget of 60 runs is spent, 8 runs, 2 failures, "
+        "smallest margin −0.031 m"
     )
 
 
@@ -147,11 +113,11 @@ def test_the_answer_begins_with_its_sentences():
         "8 runs, 3 of them were there already\n"
         "\n"
         "- Run 4 is the first that fails: keeps-clear by 0.012 m near kitchen_door.\n"
-        "- kitchen_opens 0.54 s later (8.54 s instead of 8 s) and keeps-clear fails by 0.018 m "
+        "- kitchen_opens 8.54 s instead of 8 s and keeps-clear fails by 0.018 m "
         "near kitchen_door; at 8.32 s it passes with 0.105 m\n"
         "\n"
         "findings:\n"
-        "  2x  keeps-clear  kitchen_door on the way to kitchen at 31.5 s  −0.031 m  "
+        "  keeps-clear near kitchen_door on the way to kitchen (2 runs)  −0.031 m at 31.5 s  "
         f"{SEARCH}.6\n"
         "\n"
         "influence on the margin, rank correlation in 6 unguided runs:\n"

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
+from daemon.model.proposals import Proposal
 from daemon.model.search_answer import NearestFailure, SearchAnswer, ShrunkScenario
-from daemon.search.answers.answer import LaterResults, failing_share, make_answer, told_failure
+from daemon.model.trials import Trial
+from daemon.search.answers.facts import LaterResults, confirmation, failing_share, make_answer
 from daemon.search.answers.sentences import ending_words
-from daemon.search.execution.results import ExploredPoint, confirmation
 from grammars.text import codec
-from tests.daemon.search.pretended import made_result, make_task, seconds
+from tests.daemon.search.pretended import made_trial, make_task, seconds
 
 TASK = make_task(seconds("doors.kitchen_opens"), seconds("doors.swing"), runs=20)
 
@@ -17,7 +18,7 @@ TASK = make_task(seconds("doors.kitchen_opens"), seconds("doors.swing"), runs=20
 def explored(n, kitchen, margin, guided=False):
     values = (kitchen, 5.0)
     method = "written" if n == 0 else "tpe" if guided else "halton"
-    return ExploredPoint(n, values, method, guided, made_result(values, margin, n, "kitchen_door"))
+    return made_trial(values, margin, n, "kitchen_door", method, guided)
 
 
 def test_a_search_that_finds_nothing_says_what_that_is_worth():
@@ -32,7 +33,7 @@ def test_a_search_that_finds_nothing_says_what_that_is_worth():
         "the budget of 20 runs is spent",
     )
     assert answer.failing_share == pytest.approx(1.0 - 0.05 ** (1.0 / 15))
-    assert told_failure(answer) is None
+    assert answer.told_failure is None
 
 
 def test_a_search_that_finds_failures_tells_of_them_in_order():
@@ -45,11 +46,11 @@ def test_a_search_that_finds_failures_tells_of_them_in_order():
         explored(5, 2.0, 0.3),
         explored(6, 1.0, None),
         explored(7, 9.0, -0.04, guided=True),
-        ExploredPoint(8, (0.0, 0.0), "tpe", True, None),
+        Trial(Proposal(8, 8, 0, "explore", "tpe", True, (0.0, 0.0))),
     ]
-    first = made_result((6.0, 5.0), -0.01, 1, "kitchen_door")
-    confirmed = confirmation([replace(first, number=n) for n in range(5)])
-    nearest = NearestFailure(first, (), None, 12, False, "kitchen_opens 1 s later and …", confirmed)
+    first = points[1]
+    confirmed = confirmation([first for _ in range(5)])
+    nearest = NearestFailure(first, (), None, 12, False, "kitchen_opens 6 s and …", confirmed)
     story = ("fails with doors", "minimal: kitchen_door (of 3)")
     shrunk = ShrunkScenario(story, True, 31, left="1 of 3 objects are left")
     answer = make_answer(
@@ -66,7 +67,7 @@ def test_a_search_that_finds_failures_tells_of_them_in_order():
         "the smallest margin is −0.05 m (keeps-clear near kitchen_door), in run 2: "
         "kitchen_opens 7 s",
         "run 1 fails in 5 of 5 repeats with other noise (47.8 % to 100 % with 95 % certainty)",
-        "nearest failure, run 1: kitchen_opens 1 s later and …",
+        "nearest failure, run 1: kitchen_opens 6 s and …",
         "there may be a nearer one: 12 runs were spent before nothing could be taken back",
         "shrunk in 31 runs: 1 of 3 objects are left",
         "1 distinct failure: keeps-clear near kitchen_door (3 runs)",
@@ -76,22 +77,22 @@ def test_a_search_that_finds_failures_tells_of_them_in_order():
         "1 run is an error and without a margin",
         "the time of 0 s is over",
     )
-    assert told_failure(answer) == first
-    assert told_failure(replace(answer, nearest=None)) == answer.first
-    assert told_failure(replace(answer, nearest=None, confirmed=None)) == answer.best
+    assert answer.told_failure == first
+    assert replace(answer, nearest=None).told_failure == answer.first
+    assert replace(answer, nearest=None, confirmed=None).told_failure == answer.best
     assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
 
 
 def test_the_repeats_of_another_nearest_failure_are_told_as_well():
     points = [explored(0, 5.0, 0.1), explored(1, 6.0, -0.01)]
-    repeats = [made_result((6.0, 5.0), margin, 1) for margin in (-0.01, -0.01, 0.2)]
+    repeats = [made_trial((6.0, 5.0), margin, 1) for margin in (-0.01, -0.01, 0.2)]
     all_of_them, some = confirmation(repeats[:2]), confirmation(repeats)
-    nearer = made_result((5.5, 5.0), -0.01, 7)
-    nearest = NearestFailure(nearer, (), None, 12, True, "kitchen_opens 0.5 s later", all_of_them)
+    nearer = made_trial((5.5, 5.0), -0.01, 7)
+    nearest = NearestFailure(nearer, (), None, 12, True, "kitchen_opens 5.5 s", all_of_them)
     told = make_answer(TASK, points, later=LaterResults(some, nearest)).sentences
     assert [sentence for sentence in told if "repeats" in sentence or "nearest" in sentence] == [
         "run 1 fails in 2 of 3 repeats with other noise (9.4 % to 99.2 % with 95 % certainty)",
-        "nearest failure: kitchen_opens 0.5 s later",
+        "nearest failure: kitchen_opens 5.5 s",
         "the nearest failure fails in 2 of 2 repeats with other noise "
         "(15.8 % to 100 % with 95 % certainty)",
     ]
@@ -99,10 +100,9 @@ def test_the_repeats_of_another_nearest_failure_are_told_as_well():
 
 def test_a_scenario_that_fails_as_written_is_told_once():
     failing = explored(0, 5.0, -0.1)
-    assert failing.result is not None
-    confirmed = confirmation([failing.result] * 4)
+    confirmed = confirmation([failing] * 4)
     nearest = NearestFailure(
-        failing.result, (), None, 0, True, "the scenario as written: keeps-clear fails", confirmed
+        failing, (), None, 0, True, "the scenario as written: keeps-clear fails", confirmed
     )
     told = make_answer(TASK, [failing], later=LaterResults(confirmed, nearest)).sentences
     assert told[1] == "run 0 is the scenario as written"
@@ -126,8 +126,7 @@ def test_failures_that_are_not_searched_for_are_told():
     assert make_answer(TASK, points).unsought == ()
 
     def failing(point, *oracles):
-        assert point.result is not None
-        return replace(point, result=replace(point.result, unsought=oracles))
+        return replace(point, unsought=oracles)
 
     points[:3] = [failing(p, "reached") for p in points[:2]] + [failing(points[2], "in-time")]
     assert (

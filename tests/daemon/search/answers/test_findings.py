@@ -7,17 +7,15 @@ import pytest
 
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import Influence
-from daemon.search.answers.findings import (
+from daemon.search.answers.facts import (
     correlation_ratio,
     distinct_failures,
-    is_by_chance,
     parameter_influence,
     rank_correlation,
 )
-from daemon.search.answers.sentences import finding_words
-from daemon.search.answers.wording import failure_words
-from daemon.search.execution.results import ExploredPoint
-from tests.daemon.search.pretended import made_result, make_task, seconds
+from daemon.search.answers.sentences import is_by_chance
+from daemon.search.answers.wording import failure_words, finding_words
+from tests.daemon.search.pretended import made_trial, make_task, seconds
 
 
 def on_the_way_to(waypoint, result):
@@ -27,12 +25,12 @@ def on_the_way_to(waypoint, result):
 
 def test_failures_at_the_same_door_on_the_same_way_are_one():
     results = [
-        made_result((1.0,), -0.01, 1, "kitchen_door"),
-        made_result((2.0,), 0.3, 2, "kitchen_door"),
-        made_result((3.0,), -0.05, 3, "kitchen_door"),
-        made_result((4.0,), -0.9, 4, "bedroom_door"),
-        on_the_way_to("w2", made_result((5.0,), -0.02, 5, "kitchen_door")),
-        made_result((6.0,), None, 6),
+        made_trial((1.0,), -0.01, 1, "kitchen_door"),
+        made_trial((2.0,), 0.3, 2, "kitchen_door"),
+        made_trial((3.0,), -0.05, 3, "kitchen_door"),
+        made_trial((4.0,), -0.9, 4, "bedroom_door"),
+        on_the_way_to("w2", made_trial((5.0,), -0.02, 5, "kitchen_door")),
+        made_trial((6.0,), None, 6),
     ]
     found = distinct_failures(results)
     told = [(f.oracle, f.object, f.waypoint, f.count, f.example.number) for f in found]
@@ -44,7 +42,7 @@ def test_failures_at_the_same_door_on_the_same_way_are_one():
 
 
 def test_a_failure_is_about_what_its_margin_is_about():
-    missed = made_result((1.0,), -8.53, 8, "window")
+    missed = made_trial((1.0,), -8.53, 8, "window")
     assert missed.value is not None
     value = replace(missed.value, object="kitchen", waypoint="kitchen")
     missed = replace(missed, value=value)
@@ -100,7 +98,7 @@ def test_influence_is_of_the_points_that_were_drawn():
     task = make_task(seconds("doors.t"), choice)
 
     def explored(n, values, margin, guided, method):
-        return ExploredPoint(n, values, method, guided, made_result(values, margin, n))
+        return made_trial(values, margin, n, method=method, guided=guided)
 
     drawn = [explored(n, (float(n), "ab"[n % 2]), 0.1 * n, False, "halton") for n in range(1, 7)]
     misleading = [

@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.search.answers.answer import make_answer
+from daemon.search.answers.facts import make_answer
 from daemon.search.answers.found import export_found, write_found
 from tests.daemon.search.pretended import make_task
 
 FOUND = """\
-# Found by the search doors-in-time: kitchen_opens 0.54 s later.
+# Found by the search doors-in-time: kitchen_opens 8.54 s.
 campaign: demo
 seed: 7
 repeats: 1

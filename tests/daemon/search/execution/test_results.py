@@ -6,9 +6,14 @@ from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import ANY, OracleScale
 from daemon.model.spec import LeadingMargin
+from daemon.model.trials import (
+    first_failure,
+    median_trial,
+    read_trial,
+)
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.search.execution.results import confirmation, first_failure, median_result, point_result
-from tests.daemon.search.pretended import ORACLE, made_result, make_task, seconds
+from daemon.search.answers.facts import confirmation
+from tests.daemon.search.pretended import ORACLE, made_trial, make_task, seconds
 from tests.run_rows import run_result, run_row
 
 TASK = make_task(seconds("doors.a"))
@@ -31,7 +36,7 @@ def verdict(oracle, margin, unit="m"):
 
 
 def told(task, found):
-    result = point_result(task, found)
+    result = read_trial(task, found)
     value = None if result.value is None else result.value.value
     return result.outcome, value, "" if result.verdict is None else result.verdict.oracle
 
@@ -39,7 +44,7 @@ def told(task, found):
 def test_only_the_oracle_in_question_counts():
     found = row(verdict(ORACLE, 0.2), verdict("other", -1.0), outcome=Outcome.FAIL)
     assert told(TASK, found) == (Outcome.PASS, 0.2, ORACLE)
-    assert point_result(TASK, found).unsought == ("other",)
+    assert read_trial(TASK, found).unsought == ("other",)
 
 
 def test_of_any_the_smallest_share_counts_and_a_failure_wins():
@@ -63,14 +68,14 @@ def test_what_cannot_be_trusted_is_an_error_without_a_value():
 
 
 def test_the_median_is_one_of_the_runs():
-    results = [made_result((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None, 0.2))]
-    assert median_result(results).number == 3
-    assert median_result(results[:2]).number == 1, "of two, the worse one"
-    assert median_result(results[2:3]).outcome is Outcome.ERROR
+    results = [made_trial((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None, 0.2))]
+    assert median_trial(results).number == 3
+    assert median_trial(results[:2]).number == 1, "of two, the worse one"
+    assert median_trial(results[2:3]).outcome is Outcome.ERROR
 
 
 def test_repeats_without_a_verdict_confirm_nothing():
-    results = [made_result((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None))]
+    results = [made_trial((5.0,), margin, n) for n, margin in enumerate((0.3, -0.1, None))]
     found = confirmation(results)
     assert found is not None
     assert (found.failed, found.runs) == (1, 2)

@@ -13,9 +13,10 @@ from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
-from daemon.search.page import PairFigure, search_figures, search_headline, search_page
-from daemon.search.page._boundary import RAMP, balanced, ramp_levels
-from daemon.search.page._points import drawn_points, smallest_so_far
+from daemon.model.trials import point_trials, smallest_so_far
+from daemon.search.answers.sentences import headline_sentence, verdict_words
+from daemon.search.page import search_figures, search_page
+from daemon.search.page._spaces import RAMP, ramp_levels
 from daemon.search.program import run_search
 from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
 from tests.daemon.search.pretended import PretendedCase, make_task, seconds
@@ -51,9 +52,9 @@ CHOICE = SearchParameter("doors.leading", "behaviours", 0, "leading", choices=("
         (
             (DOOR, *OTHERS[:2]),
             {
-                PairFigure("time_0 over kitchen_opens"),
-                PairFigure("time_1 over kitchen_opens"),
-                PairFigure("time_1 over time_0"),
+                "time_0 over kitchen_opens",
+                "time_1 over kitchen_opens",
+                "time_1 over time_0",
             },
         ),
         ((DOOR, *OTHERS), {"parallel"}),
@@ -102,13 +103,13 @@ def test_nothing_that_a_campaign_is_called_gets_into_the_page():
 
 def test_every_failure_is_a_cross_and_the_smallest_margin_a_line():
     row, rows = searched(DOOR, *OTHERS)
-    points = drawn_points(row.task, rows)
-    failed = sum(point.result.fails for point in points)
+    points = point_trials(row.task, rows)
+    failed = sum(point.fails for point in points)
     svg = search_figures(row, rows)["margins"]
     crosses = max(re.findall(r'<path d="([^"]+)" style="[^"]*var\(--bad\)', svg), key=len)
     assert crosses.count("M") == 2 * failed > 0
     values = smallest_so_far(points)
-    assert values == list(np.minimum.accumulate([p.value for p in points]))
+    assert values == list(np.minimum.accumulate([p.compared for p in points]))
     assert "space-filling runs alone" in svg
 
 
@@ -124,8 +125,8 @@ def test_runs_without_a_margin_leave_gaps():
         return None if float(point[0]) > 5.0 else 0.2
 
     row, rows = searched(DOOR, *OTHERS, margin=broken, stop="budget", runs=6)
-    points = drawn_points(row.task, rows)
-    assert any(math.isnan(point.value) for point in points)
+    points = point_trials(row.task, rows)
+    assert any(math.isnan(point.compared) for point in points)
     assert smallest_so_far(points)[-1] == 0.2
     page = search_page(row, rows)
     assert "nan" not in page
@@ -143,29 +144,31 @@ def test_of_a_point_that_was_repeated_the_median_counts():
     repeats = [
         ProposalRow(replace(first, position=100 + k, repeat=k), one) for k, one in enumerate(led)
     ]
-    (point,) = drawn_points(row.task, repeats)
-    assert point.value == 0.3
+    (point,) = point_trials(row.task, repeats)
+    assert point.compared == 0.3
 
 
 def test_what_is_not_settled_is_not_drawn():
     row, rows = searched(DOOR)
     waiting = [ProposalRow(one.proposal, replace(one.run, state=RunState.QUEUED)) for one in rows]
-    assert drawn_points(row.task, waiting) == ()
+    assert point_trials(row.task, waiting) == []
     assert search_figures(replace(row, answer=None), waiting) == {}
-    assert "Not known" in search_page(replace(row, answer=None, state="running"), waiting)
+    assert "Nothing fails so far" in search_page(
+        replace(row, answer=None, state="running"), waiting
+    )
 
 
 def test_the_first_line_says_whether_it_can_fail():
     row, _ = searched(DOOR)
-    assert search_headline(row).word == "It can fail"
-    assert "later" in search_headline(row).sentence
+    assert verdict_words(row) == "it can fail"
+    assert "kitchen_opens 7.01 s instead of 5 s" in headline_sentence(row)
     passing, rows = searched(DOOR, margin=lambda point, _: 0.3)
-    said = search_headline(passing)
-    assert (said.word, said.sentence) == ("Nothing fails", "20 runs, nothing below 0.3 m.")
-    assert search_headline(replace(passing, state="running")).word == "Nothing fails so far"
+    assert verdict_words(passing) == "keeps-clear does not fail"
+    assert headline_sentence(passing) == "20 runs, nothing below 0.3 m."
+    assert verdict_words(replace(passing, state="running")) == "nothing fails so far"
     failed = replace(passing, state="failed", note="a.yaml:3: gone", answer=None)
-    assert search_headline(failed).sentence == "a.yaml:3: gone"
-    assert "Nothing fails" in search_page(passing, rows)
+    assert (verdict_words(failed), headline_sentence(failed)) == ("not known", "a.yaml:3: gone")
+    assert ">Keeps-clear does not fail.</b> 20 runs, nothing below" in search_page(passing, rows)
 
 
 def test_points_are_listed_by_their_margins_and_not_all_of_many():
@@ -208,13 +211,10 @@ def test_any_of_several_oracles_is_told_as_a_share():
 
 
 def test_colours_change_where_margins_do():
-    margins = np.array([-0.05, -0.0001, 0.0, 0.0001, 0.1])
-    shares = balanced(margins)
-    assert shares[0] == -1.0
-    assert shares[-1] == 1.0
-    # A failure by a hair is not drawn as if it nearly passed.
-    assert (np.abs(shares) >= 0.25).all()
-    levels = ramp_levels(shares).tolist()
+    levels = ramp_levels(np.array([-0.05, -0.0001, 0.0, 0.0001, 0.1])).tolist()
     assert levels == sorted(levels)
+    assert (levels[0], levels[-1]) == (0, len(RAMP) - 1)
+    # A failure by a hair is not drawn as if it nearly passed.
     half = len(RAMP) // 2
     assert [level < half for level in levels] == [True, True, False, False, False]
+    assert levels[2] - levels[1] > 1

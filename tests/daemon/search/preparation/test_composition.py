@@ -10,7 +10,7 @@ from daemon.campaign import bundle_campaign, expand, load_campaign
 from daemon.model.bundles import unpack_bundle
 from daemon.search.preparation.composition import load_search_case
 from grammars.text.diagnostics import InputError
-from tests.daemon.search.pretended import made_result
+from tests.daemon.search.pretended import made_trial
 
 DOORS = """\
 parameter swing = 60 deg/s
@@ -143,7 +143,7 @@ def test_every_layer_can_be_searched(folder):
 
 def test_the_campaign_of_a_point_has_its_very_run(folder):
     case = everywhere(folder)
-    text = case.found_text(made_result(FAR, -0.1, 5), comment="It fails.")
+    text = case.found_text(made_trial(FAR, -0.1, 5), comment="It fails.")
     assert text.startswith("# It fails.\n")
     (folder / "s.found.yaml").write_text(text)
     found = load_campaign(folder / "s.found.yaml")
@@ -155,7 +155,7 @@ def test_the_campaign_of_a_point_has_its_very_run(folder):
 def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder):
     case = case_in(folder)
     point = (6.25, 14.0, 60.0, "bedroom_door")
-    text = case.found_text(made_result(point, -0.1, 5), comment="", why="closes 0.25 s later: bad")
+    text = case.found_text(made_trial(point, -0.1, 5), comment="", why="closes 0.25 s later: bad")
     assert "doors_moving: {closes: 6.25 s}" in text
     (folder / "s.found.yaml").write_text(text)
     found = load_campaign(folder / "s.found.yaml")
@@ -171,7 +171,7 @@ def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(
     case = case_in(folder)
     point = (case.task.parameters[0].written, 14.0, 61.0, "bedroom_door")
     assert point[0] is not None
-    text = case.found_text(made_result(point, -0.1, 5), comment="")
+    text = case.found_text(made_trial(point, -0.1, 5), comment="")
     (folder / "s.found.yaml").write_text(text)
     (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
     assert run.digest == case.candidate(point, 5).spec.digest
@@ -200,7 +200,7 @@ def test_one_building_of_a_variation_can_be_searched(folder):
     assert (parameter.slot, parameter.key, parameter.written) == ("vary", "slack", 0.1)
     wide, mean = case.candidate((0.12,), 1), case.candidate((0.1,), 2)
     assert wide.spec.scene != mean.spec.scene
-    (folder / "s.found.yaml").write_text(case.found_text(made_result((0.12,), -0.1, 1), comment=""))
+    (folder / "s.found.yaml").write_text(case.found_text(made_trial((0.12,), -0.1, 1), comment=""))
     (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
     assert run.digest == wide.spec.digest
 

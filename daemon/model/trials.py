@@ -1,0 +1,197 @@
+"""The trials of a search: points that were run, and what their runs are worth.
+
+A search learns the *leading margin* of a run: a signed margin that goes down towards a failure also
+where the verdict's own margin is flat.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.run_state import RunState
+from daemon.model.search import Point, SearchTask
+from daemon.model.spec import LeadingMargin
+from daemon.model.verdicts import Outcome, Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveValue:
+    """What a run is worth to a search: ``value`` is compared, ``margin`` in ``unit`` is told.
+
+    Both are the same where one oracle is minimised. ``oracle`` is the one that is nearest to
+    failing, ``object`` what it is about, ``waypoint`` the one that the robot was on its way to.
+    """
+
+    value: float
+    margin: float
+    unit: str
+    oracle: str
+    object: str = ""
+    waypoint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A point that a search tries: the proposal, and what its run says.
+
+    ``run``, ``label`` and ``digest`` are of the run to look at, empty where none can be made of the
+    point. ``outcome`` is that of the oracle in question; an error where the run cannot be trusted,
+    ``None`` while it has no result. ``unsought`` are the oracles that fail in the run and that the
+    search is not about.
+    """
+
+    proposal: Proposal
+    run: str = ""
+    label: str = ""
+    digest: str = ""
+    outcome: Outcome | None = None
+    value: ObjectiveValue | None = None
+    verdict: Verdict | None = None
+    unsought: tuple[str, ...] = ()
+
+    @property
+    def number(self) -> int:
+        """The number of its point."""
+        return self.proposal.number
+
+    @property
+    def point(self) -> Point:
+        """A value of each parameter."""
+        return self.proposal.values
+
+    @property
+    def compared(self) -> float:
+        """What the search compares; not a number without a margin."""
+        return math.nan if self.value is None else self.value.value
+
+    @property
+    def fails(self) -> bool:
+        """Whether the oracle in question fails."""
+        return self.outcome is Outcome.FAIL
+
+    @property
+    def explores(self) -> bool:
+        """Whether it looks for failures: no repeat of a point, nothing done with a failure."""
+        return self.proposal.phase == "explore" and self.proposal.repeat == 0
+
+    @property
+    def is_written(self) -> bool:
+        """Whether it is the scenario as written, which begins a search."""
+        return self.proposal.method == "written"
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether its point was drawn without looking at results: only such show frequencies."""
+        return not self.proposal.guided and not self.is_written
+
+    @property
+    def about(self) -> str:
+        """What it is about: the object of the margin that is told, else that of the verdict.
+
+        They may differ: a mission fails at the waypoint that was never near, its margin is the way
+        that was missing from the first one that was not reached.
+        """
+        value, verdict = self.value, self.verdict
+        if value is not None and value.object and (not verdict or value.oracle == verdict.oracle):
+            return value.object
+        return verdict.evidence.object if verdict is not None else ""
+
+
+def read_trial(task: SearchTask, row: ProposalRow) -> Trial:
+    """Return what a run says.
+
+    A run that was lost, or in which the system under test crashed, is an error: another failure
+    than the one that is looked for.
+    """
+    run = row.run
+    trial = Trial(row.proposal, run.id, run.label, run.digest)
+    if not run.settled:
+        return trial
+    trusted = run.state is RunState.DONE and run.ended != "crashed"
+    value = objective(task, run.leads) if trusted else None
+    verdict = _decisive_verdict(task, run.verdicts, value) if trusted else None
+    sought = {scale.oracle for scale in task.scales}
+    failing = [one.oracle for one in run.verdicts if one.outcome is Outcome.FAIL]
+    unsought = tuple(oracle for oracle in failing if oracle not in sought)
+    if verdict is None or verdict.outcome is Outcome.ERROR:
+        return replace(trial, outcome=Outcome.ERROR, verdict=verdict, unsought=unsought)
+    return replace(trial, outcome=verdict.outcome, value=value, verdict=verdict, unsought=unsought)
+
+
+def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValue | None:
+    """Return what a run with these leading margins is worth; ``None`` when it has no value."""
+    best: ObjectiveValue | None = None
+    for lead in leads:
+        scale = next((s for s in task.scales if s.oracle == lead.oracle), None)
+        if scale is None or lead.margin is None:
+            continue
+        value = lead.margin if len(task.scales) == 1 else lead.margin / scale.scale
+        if best is None or value < best.value:
+            best = ObjectiveValue(
+                value, lead.margin, lead.unit, lead.oracle, lead.object, lead.waypoint
+            )
+    return best
+
+
+def _decisive_verdict(
+    task: SearchTask, verdicts: Sequence[Verdict], value: ObjectiveValue | None
+) -> Verdict | None:
+    """Return the verdict that counts: where several oracles are minimised, one that fails."""
+    asked = [scale.oracle for scale in task.scales]
+    named = {verdict.oracle: verdict for verdict in verdicts if verdict.oracle in asked}
+    nearest = named.get(value.oracle) if value is not None else None
+    if nearest is not None and nearest.outcome is Outcome.FAIL:
+        return nearest
+    for outcome in (Outcome.FAIL, Outcome.ERROR):
+        for name in asked:
+            if name in named and named[name].outcome is outcome:
+                return named[name]
+    return nearest or next((named[name] for name in asked if name in named), None)
+
+
+def point_trials(
+    task: SearchTask, rows: Iterable[ProposalRow], phase: Phase = "explore"
+) -> list[Trial]:
+    """Return the settled points of a phase in order; of one that was repeated the median."""
+    groups: dict[int, list[Trial]] = {}
+    for row in rows:
+        if row.proposal.phase == phase and row.run.settled:
+            groups.setdefault(row.proposal.number, []).append(read_trial(task, row))
+    return [median_trial(groups[number]) for number in sorted(groups)]
+
+
+def median_trial(trials: Sequence[Trial]) -> Trial:
+    """Return the trial with the median margin among repeats of one point.
+
+    Those without a margin count only when there are no others; of an even number it is the smaller
+    one of the two in the middle.
+    """
+    ordered = sorted((one for one in trials if one.value is not None), key=_compared)
+    return ordered[(len(ordered) - 1) // 2] if ordered else trials[0]
+
+
+def _compared(trial: Trial) -> float:
+    return trial.compared
+
+
+def smallest_margin(trials: Iterable[Trial]) -> Trial | None:
+    """Return the trial with the smallest margin, the first of equal ones."""
+    return min((one for one in trials if one.value is not None), key=_compared, default=None)
+
+
+def smallest_so_far(trials: Iterable[Trial]) -> list[float]:
+    """Return the smallest value after each trial; not a number before the first that has one."""
+    smallest, values = math.nan, list[float]()
+    for trial in trials:
+        if not smallest <= trial.compared and not math.isnan(trial.compared):
+            smallest = trial.compared
+        values.append(smallest)
+    return values
+
+
+def first_failure(trials: Iterable[Trial]) -> Trial | None:
+    """Return the failure of the lowest number."""
+    return min((one for one in trials if one.fails), key=lambda one: one.number, default=None)

@@ -1,0 +1,192 @@
+"""The facts of a search: its answer, what failures have in common, which parameters decide."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from daemon.judging.statistics import at_most, proportion_interval
+from daemon.model.search import PointValue, SearchTask
+from daemon.model.search_answer import (
+    Confirmation,
+    Finding,
+    Influence,
+    NearestFailure,
+    SearchAnswer,
+    ShrunkScenario,
+    UnsoughtFailure,
+)
+from daemon.model.trials import Trial, first_failure, smallest_margin
+from daemon.model.verdicts import Outcome
+from daemon.search.answers.sentences import answer_sentences
+
+FailureKey: TypeAlias = tuple[str, str, str]
+"""Oracle, object, and the waypoint that the robot was on its way to."""
+_FEWEST: Final = 5
+"""With fewer runs than these, a correlation says nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaterResults:
+    """What is found out about failures after the exploration."""
+
+    confirmed: Confirmation | None = None
+    nearest: NearestFailure | None = None
+    shrunk: ShrunkScenario | None = None
+
+
+def make_answer(
+    task: SearchTask,
+    explored: Sequence[Trial],
+    *,
+    ended: str = "",
+    executed: int = 0,
+    reused: int = 0,
+    later: LaterResults | None = None,
+    holding: Sequence[bool] = (),
+) -> SearchAnswer:
+    """Return the answer of a search that has learnt these points, sentences included.
+
+    ``holding`` says of each explored failure that was repeated whether most noises confirm it.
+    The text of the found scenario is not in it: it is written in the end.
+    """
+    later = later or LaterResults()
+    outcomes = Counter(trial.outcome for trial in explored)
+    judged = [
+        one for one in explored if one.is_drawn and one.outcome in (Outcome.PASS, Outcome.FAIL)
+    ]
+    failed = sum(trial.fails for trial in judged)
+    answer = SearchAnswer(
+        ended=ended,
+        explored=len(explored),
+        executed=executed,
+        reused=reused,
+        failed=outcomes[Outcome.FAIL],
+        errors=outcomes[Outcome.ERROR],
+        inconclusive=outcomes[Outcome.INCONCLUSIVE],
+        space_filling=len(judged),
+        space_filling_failed=failed,
+        failing_share=failing_share(failed, len(judged)),
+        written=next((one for one in explored if one.is_written and one.outcome), None),
+        first=first_failure(explored),
+        best=smallest_margin(explored),
+        confirmed=later.confirmed,
+        nearest=later.nearest,
+        shrunk=later.shrunk,
+        findings=distinct_failures(explored),
+        influence=parameter_influence(task, explored),
+        refused=outcomes[None],
+        repeated=len(holding),
+        holding=sum(holding),
+        unsought=unsought_failures(explored),
+    )
+    return replace(answer, sentences=answer_sentences(task, answer))
+
+
+def failing_share(failed: int, runs: int) -> float | None:
+    """Return the share of the space that fails at most, with 95 % certainty, one-sided.
+
+    Without a failure it is 1 - 0.05^(1/n). ``None`` without runs.
+    """
+    return at_most(failed, runs) if runs else None
+
+
+def failure_key(trial: Trial) -> FailureKey:
+    """Return what makes two failures one."""
+    if trial.verdict is None:
+        return "", "", ""
+    oracle, waypoint = trial.verdict.oracle, ""
+    if trial.value is not None and trial.value.oracle == oracle:
+        waypoint = trial.value.waypoint
+    return oracle, trial.about, waypoint
+
+
+def distinct_failures(trials: Sequence[Trial]) -> tuple[Finding, ...]:
+    """Return the failures that differ, the most frequent first, each with its worst example."""
+    groups: dict[FailureKey, list[Trial]] = {}
+    for trial in trials:
+        if trial.fails:
+            groups.setdefault(failure_key(trial), []).append(trial)
+    findings = [
+        Finding(*key, len(members), smallest_margin(members) or members[0])
+        for key, members in groups.items()
+    ]
+    return tuple(sorted(findings, key=lambda one: (-one.count, one.example.number)))
+
+
+def unsought_failures(trials: Sequence[Trial]) -> tuple[UnsoughtFailure, ...]:
+    """Return which oracles fail that the search is not about, in the order they were met."""
+    failures: dict[str, UnsoughtFailure] = {}
+    for trial in trials:
+        for oracle in trial.unsought:
+            before = failures.get(oracle, UnsoughtFailure(oracle, 0, False))
+            written = before.as_written or trial.is_written
+            failures[oracle] = UnsoughtFailure(oracle, before.runs + 1, written)
+    return tuple(failures.values())
+
+
+def confirmation(repeats: Sequence[Trial]) -> Confirmation | None:
+    """Return how many repeats fail, of those with a verdict; ``None`` when none has one."""
+    judged = [one for one in repeats if one.outcome in (Outcome.PASS, Outcome.FAIL)]
+    if not judged:
+        return None
+    failed = sum(trial.fails for trial in judged)
+    return Confirmation(failed, len(judged), *proportion_interval(failed, len(judged)))
+
+
+def parameter_influence(task: SearchTask, trials: Sequence[Trial]) -> tuple[Influence, ...]:
+    """Return how much each parameter decides, by the points that were drawn; empty for too few."""
+    pairs = [
+        (one.point, one.value.value) for one in trials if one.is_drawn and one.value is not None
+    ]
+    if len(pairs) < _FEWEST:
+        return ()
+    margins = np.array([value for _, value in pairs])
+    found = []
+    for index, parameter in enumerate(task.parameters):
+        values = [point[index] for point, _ in pairs]
+        numbers = [value for value in values if not isinstance(value, str)]
+        if parameter.choices or len(numbers) < len(values):
+            correlation = correlation_ratio(values, margins)
+        else:
+            correlation = rank_correlation(np.array(numbers), margins)
+        found.append(Influence(parameter.name, correlation, len(pairs)))
+    return tuple(found)
+
+
+def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]) -> float:
+    """Return Spearman's rank correlation of (n,) and (n,), -1 to 1; 0 where one does not vary.
+
+    Equal values share the mean of their ranks: plateaus of the margin are common.
+    """
+    left, right = _ranks(values), _ranks(margins)
+    left, right = left - left.mean(), right - right.mean()
+    spread = math.sqrt(float(left @ left) * float(right @ right))
+    return float(left @ right) / spread if spread > 0.0 else 0.0
+
+
+def _ranks(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    means: np.ndarray[Any, Any] = (last - 0.5 * (counts - 1))[inverse]
+    return means
+
+
+def correlation_ratio(values: Sequence[PointValue], margins: np.ndarray[Any, Any]) -> float:
+    """Return the correlation ratio of margins (n,) by choice, 0 to 1.
+
+    The square root of the variance between choices over the whole variance (Pearson 1905).
+    """
+    whole = float(((margins - margins.mean()) ** 2).sum())
+    if whole <= 0.0:
+        return 0.0
+    between = 0.0
+    for choice in dict.fromkeys(values):
+        members = margins[[value == choice for value in values]]
+        between += len(members) * float(members.mean() - margins.mean()) ** 2
+    return math.sqrt(min(between / whole, 1.0))

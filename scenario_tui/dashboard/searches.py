@@ -1,0 +1,161 @@
+"""Searches as the dashboard knows them: how each stands, and the trials of the one shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from daemon.model.search import SearchTask
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.status import CampaignRow, ChangeEvent
+    from daemon.model.trials import Trial
+    from daemon.model.verbs import DaemonClient
+
+_PAGE: Final = 500
+"""Runs of a search asked for at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchTrials:
+    """A search and the trial of each of its runs in order, as far as they are known."""
+
+    row: SearchRow
+    trials: tuple[Trial, ...] = ()
+
+    @property
+    def explored(self) -> list[Trial]:
+        """The trials that look for failures: no repeats, nothing done with a failure."""
+        return [one for one in self.trials if one.explores]
+
+
+@dataclass(frozen=True, slots=True)
+class NotableTrial:
+    """A trial to look at, and why; ``count`` failures are like it.
+
+    ``key`` tells it from the others, also when it is another trial later; ``about`` says what
+    fails.
+    """
+
+    key: str
+    what: str
+    trial: Trial
+    about: str
+    count: int = 0
+
+
+class KnownSearches:
+    """Remembers how searches stand, and the trials of one; asks for what changed and no more.
+
+    ``rows`` and what :meth:`trials` returns are replaced and never changed, so that other threads
+    may read them.
+    """
+
+    # Events come by another thread, and some may be lost: they say that a search changed, what it
+    # counts says that there is something to look for.
+
+    def __init__(self) -> None:
+        self.rows: Mapping[str, SearchRow] = {}
+        self._seen: dict[str, tuple[CampaignRow, int]] = {}
+        self._touches: dict[str, int] = {}
+        self._shown: SearchTrials | None = None
+
+    def touch(self, event: ChangeEvent) -> None:
+        """Note that something of a search changed, or one of its runs."""
+        campaign = event.campaign or event.id
+        if campaign in self.rows:
+            self._touches[campaign] = self._touches.get(campaign, 0) + 1
+
+    def update_rows(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow]) -> None:
+        """Ask how searches stand, if one of these campaigns is a search that changed."""
+        searches = {row.id: row for row in campaigns if row.search}
+        seen = {name: (row, self._touches.get(name, 0)) for name, row in searches.items()}
+        stale = [name for name in seen if seen[name] != self._seen.get(name)]
+        found: dict[str, SearchRow] = {}
+        if stale:
+            # Those that are over do not change any more: mostly there are more of them.
+            running = all(searches[name].search == "running" for name in stale)
+            found = {row.campaign: row for row in daemon.searches(running=running)}
+        if stale or len(searches) < len(self.rows):
+            known = {**self.rows, **found}
+            self.rows = {name: known[name] for name in searches if name in known}
+        self._seen = seen
+
+    def trials(self, daemon: DaemonClient, campaign: str) -> SearchTrials | None:
+        """Return a search with its trials; asks only for those that are new or were not over."""
+        row, shown = self.rows.get(campaign), self._shown
+        if row is None:
+            return None
+        if shown is None or shown.row.campaign != campaign:
+            shown = SearchTrials(row)
+            known = self._ask(daemon, row, ())
+        elif row is shown.row:
+            return shown
+        elif _counts(row) == _counts(shown.row):
+            known = shown.trials
+        else:
+            # All of it once more where runs that were over are queued again, and in the end.
+            again = row.finished < shown.row.finished or row.state != shown.row.state
+            opened = (i for i, one in enumerate(shown.trials) if one.outcome is None)
+            first = 0 if again else next(opened, len(shown.trials))
+            known = self._ask(daemon, row, shown.trials[:first])
+        self._shown = SearchTrials(row, known)
+        return self._shown
+
+    def _ask(
+        self, daemon: DaemonClient, row: SearchRow, known: tuple[Trial, ...]
+    ) -> tuple[Trial, ...]:
+        # The dashboard's first screen is not to wait for what only the thread that asks needs.
+        from daemon.model.proposals import ProposalQuery
+        from daemon.model.trials import read_trial
+        from daemon.model.verbs import PROPOSALS
+
+        trials = list(known)
+        while len(trials) < row.proposed:
+            page = daemon.ask(PROPOSALS, ProposalQuery(row.campaign, len(trials), _PAGE))
+            if not page:
+                break
+            trials.extend(read_trial(row.task, one) for one in page)
+        return tuple(trials)
+
+
+def _counts(row: SearchRow) -> tuple[int, int, str]:
+    return row.proposed, row.finished, row.state
+
+
+def notable_trials(search: SearchTrials) -> Iterator[NotableTrial]:
+    """Yield the trials to look at: best, first and nearest failure, findings, and as written.
+
+    What the answer says is known from its phase on; the best and the first failure at once.
+    """
+    from daemon.model.trials import first_failure, smallest_margin
+
+    task, answer, explored = search.row.task, search.row.answer, search.explored
+    nearest = answer.nearest.result if answer is not None and answer.nearest else None
+    best = "best so far" if search.row.state == "running" else "best"
+    named = {
+        "best": (best, smallest_margin(explored)),
+        "first": ("first failure", first_failure(explored)),
+        "nearest": ("nearest failure", nearest),
+    }
+    for key, (what, trial) in named.items():
+        if trial is not None:
+            yield NotableTrial(key, what, trial, _about(task, trial))
+    for index, finding in enumerate(answer.findings if answer is not None else ()):
+        places = (finding.object, finding.waypoint)
+        about = _joined(task, finding.oracle, *places)
+        yield NotableTrial(f"finding-{index}", "finding", finding.example, about, finding.count)
+    if explored and explored[0].is_written and explored[0].outcome is not None:
+        yield NotableTrial("written", "as written", explored[0], _about(task, explored[0]))
+
+
+def _about(task: SearchTask, trial: Trial) -> str:
+    value = trial.value
+    return "" if value is None else _joined(task, value.oracle, value.object)
+
+
+def _joined(task: SearchTask, oracle: str, *places: str) -> str:
+    # Of a search about one oracle that one is told above.
+    names = [*([oracle] if len(task.scales) > 1 else []), *places]
+    return " › ".join(filter(None, names)) or oracle
