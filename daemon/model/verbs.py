@@ -86,9 +86,9 @@ WORKING: Final = frozenset({Role.WORKER})
 
 
 class ServerThread(Enum):
-    """The thread of the daemon that does something; requests to others never wait for it.
+    """Threads of the daemon that do something; requests to others never wait for them.
 
-    Only the writer changes the ledger. The carrier reads like the reader, but moves megabytes:
+    Only the writer changes the ledger. The carrier reads like the readers, but moves megabytes:
     nobody's question has to wait for a trace that somebody fetches.
     """
 

@@ -1,8 +1,7 @@
 """From the bus to the ledger: requests are queued for the ledger's threads, done there, answered.
 
-Zenoh's callbacks only enqueue. One thread writes the ledger, two read it; everybody else queues
-up, to a limit. A request is validated by the thread that does it; whatever is wrong with it is its
-error reply, never more.
+Zenoh's callbacks only enqueue. A request is validated by the thread that does it; whatever is wrong
+with it is its error reply, never more.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.security import strip_control_characters
 from daemon.batch.server._revoked_keys import RevokedKeys, split_key
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.server._threads import BUSY, LedgerJob, LedgerThread
+from daemon.batch.server._threads import BUSY, JobQueue, LedgerJob
 from daemon.model.verbs import VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
@@ -49,11 +48,9 @@ class RequestDispatcher:
 
     handlers: Mapping[AnyVerb, VerbHandler]
     log: EventLog
-    writer: LedgerThread
-    reader: LedgerThread
-    carrier: LedgerThread
-    preparer: LedgerThread
-    overload: LedgerThread
+    queues: Mapping[ServerThread, JobQueue]
+    preparer: JobQueue
+    overload: JobQueue
     revoked: RevokedKeys
 
     def on_query(self, query: zenoh.Query) -> None:
@@ -62,66 +59,43 @@ class RequestDispatcher:
         # and whatever takes long in it delays everybody, heartbeats included.
         name, word = split_key(str(query.key_expr))
         no = self.revoked.problem(name)
-        if no is not None:
-            self._turn_away(query, no)
-            return
         verb = VERBS.get(word)
-        if verb is None:
-            self._queue(self.reader, query, lambda _: _refuse_unknown(query))
-            return
-        handler = self.handlers[verb]
-        if handler.prepare is not None:
-            self._prepare(verb, handler, handler.prepare, query)
+        if no is not None:
+            # Not in the log, which a flood would fill.
+            self.overload.offer(LedgerJob(lambda _: no, partial(_refuse, query, str(no))))
+        elif verb is None:
+            self._queue(self.queues[ServerThread.READER], query, lambda _: _refuse_unknown(query))
         else:
-            self._queue(
-                self._thread(verb),
-                query,
-                lambda ledger: _answer(
-                    verb, handler, ledger, read_request(verb, _payload(verb, query))
-                ),
-            )
+            self._ask(verb, self.handlers[verb], query)
 
-    def _turn_away(self, query: zenoh.Query, problem: DaemonError) -> None:
-        """Say no at once; not in the log, which a flood would fill."""
+    def _ask(self, verb: AnyVerb, handler: VerbHandler, query: zenoh.Query) -> None:
+        last, prepare = self.queues[verb.thread], handler.prepare
+        if prepare is None:
 
-        def answer(_: object) -> None:
-            with query, suppress(zenoh.ZError):
-                query.reply_err(_error_reply(str(problem), problem))
+            def act(ledger: object) -> bytes:
+                return _answer(verb, handler, ledger, read_request(verb, _payload(verb, query)))
 
-        self.overload.offer(LedgerJob(lambda _: problem, answer))
+            self._queue(last, query, act)
+            return
 
-    def _thread(self, verb: AnyVerb) -> LedgerThread:
-        if verb.thread is ServerThread.WRITER:
-            return self.writer
-        return self.carrier if verb.thread is ServerThread.CARRIER else self.reader
-
-    def _queue(
-        self,
-        thread: LedgerThread,
-        query: zenoh.Query,
-        act: Callable[[Any], object],
-        done: Callable[[object], None] | None = None,
-    ) -> None:
-        answer = done or (lambda value: self._reply(query, value))
-        if not thread.offer(LedgerJob(act, answer)):
-            self.overload.offer(LedgerJob(lambda _: BUSY, answer))
-
-    def _prepare(
-        self,
-        verb: AnyVerb,
-        handler: VerbHandler,
-        prepare: Callable[[bytes], object],
-        query: zenoh.Query,
-    ) -> None:
         def go_on(value: object) -> None:
             if isinstance(value, Exception):
                 self._reply(query, value)
             else:
-                self._queue(
-                    self._thread(verb), query, partial(_answer, verb, handler, request=value)
-                )
+                self._queue(last, query, partial(_answer, verb, handler, request=value))
 
         self._queue(self.preparer, query, lambda _: prepare(_payload(verb, query)), go_on)
+
+    def _queue(
+        self,
+        jobs: JobQueue,
+        query: zenoh.Query,
+        act: Callable[[Any], object],
+        done: Callable[[object], None] | None = None,
+    ) -> None:
+        reply = partial(self._reply, query)
+        if not jobs.offer(LedgerJob(act, done or reply)):
+            self.overload.offer(LedgerJob(lambda _: BUSY, reply))
 
     def _reply(self, query: zenoh.Query, value: object) -> None:
         # The requester waits until the query is closed, whatever was replied.
@@ -130,7 +104,8 @@ class RequestDispatcher:
                 if isinstance(value, bytes):
                     query.reply(query.key_expr, value)
                 else:
-                    query.reply_err(_error_reply(self._error_text(query, value), value))
+                    words = self._error_text(query, value)
+                    query.reply_err(codec.to_json(bus.error_reply(words, value)))
             except zenoh.ZError as error:
                 self.log.write("unanswered", key=str(query.key_expr), problem=str(error))
 
@@ -143,8 +118,9 @@ class RequestDispatcher:
         return str(value)[:_LONGEST_PROBLEM]
 
 
-def _error_reply(words: str, error: object) -> bytes:
-    return codec.to_json(bus.error_reply(words, error))
+def _refuse(query: zenoh.Query, words: str, problem: object) -> None:
+    with query, suppress(zenoh.ZError):
+        query.reply_err(codec.to_json(bus.error_reply(words, problem)))
 
 
 def _refuse_unknown(query: zenoh.Query) -> object:

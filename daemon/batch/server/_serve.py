@@ -16,7 +16,7 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._contact import ContactFile, hold_alone
 from daemon.batch.server._dispatcher import RequestDispatcher
@@ -35,11 +35,9 @@ from daemon.batch.server._runtime import (
 from daemon.batch.server._searches import remove_staged_searches
 from daemon.batch.server._stopping import StopRequest
 from daemon.batch.server._threads import (
+    JobQueue,
     LedgerJob,
-    LedgerlessThread,
-    LedgerThread,
-    OverloadReply,
-    ReaderThread,
+    ReaderPool,
     WriterThread,
 )
 from daemon.batch.server._trace_mover import TraceMover
@@ -48,8 +46,11 @@ from daemon.batch.stores import check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase, Trouble, TroubleCause
+from daemon.model.verbs import ServerThread
 from grammars.text import codec
 
+_READERS: Final = 4
+"""Threads that answer questions."""
 _LAST_MOMENT: Final = 3.0
 """Seconds a worker has to give its runs back, and then to be killed."""
 STOP_MARGIN: Final = 2 * _LAST_MOMENT
@@ -207,7 +208,7 @@ class _Daemon:
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
         remove_staged_searches(self._paths)
-        writer, threads = self._start_threads(stack, self._opened.ledger, session)
+        writer = self._start_threads(stack, session)
         keepers: list[Quota | Housekeeping | TraceMover] = [self._quota]
         keepers.append(Housekeeping(self._paths, self._log))
         if self._settings.store:
@@ -230,40 +231,35 @@ class _Daemon:
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
-            if not all(thread.is_alive() for thread in threads):
+            if not writer.alive:
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stop.wait(self._settings.tick)
         coordinator.close()
         self._leave(local)
         self._log.write("stopped")
 
-    def _start_threads(
-        self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
-    ) -> tuple[WriterThread, tuple[LedgerThread, ...]]:
+    def _start_threads(self, stack: ExitStack, session: zenoh.Session) -> WriterThread:
+        def report(problem: str) -> None:
+            self._log.write("checkpoint", problem=problem)
+
+        ledger = self._opened.ledger
         if leases := ledger.leases():
             self._log.write("resumed", leases=len(leases))
-        reader = self._reader(stack, "ledger-reader")
-        carrier = self._reader(stack, "carrier")
-        writer = WriterThread(
-            ledger,
-            lambda events: _publish(session, events),
-            lambda problem: self._log.write("checkpoint", problem=problem),
-        )
-        preparer, overload = LedgerlessThread("preparer"), OverloadReply()
-        # The writer before the preparer, which hands over to it: they finish the other way round.
-        threads = (overload, reader, carrier, writer, preparer)
-        for thread in threads:
-            thread.start()
-            stack.callback(thread.finish)
+        overload = ReaderPool(self._paths, "overload")
+        reader = ReaderPool(self._paths, "reader", _READERS)
+        carrier = ReaderPool(self._paths, "carrier")
+        writer = WriterThread(ledger, partial(_publish, session), report)
+        # The preparer hands over to the writer, and so is the first to finish.
+        preparer = ReaderPool(self._paths, "preparer")
+        for jobs in (overload, reader, carrier, writer, preparer):
+            stack.callback(jobs.finish)
+        queues: dict[ServerThread, JobQueue] = {
+            ServerThread.READER: reader,
+            ServerThread.CARRIER: carrier,
+            ServerThread.WRITER: writer,
+        }
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb,
-            self._log,
-            writer,
-            reader,
-            carrier,
-            preparer,
-            overload,
-            self._revoked,
+            self._handlers.by_verb, self._log, queues, preparer, overload, self._revoked
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
@@ -272,10 +268,7 @@ class _Daemon:
             )
         )
         stack.enter_context(session.declare_queryable(f"{ASK}/*/*", dispatcher.on_query))
-        return writer, threads
-
-    def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
-        return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
+        return writer
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         worker = str(sample.key_expr).rpartition("/")[2]

@@ -5,12 +5,16 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.paths import StatePaths
 from daemon.model.status import ChangeEvent
 
 _BATCH: Final = 64
@@ -19,7 +23,7 @@ one for each job, 9 470 without any; and nobody waits for more than 64 others' j
 _PAUSE: Final = 0.4
 """Seconds without a change after which the ledger's WAL is emptied."""
 _MOST: Final = 2048
-"""Requests that may wait for a thread: what comes then is told to come again."""
+"""Requests that may wait in a queue: what comes then is told to come again."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
@@ -33,21 +37,23 @@ class LedgerJob:
     done: Callable[[object], None]
 
 
-class LedgerThread(threading.Thread):
-    """A thread with a queue of jobs, done one after the other.
+class JobQueue(ABC):
+    """A queue of jobs for the ledger.
 
     ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits: a flood
     of questions must not keep leases from expiring.
     """
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name=name, daemon=True)
-        self._jobs: queue.Queue[LedgerJob | None] = queue.Queue()
+    def __init__(self) -> None:
         self._room = threading.Semaphore(_MOST)
 
+    @abstractmethod
     def put(self, job: LedgerJob) -> None:
         """Queue a job; returns at once."""
-        self._jobs.put(job)
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Do what is queued, then end."""
 
     def offer(self, job: LedgerJob) -> bool:
         """Queue a job unless too much waits already; returns at once, whether it is queued."""
@@ -61,13 +67,8 @@ class LedgerThread(threading.Thread):
         self.put(LedgerJob(job.act, done))
         return True
 
-    def finish(self) -> None:
-        """Do what is queued, then end the thread."""
-        self._jobs.put(None)
-        self.join()
 
-
-class WriterThread(LedgerThread):
+class WriterThread(JobQueue):
     """Owns the writing connection: runs jobs in transactions, answers after the commit.
 
     Jobs that wait together share a commit (the fsync is what costs); each has a savepoint, so a
@@ -81,16 +82,32 @@ class WriterThread(LedgerThread):
         publish: Callable[[list[ChangeEvent]], None],
         report: Callable[[str], None],
     ) -> None:
-        super().__init__("ledger-writer")
+        super().__init__()
         self._ledger = ledger
         self._publish = publish
         self._report = report
         self._changes = -1
         self._changed_at = 0.0
         self._emptied = False
+        self._jobs: queue.SimpleQueue[LedgerJob | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="ledger-writer", daemon=True)
+        self._thread.start()
 
-    def run(self) -> None:
-        """Work until told to finish."""
+    @property
+    def alive(self) -> bool:
+        """Whether it works; it ends by itself for an error of its own only."""
+        return self._thread.is_alive()
+
+    def put(self, job: LedgerJob) -> None:
+        """Queue a job; returns at once."""
+        self._jobs.put(job)
+
+    def finish(self) -> None:
+        """Do what is queued, then end."""
+        self._jobs.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
         running = True
         while running:
             batch, running = self._take()
@@ -140,49 +157,36 @@ class WriterThread(LedgerThread):
             self._publish(self._ledger.events)
 
 
-class ReaderThread(LedgerThread):
-    """Owns the reading connection: answers questions one by one, each from one snapshot."""
+class ReaderPool(JobQueue):
+    """Threads that answer questions, each from one snapshot of the ledger.
 
-    def __init__(self, name: str, reader: LedgerReader) -> None:
-        super().__init__(name)
-        self._reader = reader
-
-    def run(self) -> None:
-        """Answer until told to finish."""
-        while (job := self._jobs.get()) is not None:
-            job.done(self._answer(job))
-
-    def _answer(self, job: LedgerJob) -> object:
-        try:
-            with self._reader.snapshot():
-                return job.act(self._reader)
-        except Exception as error:
-            return error  # it is the answer; what is no refusal goes to the log too
-
-
-class LedgerlessThread(LedgerThread):
-    """Does what takes long and needs no ledger, one after the other."""
-
-    def run(self) -> None:
-        """Work until told to finish."""
-        while (job := self._jobs.get()) is not None:
-            try:
-                value = job.act(None)
-            except Exception as error:
-                value = error  # it is the answer; what is no refusal goes to the log too
-            job.done(value)
-
-
-class OverloadReply(LedgerThread):
-    """Tells those no for whom there is no room, or who ask too much; nobody else waits for that.
-
-    A thread, since a reply from within Zenoh's callback may deadlock (eclipse-zenoh/zenoh#1092).
+    Raises :class:`DaemonError` when the ledger cannot be read.
     """
 
-    def __init__(self) -> None:
-        super().__init__("overload-reply")
+    def __init__(self, paths: StatePaths, name: str, threads: int = 1) -> None:
+        super().__init__()
+        self._readers: queue.SimpleQueue[LedgerReader] = queue.SimpleQueue()
+        with ExitStack() as stack:
+            for _ in range(threads):
+                self._readers.put(stack.enter_context(LedgerReader.open(paths)))
+            self._opened = stack.pop_all()
+        self._pool = ThreadPoolExecutor(threads, name)
 
-    def run(self) -> None:
-        """Turn away until told to finish."""
-        while (job := self._jobs.get()) is not None:
-            job.done(job.act(None))
+    def put(self, job: LedgerJob) -> None:
+        """Queue a job; returns at once."""
+        self._pool.submit(self._perform, job)
+
+    def _perform(self, job: LedgerJob) -> None:
+        reader = self._readers.get()
+        try:
+            with reader.snapshot():
+                value = job.act(reader)
+        except Exception as error:
+            value = error  # it is the answer; what is no refusal goes to the log too
+        self._readers.put(reader)
+        job.done(value)
+
+    def finish(self) -> None:
+        """Do what is queued, then end."""
+        self._pool.shutdown()
+        self._opened.close()

@@ -42,7 +42,6 @@ def mover(places, store):
     log = EventLog(places.log)
     with LedgerWriter.open(places) as book:
         writer = WriterThread(book, lambda _: None, lambda _: None)
-        writer.start()
         moving = TraceMover(places, log, store, writer)
         moving.start()
         yield
