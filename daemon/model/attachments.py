@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -72,7 +73,10 @@ def attach_files(files: Mapping[str, Path]) -> dict[str, str]:
 
 
 def _store_file(name: str, path: Path) -> str:
-    size = path.stat().st_size
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"files: {name} is no ordinary file: {path}")
+    size = status.st_size
     if size > LARGEST_FILE:
         limit = LARGEST_FILE // 2**20
         raise ValueError(f"files: {name} has {size / 2**20:.0f} MiB, at most {limit} may have")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
 from daemon.trace import layouts, messages
-from daemon.trace._mcap_reader import DamagedTraceError, McapContents
+from daemon.trace._mcap_reader import RECORD_STEPS, DamagedTraceError, McapContents
 from daemon.trace._model import (
     CommandTrack,
     ContactRecord,
@@ -26,11 +26,10 @@ from daemon.trace._model import (
     ScanTrack,
 )
 from daemon.trace._views import decode_path
-from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
+from daemon.trace.layouts import HEADER, MessageLayout
 from grammars.model.geometry import Floats
 from grammars.model.robot import Laser
 
-Runs = Mapping[str, list[ByteArray]]
 Fields = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
 
@@ -111,13 +110,15 @@ def scans(recording: McapContents, laser: Laser) -> ScanTrack:
     return ScanTrack(_seconds(found), found["ranges"], laser.name)
 
 
-def contacts(runs: Runs) -> tuple[ContactRecord, ...]:
+def contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
     """Decode ``/contacts``, in the order of their times."""
     found: list[ContactRecord] = []
-    for rows in runs.get("/contacts", []):
+    for rows in recording.runs.get("/contacts", []):
         # A run of equal-sized messages may hold several pairs of names of the same length: the
         # first row names a pair, all rows of it are taken at once, the rest is looked at again.
         while len(rows):
+            # A pair of names costs a layout and a look at all rows, some 4 of them a step.
+            recording.spend(128 + len(rows) // 4)
             first, second = _contact_names(rows[0].tobytes()[HEADER.size :])
             layout = layouts.contact(first, second)
             fits = layout.fits(rows)
@@ -128,27 +129,28 @@ def contacts(runs: Runs) -> tuple[ContactRecord, ...]:
     return tuple(sorted(found, key=lambda contact: contact.time))
 
 
-def progress(runs: Runs) -> tuple[ProgressRecord, ...]:
+def progress(recording: McapContents) -> tuple[ProgressRecord, ...]:
     """Decode ``/mission/status``."""
     found = []
-    for time, state in _rare(runs, "/mission/status", messages.progress):
+    for time, state in _rare(recording, "/mission/status", messages.progress):
         found.append(ProgressRecord(time, state.current, state.reached, state.state))
     return tuple(found)
 
 
-def events(runs: Runs) -> tuple[EventRecord, ...]:
+def events(recording: McapContents) -> tuple[EventRecord, ...]:
     """Decode ``/events``, in the order of their times."""
     found = []
-    for time, log in _rare(runs, "/events", lambda message: message):
+    for time, log in _rare(recording, "/events", lambda message: message):
         level = _LEVELS.get(int(log.level), "info")
         found.append(EventRecord(time, str(log.name), str(log.msg), level))
     return tuple(sorted(found, key=lambda event: event.time))
 
 
-def plans(runs: Runs) -> tuple[PlanRecord, ...]:
+def plans(recording: McapContents) -> tuple[PlanRecord, ...]:
     """Decode ``/plan``, in the order of their times."""
     found = []
-    for rows in runs.get("/plan", []):
+    for rows in recording.runs.get("/plan", []):
+        recording.spend(RECORD_STEPS * len(rows))
         for row in rows:
             data = row.tobytes()
             try:
@@ -225,11 +227,14 @@ def _contact_names(payload: bytes) -> tuple[str, str]:
     return found[2], found[3]
 
 
-def _rare(runs: Runs, topic: str, read: Callable[[Any], T]) -> Iterator[tuple[float, T]]:
+def _rare(
+    recording: McapContents, topic: str, read: Callable[[Any], T]
+) -> Iterator[tuple[float, T]]:
     """Yield time and content of messages that are decoded one by one."""
-    for rows in runs.get(topic, []):
+    for rows in recording.runs.get(topic, []):
         if rows.shape[1] > _RARE_LIMIT:
             raise DamagedTraceError(f"a message on {topic} is too large")
+        recording.spend(2 * RECORD_STEPS * len(rows))
         for row in rows:
             data = row.tobytes()
             try:

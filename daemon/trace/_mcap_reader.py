@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import stat
 import struct
 import zlib
 from collections.abc import Collection, Mapping
@@ -35,8 +36,12 @@ CHUNK_LIMIT: Final = 1 << 28
 TOTAL_LIMIT: Final = 1 << 29
 """Largest file, chunk and sum of decompressed chunks [bytes] a reader takes on."""
 
-RUN_LIMIT: Final = 1 << 21
-"""Most runs of messages a reader takes on; the writer makes one per topic and ten seconds."""
+STEP_LIMIT: Final = 1 << 22
+"""Most work a reader takes on, in steps of about two microseconds; a run leaves some thousands.
+
+Counted, not timed: whether a trace can be read must not depend on what else the machine does."""
+RECORD_STEPS: Final = 4
+"""Steps of a record that is read by itself, and of a run of messages of equal size."""
 
 _RECORD: Final = struct.Struct("<BQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")
@@ -63,7 +68,7 @@ class McapContents:
 
     Those of topics whose layout was known are in ``packed``, as :meth:`MessageLayout.pack` has
     them; rows that do not fit it stay in ``runs``. ``cut`` says why reading stopped before the end
-    of the file, or is empty.
+    of the file, or is empty. ``steps`` is the work done so far.
     """
 
     path: Path
@@ -72,6 +77,17 @@ class McapContents:
     runs: dict[str, list[ByteArray]] = field(default_factory=dict)
     packed: dict[str, list[npt.NDArray[np.void]]] = field(default_factory=dict)
     cut: str = ""
+    steps: int = 0
+
+    def spend(self, steps: int) -> None:
+        """Count work; raises :class:`TraceError` when it is more than a trace can need."""
+        self.steps += steps
+        if self.steps > STEP_LIMIT:
+            raise TraceError(
+                self.path,
+                "would take long to read: it holds more records than any run leaves",
+                "if another tool wrote or merged it, take the trace the run left",
+            )
 
 
 def read_mcap(
@@ -90,7 +106,10 @@ def read_mcap(
     Raises :class:`TraceError` when the file cannot be opened or is no MCAP file.
     """
     try:
-        if path.stat().st_size > FILE_LIMIT:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise TraceError(path, "is no ordinary file", "name the .mcap file a run left")
+        if status.st_size > FILE_LIMIT:
             raise TraceError(path, f"the file is larger than {FILE_LIMIT >> 20} MiB")
         data = path.read_bytes()
     except OSError as error:
@@ -155,7 +174,6 @@ class _McapWalk:
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
         self._total = 0
-        self._runs = 0
 
     def take(self, data: bytes, at: int) -> None:
         """Go on with other data, which begins ``at`` that byte."""
@@ -213,6 +231,7 @@ class _McapWalk:
         # Statistics, indexes and what later versions of the format add: nothing we need.
         if opcode not in kinds:
             return
+        self.recording.spend(RECORD_STEPS)
         try:
             record = kinds[opcode].read(ReadDataStream(io.BytesIO(content)))
         except (McapError, struct.error, ValueError, OverflowError) as error:
@@ -251,6 +270,7 @@ class _McapWalk:
         """Read the records before the first message of a chunk; returns where that starts."""
         at = 0
         while at < len(data):
+            self.recording.spend(1)
             opcode, end = _record_end(data, at)
             if opcode == Opcode.MESSAGE:
                 break
@@ -262,6 +282,7 @@ class _McapWalk:
         """Read a chunk record by record; returns where its messages start."""
         found = []
         while at < len(data):
+            self.recording.spend(1)
             opcode, end = _record_end(data, at)
             if opcode == Opcode.MESSAGE:
                 found.append(at)
@@ -340,9 +361,7 @@ class _McapWalk:
     def _collect_runs(self, topic: str, data: bytes, offsets: IntArray, sizes: IntArray) -> None:
         """Collect messages of a topic, those of equal size in a row together."""
         edges = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
-        self._runs += len(edges) + 1
-        if self._runs > RUN_LIMIT:
-            raise TraceError(self.recording.path, "holds too many scattered messages")
+        self.recording.spend(RECORD_STEPS * (len(edges) + 1))
         for first, stop in itertools.pairwise((0, *edges, len(sizes))):
             table = records_at_any_place(data, int(sizes[first]))
             self._collect(topic, table[offsets[first:stop]])

@@ -121,7 +121,6 @@ def read_outputs(path: Path) -> dict[str, str]:
 
 
 def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) -> Trace:
-    runs = recording.runs
     truth = _decode.motion(recording, "/ground_truth", "map")
     joints = _decode.joints(recording, scene.joint_names)
     outcome = recording.metadata.get("outcome", {})
@@ -159,11 +158,11 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         cloud=cloud,
         cloud_count=_decode.cloud_count(recording),
         joints=joints,
-        contacts=_decode.contacts(runs),
-        progress=_decode.progress(runs),
-        events=_decode.events(runs),
+        contacts=_decode.contacts(recording),
+        progress=_decode.progress(recording),
+        events=_decode.events(recording),
         scans=_scans(recording, spec) if scans else None,
-        plans=_decode.plans(runs),
+        plans=_decode.plans(recording),
         latency=_decode.latency(recording),
     )
 
