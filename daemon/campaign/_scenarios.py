@@ -61,6 +61,10 @@ class LayerReference:
         return next((self.places[path[:n]] for n in ends if path[:n] in self.places), self.where)
 
 
+MOST_LIKE: Final = 50
+"""Scenarios or systems under test that may be like one another in a row."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlanVariation:
     """Run the scenario in variants of its floor plan: ``floorplan`` names a variation layer."""
@@ -120,6 +124,9 @@ def resolve_scenario(
         if scenario.like not in text.scenarios:
             hint = did_you_mean(scenario.like, text.scenarios)
             raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
+        if len(seen) >= MOST_LIKE:
+            message = f"more than {MOST_LIKE} scenarios are like one another in a row"
+            raise InputError(Diagnostic(like_at, message, "be like one nearer to the first"))
         base = resolve_scenario(scenario.like, text, document, (*seen, name))
     # The seed of variants that names none is the campaign's, also where the slot is inherited.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
@@ -128,10 +135,13 @@ def resolve_scenario(
 
 
 def bases_of(name: str, text: CampaignFile) -> Iterator[str]:
-    """Yield the scenarios of the file that one is like, directly or through others."""
+    """Yield the scenarios of the file that one is like, directly or through others.
+
+    At most one more than may be in a row: what is made of many scenarios takes no longer for each.
+    """
     seen = {name}
     base = text.scenarios[name].like
-    while base in text.scenarios and base not in seen:
+    while base in text.scenarios and base not in seen and len(seen) <= MOST_LIKE + 1:
         yield base
         seen.add(base)
         base = text.scenarios[base].like

@@ -34,7 +34,7 @@ from daemon.campaign._ros_sources import (
     plan_launch,
     refuse_lone_changes,
 )
-from daemon.campaign._scenarios import LayerReference
+from daemon.campaign._scenarios import MOST_LIKE, LayerReference
 from daemon.stacks.registry import is_built_in
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
@@ -217,6 +217,9 @@ def _base(
     if other.resolve() in chain:
         circle = " -> ".join(p.stem for p in (*chain[chain.index(other.resolve()) :], other))
         raise InputError(Diagnostic(where, f"like: goes round in a circle, {circle}"))
+    if len(chain) > MOST_LIKE:
+        message = f"like: more than {MOST_LIKE} files are like one another in a row"
+        raise InputError(Diagnostic(where, message, "be like one nearer to the first"))
     return _load(other, load_yaml(other), find, chain, changes)
 
 

@@ -117,6 +117,8 @@ def test_files_are_bounded(here, monkeypatch):
     monkeypatch.setattr(attachments, "LARGEST_FILE", 2**20)
     with pytest.raises(ValueError, match="at most 1 may have"):
         attach_files({"model": here / "policy.onnx"})
+    with pytest.raises(ValueError, match="model is no ordinary file"):
+        attach_files({"model": Path("/dev/zero")})
     with pytest.raises(ValueError, match="17 are too many"):
         attach_files({f"f{i}": here / "policy.onnx" for i in range(17)})
 

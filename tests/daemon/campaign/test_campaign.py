@@ -161,6 +161,16 @@ def test_what_is_wrong_is_said_with_its_place(folder, old, new, expected):
         assert part in found
 
 
+@pytest.mark.parametrize("last", ["calm", "c999"])
+def test_a_long_chain_of_scenarios_is_refused_at_its_line(folder, last):
+    """One of a thousand took a minute and ended with the recursion limit."""
+    links = [f"  c0:\n    like: {last}\n"]
+    links += [f"  c{n}:\n    like: c{n - 1}\n" for n in range(1, 1000)]
+    before, calm, after = CAMPAIGN.partition("  rude:")
+    found = messages(write(folder, before + "".join(links) + calm + after))
+    assert any("more than 50 scenarios are like one another in a row" in one for one in found)
+
+
 def test_problems_of_several_layers_come_at_once(folder):
     text = CAMPAIGN.replace("mission: courier", "mission: nowhere").replace(
         "robot: courier", "robot: r2"

@@ -91,6 +91,15 @@ def test_what_a_system_is_like_is_also_found_beside_the_campaign(tmp_path):
     assert pilot(tmp_path / "mine", "slow") == {"max_speed": 0.4}
 
 
+def test_a_long_chain_of_files_is_refused_at_its_line(tmp_path):
+    write(tmp_path, "s0", "kind: pilot\n")
+    for number in range(1, 60):
+        write(tmp_path, f"s{number}", f"like: s{number - 1}\n")
+    assert pilot(tmp_path, "s50") == {}
+    with pytest.raises(InputError, match="s9.yaml:2:1: like: more than 50 files"):
+        load(tmp_path, "s59")
+
+
 @pytest.mark.parametrize(
     ("files", "expected"),
     [
