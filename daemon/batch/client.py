@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
@@ -12,10 +13,9 @@ from typing import Any, Final, Generic, TypeVar
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import Refused
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, find_credentials, strip_control_characters
-from daemon.batch.stores import FileUpload
+from daemon.batch.stores import upload
 from daemon.model.attachments import attached_digests, user_files_folder
 from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, unpack_judgement
@@ -23,13 +23,11 @@ from daemon.model.messages import (
     EVENTS,
     JUDGED,
     LIVE,
-    FileUploadChunk,
-    UploadProgress,
 )
 from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, LiveSnapshot, Submission, SubmissionReceipt
-from daemon.model.verbs import KEEP, SUBMIT, DaemonClient, Role, Verb
+from daemon.model.verbs import SUBMIT, DaemonClient, Role, Verb
 from grammars.text import codec
 
 A = TypeVar("A")
@@ -44,8 +42,6 @@ _WATCHED_KEPT: Final = 4
 _JUDGED_KEPT: Final = 1
 _SLOW_TIMEOUT: Final = 600.0
 """Seconds to wait for the answer to a slow verb."""
-_FAULTS: Final = 5
-"""Parts of a file that may not be taken (damaged, or sent by two at once) until it is given up."""
 
 
 def _from_json(kind: type[T]) -> Callable[[bytes], T]:
@@ -206,21 +202,10 @@ class Client(DaemonClient):
         digests = (attached_digests(sut.parameters).values() for sut in suts.values())
         maps = (run.map.file for run in runs if run.map.file)
         for digest in dict.fromkeys(chain(chain.from_iterable(digests), maps)):
-            self._upload_file(digest, user_files_folder() / digest)
-
-    def _upload_file(self, digest: str, path: Path) -> None:
-        """Send a file the daemon lacks; one that is not here may be there all the same."""
-        if not path.is_file():
-            return
-        upload, size = FileUpload(path), path.stat().st_size
-
-        def ask(offset: int, text: str, sha256: str) -> UploadProgress:
-            return self.ask(KEEP, FileUploadChunk(digest, size, offset, text, sha256))
-
-        while not upload.complete:
-            upload.send_next(ask)
-            if upload.faults > _FAULTS:
-                raise Refused(f"the file {path} does not arrive: {upload.problem}")
+            path = user_files_folder() / digest
+            if path.is_file():  # one that is not here may be there all the same
+                put = partial(self.put, digest, path.stat().st_size)
+                upload(path, put)
 
     def events(
         self,

@@ -7,7 +7,7 @@ traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>.<token>/
 searches/<campaign>/
 aside/<name>.<8 hexadecimal digits>
-incoming/<run>.<token>.<digest>.part|mcap
+incoming/<run>.<token>.<digest>.mcap|part  incoming/<digest>.part
 marker.json
 
 Shell completion asks at every TAB where the ledger lies: what is heavy is imported when needed.
@@ -173,7 +173,7 @@ class StatePaths:
 
     @property
     def incoming(self) -> Path:
-        """Traces that workers on other machines are sending."""
+        """Files on their way here, and traces whose results are not in the ledger yet."""
         return self.state / "incoming"
 
     @property
@@ -278,6 +278,10 @@ class StatePaths:
         if not is_id(campaign) or not re.fullmatch(r"[A-Za-z0-9_~%-][A-Za-z0-9_~%.-]*", file):
             raise ValueError(f"{name!r} is not the name of a trace")
         return self.traces / campaign / file
+
+    def uploaded_trace(self, run: str, token: int, sha256: str) -> Path:
+        """Path of a whole trace that waits for the result under its lease."""
+        return self.incoming / f"{run}.{token}.{sha256}.mcap"
 
     def trace_sizes(self, campaign: str) -> tuple[int, ...]:
         """Bytes of each trace that lies here of a campaign; raises ``ValueError`` for no id."""

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Final
 
-from pydantic import Field
+from pydantic import Base64Bytes, Field
 
-from daemon.model.attachments import LARGEST_FILE
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
 from daemon.model.status import PREFIX, Preparation
 from daemon.model.text_fields import IdText, Sha256Text, ShortText, WorkerId
@@ -39,8 +38,8 @@ LARGEST_EXTENSION: Final = 16 * 2**20
 LARGEST_PAGE: Final = 1000
 LARGEST_PAGE_BYTES: Final = 4 * 2**20
 """Of what runs have that may be long, results and reasons: a page of them ends there."""
-CHUNK: Final = 256 * 2**10
-"""Bytes of a part of a file; parts travel as base64, a third more."""
+PART: Final = 256 * 2**10
+"""Bytes of a file that travel at a time."""
 LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
 MOST_SIMULATED: Final = 1e9
@@ -50,7 +49,7 @@ LONGEST_TROUBLE: Final = 2000
 
 # Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
-Base64Text = Annotated[str, Field(max_length=CHUNK * 4 // 3 + 4)]
+FileBytes = Annotated[Base64Bytes, Field(max_length=PART)]
 
 
 class Rejection(StrEnum):
@@ -293,7 +292,7 @@ class RenewReply:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A finished run; its trace lies where the lease said, or was ``uploaded`` before.
+    """A finished run; its trace has come before, under the same lease.
 
     ``era`` is that of the lease, here and in the other requests that come under one.
     """
@@ -303,7 +302,6 @@ class Completion:
     attempt: NonNegativeInt
     token: NonNegativeInt
     result: RunResult
-    uploaded: bool = False
     era: ShortText = ""
 
 
@@ -353,72 +351,33 @@ class ReleaseRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class TraceUploadChunk:
-    """A part of the trace of a finished run, on its way to the daemon.
+class PutRequest:
+    """A part of a file on its way to the daemon, at ``offset``.
 
-    ``sha256`` and ``size`` are those of the whole trace, ``digest`` is the SHA-256 of the bytes
-    that ``data`` carries in base64. Without data it asks how far the upload is.
+    ``sha256`` and ``size`` are those of the whole. Without ``data`` it asks how much is there. The
+    trace of a run comes under its ``lease`` of that ``era``, files of submissions come without.
     """
 
-    worker: WorkerId
-    run: IdText
-    token: NonNegativeInt
     sha256: Sha256Text
     size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
     offset: NonNegativeInt = 0
-    data: Base64Text = ""
-    digest: ShortText = ""
+    data: FileBytes = b""
+    lease: LeaseRef | None = None
     era: ShortText = ""
 
 
 @dataclass(frozen=True, slots=True)
-class UploadProgress:
-    """How far an upload is: go on at ``offset``, unless it is ``complete``.
-
-    ``problem`` says why a chunk was not taken.
-    """
-
-    offset: int
-    complete: bool
-    problem: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class TraceDownloadRequest:
-    """Ask for a part of the trace of a run, from ``offset`` on."""
-
-    run: IdText
-    offset: NonNegativeInt
-
-
-@dataclass(frozen=True, slots=True)
-class DownloadChunk:
-    """A part of a trace: ``size`` and ``sha256`` are those of the whole, ``digest`` of the data."""
-
-    offset: int
-    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
-    sha256: Sha256Text
-    data: Base64Text
-    digest: ShortText
-
-
-@dataclass(frozen=True, slots=True)
-class FileUploadChunk:
-    """A part of a file of a system under test, on its way to the daemon.
-
-    Its fields are as those of :class:`TraceUploadChunk`.
-    """
+class GetRequest:
+    """Ask for a part of a file by its digest, from ``offset`` on; a trace is that of a ``run``."""
 
     sha256: Sha256Text
-    size: Annotated[int, Field(ge=0, le=LARGEST_FILE)]
     offset: NonNegativeInt = 0
-    data: Base64Text = ""
-    digest: ShortText = ""
+    run: IdText = ""
 
 
 @dataclass(frozen=True, slots=True)
-class FileDownloadRequest:
-    """Ask for a part of a file of a system under test, from ``offset`` on."""
+class FilePart:
+    """A part of a file; ``size`` is that of the whole, in bytes."""
 
-    sha256: Sha256Text
-    offset: NonNegativeInt
+    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
+    data: FileBytes

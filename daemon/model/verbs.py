@@ -22,28 +22,26 @@ from daemon.model.messages import (
     LARGEST_PAGE,
     LARGEST_REQUEST,
     LARGEST_SUBMISSION,
+    PART,
     CampaignQuery,
     Completion,
     Count,
     DeleteRequest,
-    DownloadChunk,
     Empty,
-    FileDownloadRequest,
-    FileUploadChunk,
+    FilePart,
+    GetRequest,
     IdRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
     PriorityRequest,
+    PutRequest,
     RecordQuery,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
     RetryRequest,
     RunQuery,
-    TraceDownloadRequest,
-    TraceUploadChunk,
-    UploadProgress,
     WelcomeReply,
     WorkerInfo,
 )
@@ -66,6 +64,7 @@ from daemon.model.status import (
     WorkerRow,
 )
 from grammars.model.scene import Scene
+from grammars.text import codec
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -146,18 +145,16 @@ ORIGIN: Final = Verb("origin", IdRequest, CampaignOrigin,
 RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
     "A page of the runs of a campaign with their verdicts, in order; empty after the last.",
     VIEWING, slow=True)
-SCENE: Final = Verb("scene", IdRequest, Scene,
-    "A compiled scene, by its digest.", VIEWING | WORKING)
 WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
     "The workers that are here, and those that are away and have leases.", VIEWING)
 DISK: Final = Verb("disk", Empty, DiskUsage,
     "How much space there is where the daemon keeps things.", VIEWING)
-FETCH: Final = Verb("fetch", TraceDownloadRequest, DownloadChunk,
-    "A part of the trace of a run.", VIEWING, CARRIER, slow=True)
-FILE: Final = Verb("file", FileDownloadRequest, DownloadChunk,
-    "A part of a file of a system under test.", WORKING, CARRIER)
-KEEP: Final = Verb("keep", FileUploadChunk, UploadProgress,
-    "Take a part of a file of a system under test.", STEERING, CARRIER, LARGEST_REQUEST, slow=True)
+GET: Final = Verb("get", GetRequest, FilePart,
+    "A part of a trace, a scene or a file of a system under test.",
+    VIEWING | WORKING, CARRIER, slow=True)
+PUT: Final = Verb("put", PutRequest, Count,
+    "Take a part of a trace or of a file of a submission; returns how many bytes are there.",
+    STEERING | WORKING, CARRIER, 2 * PART, slow=True)
 SUBMIT: Final = Verb("submit", PackedSubmission, SubmissionReceipt,
     "Take a campaign; the receipt says that it is safely in the ledger.",
     STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="split the campaign")
@@ -204,8 +201,6 @@ COMPLETE: Final = Verb("complete", Completion, LedgerAcknowledgement,
     "Record the result of a run.", WORKING, WRITER, LARGEST_REQUEST)
 RELEASE: Final = Verb("release", ReleaseRequest, LedgerAcknowledgement,
     "Take a run back that has no result.", WORKING, WRITER, 16 * _SMALL)
-UPLOAD: Final = Verb("upload", TraceUploadChunk, UploadProgress,
-    "Take a part of the trace of a finished run.", WORKING, CARRIER, LARGEST_REQUEST)
 # fmt: on
 
 VERBS: Final = {found.name: found for found in list(vars().values()) if isinstance(found, Verb)}
@@ -227,7 +222,7 @@ def _question(verb: Verb[P, A]) -> Callable[Concatenate[_Asks, P], A]:
 
 
 def _counting(verb: Verb[P, Count]) -> Callable[Concatenate[_Asks, P], int]:
-    """Make the client's method of a verb that answers with a number of runs."""
+    """Make the client's method of a verb that answers with a number."""
 
     def method(self: _Asks, /, *args: P.args, **fields: P.kwargs) -> int:
         return self.ask(verb, verb.request(*args, **fields)).count
@@ -266,10 +261,10 @@ class DaemonClient(ABC):
     run = _question(RUN)
     declared = _question(DECLARED)
     origin = _question(ORIGIN)
-    scene = _question(SCENE)
     workers = _question(WORKERS)
     disk = _question(DISK)
-    piece = _question(FETCH)
+    get = _question(GET)
+    put = _counting(PUT)
     cancel = _counting(CANCEL)
     pause = _counting(PAUSE)
     resume = _counting(RESUME)
@@ -296,6 +291,18 @@ class DaemonClient(ABC):
         """The campaign of an id, if there is one."""
         page = self.campaign_page(id=id, limit=1)
         return page[0] if page else None
+
+    def scene(self, digest: str) -> Scene:
+        """A compiled scene, by its digest; raises ``ValueError`` for one that is damaged."""
+        part = self.get(digest)
+        data = part.data
+        while part.data and len(data) < part.size:
+            part = self.get(digest, len(data))
+            data += part.data
+        scene = codec.from_json(Scene, data)
+        if scene.digest != digest:
+            raise ValueError(f"the scene {digest} is damaged")
+        return scene
 
     def records(self, campaign: str) -> tuple[RunRecord, ...]:
         """Every run of a campaign with its verdicts, in order: what assessments are made of."""

@@ -116,9 +116,9 @@ def can_fetch_trace(detail: RunDetail, source: DaemonClient) -> bool:
         return True
     if _matches(detail):
         return False
-    # Only the daemon knows whether it can: asked for the first piece, it says so.
+    # Only the daemon knows whether it can: asked for the first part, it says so.
     try:
-        source.piece(row.id, 0)
+        source.get(detail.result.trace.sha256, 0, row.id)
     except Refused:
         return False
     return True

@@ -114,7 +114,7 @@ class RunWatch:
         if digest not in self._scenes:
             try:
                 scene = daemon.scene(digest)
-            except Refused:
+            except (Refused, ValueError):
                 return None  # without the scene there is no map; everything else is shown
             while len(self._scenes) >= _SCENES_KEPT:
                 self._scenes.pop(next(iter(self._scenes)))

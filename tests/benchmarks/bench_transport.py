@@ -1,4 +1,4 @@
-"""Traces on their way: what parts, base64 and digests cost, and what others notice of it.
+"""Traces on their way: what parts and digests cost, and what others notice of it.
 
 A real daemon over loopback; the sender is this process. CPU times are of the daemon process. At the
 end short runs over a link of 200 ms: a worker elsewhere, behind a line that delays every byte.
@@ -15,13 +15,14 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-from daemon.batch.stores import TraceReference, copy_trace, encode_chunk
+from daemon.batch.stores import TraceReference, copy_trace
 from daemon.model import verbs
 from daemon.model.messages import (
-    CHUNK,
+    PART,
     Completion,
+    LeaseRef,
     LeaseRequest,
-    TraceUploadChunk,
+    PutRequest,
     WorkerInfo,
 )
 from daemon.model.spec import TraceInfo
@@ -44,16 +45,13 @@ def welcomed(client):
 
 
 def upload(client, grant, data):
-    sha256 = hashlib.sha256(data).hexdigest()
-    for offset in range(0, len(data), CHUNK):
-        text, digest = encode_chunk(data[offset : offset + CHUNK])
-        chunk = TraceUploadChunk(
-            ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest, grant.era
-        )
-        received = client.ask(verbs.UPLOAD, chunk)
-        assert not received.problem, received.problem
+    sha256, lease = hashlib.sha256(data).hexdigest(), LeaseRef(grant.run, grant.token)
+    for offset in range(0, len(data), PART):
+        part = data[offset : offset + PART]
+        request = PutRequest(sha256, len(data), offset, part, lease, grant.era)
+        assert client.ask(verbs.PUT, request).count == offset + len(part)
     result = make_result(grant.spec, trace=TraceInfo(sha256, len(data), 1))
-    done = Completion(ME.id, grant.run, 1, grant.token, result, True, grant.era)
+    done = Completion(ME.id, grant.run, 1, grant.token, result, grant.era)
     client.ask(verbs.COMPLETE, done)
 
 

@@ -17,6 +17,7 @@ from daemon.judging.oracles import judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
 from daemon.model.assessments import RunRecord
 from daemon.model.live_judgement import LiveJudgement
+from daemon.model.messages import FilePart
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
 from daemon.model.status import (
@@ -30,6 +31,7 @@ from daemon.model.verdicts import deciding_verdict
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter
+from grammars.text import codec
 from tests.scenario_tui.fake import NOW, FakeDaemon, campaign_row
 
 CAMPAIGN = "demo-5d0c1e7a"
@@ -194,10 +196,11 @@ class ExecutedDaemon(FakeDaemon):
                 return RunDetail(row, self.specs[row.id], self.result_of(row))
         raise Refused(f"there is no run {request.id}")
 
-    def _scene(self, request):
+    def _get(self, request):
         assert self.executed is not None
         scenes = {scene.digest: scene for scene in self.executed.submission.scenes}
-        return scenes[request.id]
+        scene = codec.to_json(scenes[request.sha256])
+        return FilePart(len(scene), scene[request.offset :])
 
     def _declared(self, _):
         return self.declares

@@ -19,6 +19,7 @@ from daemon.model.live_judgement import (
 from daemon.model.messages import (
     Count,
     Empty,
+    FilePart,
 )
 from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
@@ -56,6 +57,7 @@ from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
+from grammars.text import codec
 
 NOW = 1_800_000_000.0
 CAMPAIGN = "first-ab12cd34"
@@ -391,8 +393,11 @@ class FakeDaemon(DaemonClient):
                 return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
         raise Refused(f"there is no run {request.id}")
 
-    def _fetch(self, request):
-        raise Refused(f"{request.run}: its trace is gone")
+    def _get(self, request):
+        if request.run:
+            raise Refused(f"{request.run}: its trace is gone")
+        scene = codec.to_json(make_scene())
+        return FilePart(len(scene), scene[request.offset :])
 
     def _declared(self, _):
         return self.declares
@@ -404,9 +409,6 @@ class FakeDaemon(DaemonClient):
         found = [row for row in self.rows if row.campaign == query.campaign] or list(NIGHTLY)
         page = [row for row in found if row.campaign == query.campaign][query.offset :]
         return tuple(make_record(row) for row in page[: query.limit])
-
-    def _scene(self, _):
-        return make_scene()
 
     def _workers(self, _):
         return (

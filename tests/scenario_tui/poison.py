@@ -87,6 +87,10 @@ class PoisonedDaemon(FakeDaemon):
         """Answer as the daemon it is made of, poisoned."""
         return poisoned(super().ask(verb, _cured(request)))
 
+    def scene(self, digest):
+        """Return a scene that is poisoned although its digest is right."""
+        return poisoned(super().scene(digest))
+
 
 def assert_harmless(raw):
     """Check that nothing a terminal got steers it, save what is ours; return the text."""

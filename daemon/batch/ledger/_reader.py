@@ -76,12 +76,13 @@ _ALL_CAMPAIGNS: Final = CampaignQuery(limit=2**53)
 
 @dataclass(frozen=True, slots=True)
 class ExpectedUpload:
-    """An upload the ledger has nothing against: the name of the trace, whether it is ``wanted``.
+    """An upload the ledger has nothing against: the name of the trace, and the run's last worker.
 
-    It is not when its result will not be recorded: the run has one, or nobody wants it any more.
+    It is not ``wanted`` when its result will not be recorded: the run has one, or is cancelled.
     """
 
     name: str
+    worker: str
     wanted: bool
 
 
@@ -330,11 +331,11 @@ class LedgerReader:
         """
         require_era(self._db, era, token)
         require_lease(self._db, run, token)
-        state, outdated, trace = self._db.execute(
-            "SELECT state, outdated, trace_name FROM run WHERE id = ?", (run,)
+        state, outdated, trace, worker = self._db.execute(
+            "SELECT state, outdated, trace_name, worker FROM run WHERE id = ?", (run,)
         ).fetchone()
         wanted = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
-        return ExpectedUpload(str(trace), wanted=wanted)
+        return ExpectedUpload(str(trace), str(worker), wanted)
 
 
 def _count(counts: Counter[str], state: str, outcome: str, runs: int) -> None:

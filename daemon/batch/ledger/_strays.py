@@ -44,10 +44,8 @@ _FINISHED: Final = "*/attempt-*/result.json"
 """The results in a worker's spool: a spool with one stays until somebody has delivered it."""
 _COPY_GRACE: Final = 30 * 86_400.0
 """Seconds without use after which a worker's copy of a scene or a file goes."""
-# Of grammars.text.files.replacing; of uploads and downloads; of a trace that is being written.
-_TEMPORARY: Final = re.compile(
-    r"\..+\.[0-9a-f]{8}\.tmp|\.[0-9a-f]{64}(\.[0-9]+)?\.part|.+\.partial"
-)
+# Of grammars.text.files.replacing; of a trace that is being written.
+_TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{8}\.tmp|.+\.partial")
 
 _DELETED: Final = (
     "SELECT DISTINCT campaign FROM event WHERE kind = 'campaign' AND state = 'deleted'"

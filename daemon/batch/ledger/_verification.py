@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.inputs import verify_file, verify_scene
+from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._inputs import referenced_inputs
 from daemon.batch.ledger._results import SpecReader
@@ -102,9 +102,9 @@ def verify_contents(
         raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
     scenes = files = 0
     if not quick:
-        scenes = _verify_files(paths.scenes.glob("*.json"), "scenes", verify_scene, found, progress)
+        scenes = _verify_files(paths.scenes.glob("*.json"), "scenes", found, progress)
         kept = (path for path in paths.files.glob("*") if is_digest(path.name))
-        files = _verify_files(kept, "files", verify_file, found, progress)
+        files = _verify_files(kept, "files", found, progress)
     missing = _missing(paths, waiting)
     return ContentReport(results, specs, scenes, files, seen, found.lines, missing)
 
@@ -206,14 +206,13 @@ def _verify_specs(
 def _verify_files(
     paths: Iterable[Path],
     what: str,
-    is_good: Callable[[Path], bool],
     found: _Findings,
     progress: VerificationProgress,
 ) -> int:
     every = sorted(paths)
     for i, path in enumerate(every, start=1):
         try:
-            if not is_good(path) and path.exists():  # else housekeeping was faster
+            if not is_intact(path) and path.exists():  # else housekeeping was faster
                 found.add(f"{what} differ from their digest", str(path))
         except OSError as error:
             found.add(f"{what} cannot be read", f"{path} ({error.strerror})")

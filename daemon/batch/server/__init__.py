@@ -11,19 +11,16 @@ from daemon.batch.server._searches import stage_extension, stage_search
 from daemon.batch.server._serve import STOP_MARGIN, serve
 from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._threads import LedgerJob, WriterThread
-from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 
 __all__ = [
     "STOP_MARGIN",
     "DaemonSettings",
     "EventLog",
-    "FileUploads",
     "LeaseClock",
     "LeaseDeadlines",
     "LedgerJob",
     "RevokedKeys",
-    "TraceUploads",
     "WorkerRegistry",
     "WriterThread",
     "admit_submission",

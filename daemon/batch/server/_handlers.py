@@ -25,9 +25,9 @@ from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchHandlers
 from daemon.batch.server._submissions import prepare_request
-from daemon.batch.server._uploads import FileUploads, TraceUploads
+from daemon.batch.server._uploads import Uploads
 from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
-from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
+from daemon.batch.stores import Marker, is_url, read_part
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.ids import is_id
 from daemon.model.messages import (
@@ -35,25 +35,22 @@ from daemon.model.messages import (
     Completion,
     Count,
     DeleteRequest,
-    DownloadChunk,
     Empty,
-    FileDownloadRequest,
-    FileUploadChunk,
+    FilePart,
+    GetRequest,
     IdRequest,
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
     LedgerAnswer,
     PriorityRequest,
+    PutRequest,
     RecordQuery,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
     RetryRequest,
     RunQuery,
-    TraceDownloadRequest,
-    TraceUploadChunk,
-    UploadProgress,
     WelcomeReply,
     WorkerInfo,
 )
@@ -79,7 +76,6 @@ from daemon.model.verbs import (
     SUBMIT,
     VERBS,
 )
-from grammars.model.scene import Scene
 from grammars.text import codec
 
 _FRESH: Final = 1.0
@@ -122,9 +118,8 @@ class Handlers(SearchHandlers):
     draining: bool = False
 
     def __post_init__(self) -> None:
-        self._traces = TraceUploads(self.paths, self.log)
-        self._files = FileUploads(self.paths, self.log)
         self._inputs = InputStore(self.paths, self.log)
+        self._uploads = Uploads(self.paths, self.log, self._inputs)
         self._estimate = (-math.inf, TimeLeft())
         self._started_at = time.time()
         self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
@@ -213,17 +208,6 @@ class Handlers(SearchHandlers):
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
         return self.registry.rows()
 
-    def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
-        try:
-            scene = codec.from_json(Scene, self.paths.scene(request.id).read_bytes())
-        except (OSError, ValueError) as error:
-            self._inputs.examine(request.id)
-            raise Refused(f"there is no scene {request.id}") from error
-        if scene.digest != request.id:
-            self._inputs.examine(request.id)
-            raise Refused(f"there is no scene {request.id}: it was damaged")
-        return scene
-
     def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
         self.registry.check_version(worker)
         settings = self.settings
@@ -248,26 +232,26 @@ class Handlers(SearchHandlers):
 
     # Megabytes, carried in a thread of their own
 
-    def fetch(self, ledger: LedgerReader, request: TraceDownloadRequest) -> DownloadChunk:
+    def get(self, ledger: LedgerReader, request: GetRequest) -> FilePart:
+        path = self._path_of(ledger, request)
+        try:
+            return FilePart(path.stat().st_size, read_part(path, request.offset))
+        except OSError as error:
+            raise Refused(f"{path.name} cannot be read: {error.strerror}") from error
+
+    def _path_of(self, ledger: LedgerReader, request: GetRequest) -> Path:
+        if not request.run:
+            scene, file = self.paths.scene(request.sha256), self.paths.files / request.sha256
+            return scene if scene.exists() else file
         trace = ledger.trace_reference(request.run)
+        if trace.sha256 != request.sha256:
+            raise Refused(f"{request.run} has another trace now: ask again")
         if is_url(trace.location):
             raise Refused(f"the trace of {request.run} lies at {trace.location}: get it there")
-        try:
-            data = read_part(Path(trace.location), request.offset)
-        except OSError as error:
-            raise Refused(f"the trace of {request.run} cannot be read: {error.strerror}") from error
-        if data and request.offset + len(data) == trace.size:
-            self.log.write("trace fetched", run=request.run, bytes=trace.size)
-        return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
+        return Path(trace.location)
 
-    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
-        return self._traces.add_chunk(ledger, chunk)
-
-    def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
-        return self._files.add_chunk(ledger, chunk)
-
-    def file(self, ledger: LedgerReader, request: FileDownloadRequest) -> DownloadChunk:
-        return self._files.read_chunk(ledger, request)
+    def put(self, ledger: LedgerReader, request: PutRequest) -> Count:
+        return self._uploads.put(ledger, request)
 
     # Changes of the ledger; each is answered after its commit
 
@@ -360,10 +344,10 @@ class Handlers(SearchHandlers):
         # too few; the worker then hears nothing and completes again.
         ledger.require_era(completion.era, completion.token)
         ledger.check_completion(completion)
-        if self._traces.is_missing(ledger, completion):
+        if self._uploads.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, time.time())
-        self._traces.settle_result(ledger, completion, answer)
+        self._uploads.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED:
             self.quota.add_bytes(completion.result.trace.size)
         if answer is LedgerAnswer.DIFFERS:

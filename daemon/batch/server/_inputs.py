@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-from daemon.batch.inputs import verify_file, verify_scene
+from daemon.batch.inputs import is_intact
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.model.ids import is_digest
@@ -57,9 +57,8 @@ class InputStore:
         """Look whether the scene or file is what its name says; put it aside if it is not."""
         if not is_digest(digest):
             return
-        scene, file = self._paths.scene(digest), self._paths.files / digest
-        for path, is_good in ((scene, verify_scene), (file, verify_file)):
-            if path.exists() and not is_good(path):
+        for path in (self._paths.scene(digest), self._paths.files / digest):
+            if path.exists() and not is_intact(path):
                 aside = self._paths.put_aside(path)
                 self._log.write("input damaged", path=str(path), aside=str(aside))
 

@@ -1,187 +1,174 @@
-"""Uploads in parts: traces from workers on other machines, files of systems under test.
+"""Files that arrive in parts: traces from workers on other machines, and what submissions need.
 
-A part of a trace lies under the run, the lease and the digest it is sent for, so that no sender
-touches what another one sends. It gets a name of a trace only when all of it is there, verified,
-and the ledger takes the result. Files are kept by digest, and given to workers.
+A part lies in ``incoming`` under the lease it is sent for, if any, and the digest of the whole: so
+no sender touches what another one sends. A whole is verified. A trace gets its name when the ledger
+takes the result. Workers on this file system leave theirs there as a whole.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from abc import ABC, abstractmethod
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.inputs import verify_file
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
+from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.stores import (
-    accept_part,
-    append_part,
-    decode_chunk,
-    encode_chunk,
-    file_size,
-    make_folder,
-    matches_digest,
-    read_part,
-)
-from daemon.model.ids import is_digest, is_run_id
-from daemon.model.messages import (
-    Completion,
-    DownloadChunk,
-    FileDownloadRequest,
-    FileUploadChunk,
-    LedgerAnswer,
-    TraceUploadChunk,
-    UploadProgress,
-)
-from grammars.text.files import move_durably
+from daemon.batch.stores import append_part, file_sha256, file_size, matches_digest
+from daemon.model.ids import is_run_id
+from daemon.model.messages import Completion, Count, LedgerAnswer, PutRequest
+from grammars.text.files import move_durably, sync_directory
 
 _MOST_UPLOADS: Final = 1024
-"""Uploads at a time, of traces or of files; finished traces whose result has not come count."""
-_STALE: Final = 3600.0
-"""Seconds after which an upload that nobody goes on with is given up."""
-_SWEEP: Final = 60.0
+"""Uploads at a time; finished traces whose result has not come count."""
+_MOST_OF_ONE: Final = 64
+"""Uploads of one worker, or of all submissions: a worker sends four files at a time."""
+_IDLE: Final = 60.0
+"""Seconds after which an upload that nobody goes on with gives way to a new one."""
 
-Chunk = TypeVar("Chunk", TraceUploadChunk, FileUploadChunk)
 
+class Uploads:
+    """Takes parts of files, in one thread, and names whole traces, in the ledger's.
 
-class _Uploads(ABC, Generic[Chunk]):
-    """Takes parts of files, in one thread; the daemon's side of :class:`FileUpload`.
-
-    Nothing is remembered between two parts but the file itself: another daemon goes on with it.
+    Another daemon goes on with what is there. Housekeeping removes what nobody goes on with.
     """
 
-    def __init__(self, paths: StatePaths, log: EventLog) -> None:
-        self.paths = paths
+    def __init__(
+        self,
+        paths: StatePaths,
+        log: EventLog,
+        inputs: InputStore,
+        *,
+        most: int = _MOST_UPLOADS,
+        most_of_one: int = _MOST_OF_ONE,
+    ) -> None:
+        self._paths = paths
         self._log = log
+        self._inputs = inputs
+        self._most = most
+        self._most_of_one = most_of_one
+        self._senders: dict[str, str] = {}
 
-    @abstractmethod
-    def _what(self, chunk: Chunk) -> str:
-        """What is sent, as messages call it."""
+    def put(self, reader: LedgerReader, request: PutRequest) -> Count:
+        """Add a part to its file; the answer says how many bytes are there.
 
-    @abstractmethod
-    def _make_room(self, chunk: Chunk) -> None:
-        """See whether another upload can begin; raises :class:`Unavailable`."""
-
-    @abstractmethod
-    def _log_end(self, chunk: Chunk, *, accepted: bool) -> None:
-        """Write down that all of it came, and whether it is what was announced."""
-
-    def _receive(
-        self, part: Path, whole: Path, chunk: Chunk, *, mode: int | None = None
-    ) -> UploadProgress:
-        """Add a part, or only say where to go on; gives the file its name when it is whole."""
-        problem = self._append(part, chunk) if chunk.data else ""
+        What is not needed any more counts as there: the result that follows is then answered
+        accordingly. Raises :class:`Refused` for what comes under no lease of the run and for more
+        bytes than announced, and :class:`Unavailable` while there is no room.
+        """
+        whole, sender = self._place(reader, request)
+        if whole is None:
+            return Count(request.size)
+        if whole.exists():
+            # Whoever asks is about to submit what needs it: it is no stray for now.
+            with suppress(FileNotFoundError):
+                os.utime(whole)
+            return Count(request.size)
+        part = self._paths.incoming / f"{whole.stem}.part"
         have = file_size(part)
-        if problem or have != chunk.size:
-            return UploadProgress(have, complete=False, problem=problem)
-        accepted = accept_part(part, whole, chunk.sha256, mode=mode)
-        self._log_end(chunk, accepted=accepted)
-        if accepted:
-            return UploadProgress(chunk.size, complete=True)
-        problem = "the whole has another digest: begin again"
-        return UploadProgress(0, complete=False, problem=problem)
+        # Another offset: the part was sent twice, because the first answer was lost say.
+        if request.data and request.offset == have:
+            self._append(part, request, sender)
+            have += len(request.data)
+        if have < request.size:
+            return Count(have)
+        return Count(request.size if self._accept(part, whole, request, sender) else 0)
 
-    def _append(self, part: Path, chunk: Chunk) -> str:
-        """Add a part; returns what is wrong with it if it is to be sent again."""
-        have = file_size(part)
-        if chunk.offset != have:
-            # Sent twice, because the first answer was lost say: the sender goes on from here.
-            return f"the chunk begins at {chunk.offset}, expected is {have}"
-        try:
-            data = decode_chunk(chunk.data, chunk.digest)
-        except ValueError as error:
-            return str(error)
-        if have + len(data) > chunk.size:
+    def _place(self, reader: LedgerReader, request: PutRequest) -> tuple[Path | None, str]:
+        """Return where the whole belongs, if it is still needed, and the worker it comes from."""
+        lease = request.lease
+        if lease is None:
+            if not request.data:
+                # The good copy is in hand now: one that was damaged here gives way to it.
+                self._inputs.examine(request.sha256)
+            return self._paths.files / request.sha256, ""
+        if not is_run_id(lease.run):
+            raise Refused(f"{lease.run!r} is not the id of a run")
+        expected = reader.expected_upload(lease.run, lease.token, request.era)
+        # Only when the sender asks how far it is: reading all of a trace at every part of it
+        # would make an upload quadratic.
+        there = self._paths.trace(expected.name)
+        is_there = not request.data and matches_digest(there, request.size, request.sha256)
+        if is_there or not expected.wanted:
+            return None, expected.worker
+        whole = self._paths.uploaded_trace(lease.run, lease.token, request.sha256)
+        return whole, expected.worker
+
+    def _append(self, part: Path, request: PutRequest, sender: str) -> None:
+        if request.offset + len(request.data) > request.size:
             # Somebody else has announced another size: whose it was not begins again.
             part.unlink(missing_ok=True)
-            raise Refused(
-                f"{self._what(chunk)}: there are more bytes than the {chunk.size} announced"
-            )
-        if chunk.offset == 0:
-            self._make_room(chunk)
-        if shortage := self.paths.disk_shortage():
+            raise Refused(f"there are more bytes than the {request.size} announced")
+        if request.offset == 0:
+            self._make_room(part.stem, request, sender)
+        if shortage := self._paths.disk_shortage():
             raise Unavailable(shortage)
         try:
-            append_part(part, have, data)
+            append_part(part, request.offset, request.data)
         except OSError as error:
-            raise Unavailable(f"{self._what(chunk)} cannot be written: {error}") from error
-        return ""
+            raise Unavailable(f"{part.name} cannot be written: {error}") from error
 
-
-class TraceUploads(_Uploads[TraceUploadChunk]):
-    """Takes chunks, in one thread, and hands whole traces over, in the ledger's."""
-
-    def __init__(self, paths: StatePaths, log: EventLog, *, most: int = _MOST_UPLOADS) -> None:
-        super().__init__(paths, log)
-        self._most = most
-        self._begun: dict[int, float] = {}
-        self._sweep_at = 0.0
-
-    def add_chunk(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
-        """Add a chunk to its upload; the answer says where to go on.
-
-        What is not needed any more counts as complete: the result that follows is then answered
-        accordingly. Refuses what comes under no lease of the run; raises
-        :class:`Unavailable` while there is no room.
-        """
-        if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
-            raise Refused(f"{chunk.run!r} is not the id of a run")
-        self._sweep()
-        expected = reader.expected_upload(chunk.run, chunk.token, chunk.era)
-        whole = self._whole(chunk.run, chunk.token, chunk.sha256)
-        if not expected.wanted or whole.exists():
-            return UploadProgress(chunk.size, complete=True)
-        # Only when the sender asks where to begin: reading all of a trace at every part of it
-        # would make an upload quadratic.
-        there = self.paths.trace(expected.name)
-        if not chunk.data and matches_digest(there, chunk.size, chunk.sha256):
-            return UploadProgress(chunk.size, complete=True)
-        return self._receive(whole.with_suffix(".part"), whole, chunk)
-
-    def _whole(self, run: str, token: int, sha256: str) -> Path:
-        return self.paths.incoming / f"{run}.{token}.{sha256}.mcap"
-
-    def _what(self, chunk: TraceUploadChunk) -> str:
-        return f"the trace of {chunk.run}"
-
-    def _make_room(self, chunk: TraceUploadChunk) -> None:
+    def _make_room(self, name: str, request: PutRequest, sender: str) -> None:
         """Look whether another upload can begin; what was sent under this lease before goes."""
-        # Not what others send of the same run: the first that is complete counts.
-        for path in self.paths.incoming.glob(f"{chunk.run}.{chunk.token}.*"):
-            path.unlink(missing_ok=True)
-        if sum(1 for _ in self.paths.incoming.iterdir()) >= self._most:
-            raise Unavailable(f"{self._most} traces are on their way already: this one has to wait")
-        if self.paths.disk().free < chunk.size:
-            raise Unavailable(f"no room for the {chunk.size} bytes of the trace of {chunk.run}")
-        self._begun[chunk.token] = time.monotonic()
+        if request.lease is not None:
+            # Not what others send of the same run: the first that is complete counts.
+            self._remove(f"{request.lease.run}.{request.lease.token}")
+        if self._paths.disk().free < request.size:
+            raise Unavailable(f"no room for the {request.size} bytes of {name}")
+        ages = {path.stem: age for path, age in self._uploads()}
+        self._senders = {one: by for one, by in self._senders.items() if one in ages}
+        own = [one for one, by in self._senders.items() if by == sender]
+        for uploads, most in ((own, self._most_of_one), (list(ages), self._most)):
+            if len(uploads) < most:
+                continue
+            oldest = max(uploads, key=ages.__getitem__)
+            if ages[oldest] < _IDLE:
+                raise Unavailable(f"{most} files are on their way already: this one has to wait")
+            self._remove(oldest)
+        self._senders[name] = sender
 
-    def _log_end(self, chunk: TraceUploadChunk, *, accepted: bool) -> None:
-        if not accepted:
-            self._log.write("trace damaged", run=chunk.run, worker=chunk.worker)
-            return
-        begun = self._begun.pop(chunk.token, None)
-        took = None if begun is None else round(time.monotonic() - begun, 3)
-        self._log.write(
-            "trace received", run=chunk.run, worker=chunk.worker, bytes=chunk.size, seconds=took
-        )
+    def _remove(self, beginning: str) -> None:
+        for path in self._paths.incoming.glob(f"{beginning}.*"):
+            path.unlink(missing_ok=True)
+
+    def _uploads(self) -> list[tuple[Path, float]]:
+        """Return the uploads and for how long nobody has gone on with each [s]."""
+        found, now = [], time.time()
+        for path in self._paths.incoming.iterdir():
+            with suppress(FileNotFoundError):
+                # A clock that was set back must not keep anything for ever.
+                found.append((path, abs(now - path.stat().st_mtime)))
+        return found
+
+    def _accept(self, part: Path, whole: Path, request: PutRequest, sender: str) -> bool:
+        """Give a file that is complete its name if it is the one that was announced."""
+        part.touch(mode=0o600)  # an empty file comes without a single part
+        if file_sha256(part) != request.sha256:
+            part.unlink()
+            self._log.write("file damaged", name=whole.name, worker=sender)
+            return False
+        if request.lease is None:
+            # For reading only: what has this name has this digest, for every run to come.
+            part.chmod(0o400)
+        move_durably(part, whole)
+        what = "trace" if request.lease else "file"
+        self._log.write(f"{what} received", name=whole.name, worker=sender, bytes=request.size)
+        return True
 
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
         """Whether a result would be recorded whose trace is not here."""
         if not ledger.awaits_result(completion.run, completion.token):
             return False
-        name, _ = ledger.trace_location(completion.run)
-        there, info = self.paths.trace(name), completion.result.trace
-        if not completion.uploaded:
-            return not there.is_file()
-        if self._completed(completion).exists():
+        if self._whole(completion).exists():
             return False
-        return not matches_digest(there, info.size, info.sha256)
+        # Named already, by a daemon that ended before the commit.
+        name, _ = ledger.trace_location(completion.run)
+        info = completion.result.trace
+        return not matches_digest(self._paths.trace(name), info.size, info.sha256)
 
     def settle_result(
         self, ledger: LedgerWriter, completion: Completion, answer: LedgerAnswer
@@ -191,85 +178,20 @@ class TraceUploads(_Uploads[TraceUploadChunk]):
         # here: a trace without its result the next attempt replaces, a result without its trace
         # would stay so.
         name, location = ledger.trace_location(completion.run)
-        there = self.paths.trace(name)
+        there, whole = self._paths.trace(name), self._whole(completion)
         # A repetition of a run whose trace was removed brings it back.
-        lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
-        recorded = answer is LedgerAnswer.RECORDED
-        if completion.uploaded:
-            whole = self._completed(completion)
-            if whole.exists() and (recorded or lost):
-                make_folder(there.parent)
-                move_durably(whole, there)
-        if completion.uploaded or recorded:
-            # The first result makes uploads under all other leases pointless, too: their senders
-            # hear so when they go on.
-            which = "*" if recorded else f"{completion.token}.*"
-            for path in self.paths.incoming.glob(f"{completion.run}.{which}"):
-                path.unlink(missing_ok=True)
+        is_lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
+        is_recorded = answer is LedgerAnswer.RECORDED
+        if whole.exists() and (is_recorded or is_lost):
+            if not there.parent.is_dir():
+                there.parent.mkdir(mode=0o700, exist_ok=True)
+                sync_directory(there.parent.parent)
+            whole.replace(there)
+            sync_directory(there.parent)
+        # The first result makes uploads under all other leases pointless, too: their senders
+        # hear so when they go on.
+        self._remove(completion.run if is_recorded else f"{completion.run}.{completion.token}")
 
-    def _completed(self, completion: Completion) -> Path:
+    def _whole(self, completion: Completion) -> Path:
         sha256 = completion.result.trace.sha256
-        if not is_digest(sha256):
-            raise Refused(f"{sha256[:70]!r} is not the digest of a trace")
-        return self._whole(completion.run, completion.token, sha256)
-
-    def _sweep(self) -> None:
-        """Remove uploads that nobody has gone on with for long."""
-        now = time.monotonic()
-        if now < self._sweep_at:
-            return
-        self._sweep_at = now + _SWEEP
-        self._begun = {token: at for token, at in self._begun.items() if now - at < _STALE}
-        for path in self.paths.incoming.iterdir():
-            with suppress(FileNotFoundError):
-                idle = time.time() - path.stat().st_mtime
-                # A clock that was set back must not keep anything for ever.
-                if abs(idle) > _STALE:
-                    path.unlink()
-                    self._log.write("upload given up", name=path.name)
-
-
-class FileUploads(_Uploads[FileUploadChunk]):
-    """The files there are; used in one thread."""
-
-    def add_chunk(self, _: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
-        """Add a part to a file, whoever sends it; the answer says where to go on.
-
-        Raises :class:`Unavailable` while there is no room.
-        """
-        whole = self.paths.files / chunk.sha256
-        # Only when the sender asks where to begin: the good copy is in hand then, and one that was
-        # damaged here gives way to it.
-        if whole.exists() and not chunk.data and not verify_file(whole):
-            aside = self.paths.put_aside(whole)
-            self._log.write("input damaged", path=str(whole), aside=str(aside))
-        if whole.exists():
-            # Whoever asks is about to submit a campaign that needs it.
-            with suppress(FileNotFoundError):
-                os.utime(whole)
-            return UploadProgress(chunk.size, complete=True)
-        # For reading only: what has this name has this digest, for every run to come.
-        return self._receive(self.paths.files / f".{chunk.sha256}.part", whole, chunk, mode=0o400)
-
-    def _what(self, chunk: FileUploadChunk) -> str:
-        return "the file"
-
-    def _make_room(self, chunk: FileUploadChunk) -> None:
-        if sum(1 for _ in self.paths.files.glob(".*.part")) >= _MOST_UPLOADS:
-            raise Unavailable(
-                f"{_MOST_UPLOADS} files are on their way already: this one has to wait"
-            )
-
-    def _log_end(self, chunk: FileUploadChunk, *, accepted: bool) -> None:
-        if accepted:
-            self._log.write("file received", sha256=chunk.sha256, bytes=chunk.size)
-
-    def read_chunk(self, _: LedgerReader, request: FileDownloadRequest) -> DownloadChunk:
-        """Return a part of a file; refuses for one that is not here."""
-        path = self.paths.files / request.sha256
-        try:
-            data = read_part(path, request.offset)
-            size = path.stat().st_size
-        except OSError as error:
-            raise Refused(f"there is no file {request.sha256}") from error
-        return DownloadChunk(request.offset, size, request.sha256, *encode_chunk(data))
+        return self._paths.uploaded_trace(completion.run, completion.token, sha256)

@@ -1,52 +1,42 @@
-"""Places of traces and their travels: a store by URL, verified parts, copies on this machine."""
+"""Places of traces and their travels: a store by URL, parts of files, copies on this machine."""
 
 from daemon.batch.stores._marker import Marker, read_marker, write_marker
 from daemon.batch.stores._store import check_store_url, copy_between, is_url, trace_url
 from daemon.batch.stores._transfer import (
     ByteProgress,
-    FileUpload,
     TraceReference,
-    TraceSource,
-    accept_part,
     append_part,
     copy_trace,
-    decode_chunk,
     download,
-    encode_chunk,
     file_sha256,
     file_size,
     local_copy,
-    make_folder,
     matches_digest,
     read_part,
     trace_reference,
     trim_cache,
+    upload,
 )
 
 __all__ = [
     "ByteProgress",
-    "FileUpload",
     "Marker",
     "TraceReference",
-    "TraceSource",
-    "accept_part",
     "append_part",
     "check_store_url",
     "copy_between",
     "copy_trace",
-    "decode_chunk",
     "download",
-    "encode_chunk",
     "file_sha256",
     "file_size",
     "is_url",
     "local_copy",
-    "make_folder",
     "matches_digest",
     "read_marker",
     "read_part",
     "trace_reference",
     "trace_url",
     "trim_cache",
+    "upload",
     "write_marker",
 ]

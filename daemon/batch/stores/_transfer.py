@@ -1,8 +1,7 @@
-"""One resumable transfer for files and traces, in verified parts, and copies kept here."""
+"""Transfer of files in parts that goes on where it was, and copies of traces on this machine."""
 
 from __future__ import annotations
 
-import binascii
 import fcntl
 import hashlib
 import os
@@ -11,111 +10,69 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol, TypeAlias
+from typing import Final, TypeAlias
 
 import platformdirs
 
-from daemon.batch.errors import TraceUnavailable
+from daemon.batch.errors import TraceUnavailable, Unavailable
 from daemon.batch.stores._store import copy_between, is_url
-from daemon.model.messages import CHUNK, DownloadChunk, UploadProgress
+from daemon.model.messages import PART, FilePart
 from daemon.model.status import RunDetail
-from grammars.text.files import move_durably, sync_directory
+from daemon.model.verbs import DaemonClient
+from grammars.text.files import move_durably
 
-_TRIES: Final = 3
+_FAULTS: Final = 5
 
 ByteProgress: TypeAlias = Callable[[int], None]
 """Gets the number of bytes that arrived."""
 
 
-def encode_chunk(data: bytes) -> tuple[str, str]:
-    """Return bytes as text, and their SHA-256."""
-    text = binascii.b2a_base64(data, newline=False).decode("ascii")
-    return text, hashlib.sha256(data).hexdigest()
+def upload(
+    path: Path, put: Callable[[int, bytes], int], progress: ByteProgress = lambda _: None
+) -> None:
+    """Send what the daemon lacks of a file.
 
-
-def decode_chunk(text: str, digest: str) -> bytes:
-    """Return the bytes in ``text``; raises ``ValueError`` when they were damaged on the way."""
-    try:
-        data = binascii.a2b_base64(text, strict_mode=True)
-    except ValueError as error:  # also for what is not ASCII
-        raise ValueError("the chunk is damaged: it is not base64") from error
-    if hashlib.sha256(data).hexdigest() != digest:
-        raise ValueError("the chunk is damaged: its digest differs")
-    return data
-
-
-@dataclass(slots=True)
-class FileUpload:
-    """A file on its way to the daemon; ``offset`` is unknown until the daemon says it.
-
-    ``faults`` counts the parts that were not taken, ``problem`` says what was wrong with the
-    latest; when to give up is for the sender to decide.
+    ``put`` gets offset and content of a part and returns how many bytes the daemon has. Raises
+    :class:`Unavailable` when parts are not taken again and again, ``OSError``, and whatever ``put``
+    raises.
     """
-
-    path: Path
-    offset: int | None = None
-    complete: bool = False
-    faults: int = 0
-    problem: str = ""
-
-    def send_next(self, ask: Callable[[int, str, str], UploadProgress]) -> int:
-        """Send the next part, or ask where to go on; returns its size.
-
-        ``ask`` gets offset, text and digest of a part and returns the daemon's answer. Raises
-        ``OSError`` and whatever ``ask`` raises.
-        """
-        data = b"" if self.offset is None else read_part(self.path, self.offset)
-        received = ask(self.offset or 0, *encode_chunk(data))
-        self.offset, self.complete = received.offset, received.complete
-        self.problem = received.problem
-        self.faults += bool(received.problem)
-        return len(data)
+    size, faults = path.stat().st_size, 0
+    arrived = put(0, b"")
+    while arrived < size:
+        before, arrived = arrived, put(arrived, read_part(path, arrived))
+        progress(max(0, arrived - before))
+        faults += arrived <= before
+        if faults == _FAULTS:
+            raise Unavailable(f"{path} does not arrive: {_FAULTS} parts of it were not taken")
 
 
 def download(
-    part: Path,
-    ask: Callable[[int], DownloadChunk],
-    *,
-    size: int | None = None,
-    largest: int | None = None,
-    progress: ByteProgress = lambda _: None,
+    part: Path, get: Callable[[int], FilePart], progress: ByteProgress = lambda _: None
 ) -> None:
     """Bring what is missing of a file, from where ``part`` ends.
 
-    ``ask`` returns a part from an offset on. The size is what the sender says, ``largest`` at
-    most, unless it is known. Whether the whole is the one meant is for the caller to verify.
-    Raises ``ValueError`` for parts that come damaged again and again, ``OSError``, and whatever
-    ``ask`` raises.
+    ``get`` returns a part from an offset on. Whether the whole is the one meant is for the caller
+    to verify. Raises ``ValueError`` when it ends too early, ``OSError``, and whatever ``get``
+    raises.
     """
     have = file_size(part)
     progress(have)
-    while size is None or have < size:
-        data, said = _request_chunk(ask, have, size)
-        if size is None:
-            size = said if largest is None else min(said, largest)
-        append_part(part, have, data)
-        have += len(data)
-        progress(len(data))
-
-
-def _request_chunk(
-    ask: Callable[[int], DownloadChunk], offset: int, size: int | None
-) -> tuple[bytes, int]:
-    for _ in range(_TRIES):
-        chunk = ask(offset)
-        with suppress(ValueError):
-            data = decode_chunk(chunk.data, chunk.digest)
-            left = (chunk.size if size is None else size) - offset
-            if chunk.offset == offset and min(1, left) <= len(data) <= left:
-                return data, chunk.size
-    raise ValueError(f"arrives damaged, {_TRIES} times in a row")
+    while True:
+        answer = get(have)
+        append_part(part, have, answer.data)
+        have += len(answer.data)
+        progress(len(answer.data))
+        if have >= answer.size:
+            return
+        if not answer.data:
+            raise ValueError(f"only {have} of {answer.size} bytes arrive")
 
 
 def read_part(path: Path, offset: int) -> bytes:
     """Return the part of a file that begins at ``offset``; raises ``OSError``."""
     with path.open("rb") as file:
         file.seek(offset)
-        return file.read(CHUNK)
+        return file.read(PART)
 
 
 def append_part(path: Path, offset: int, data: bytes) -> None:
@@ -129,21 +86,6 @@ def append_part(path: Path, offset: int, data: bytes) -> None:
             # A part of a part, the disk is full say.
             os.truncate(path, offset)
             raise
-
-
-def accept_part(part: Path, whole: Path, sha256: str, *, mode: int | None = None) -> bool:
-    """Give a file that is complete its name, for good, and tell whether it is the one meant.
-
-    One of another digest is removed. Raises ``OSError``.
-    """
-    part.touch(mode=0o600)  # an empty file comes without a single part
-    if file_sha256(part) != sha256:
-        part.unlink()
-        return False
-    if mode is not None:
-        part.chmod(mode)
-    move_durably(part, whole)
-    return True
 
 
 def file_size(path: Path) -> int:
@@ -167,28 +109,19 @@ def matches_digest(path: Path, size: int, sha256: str) -> bool:
         return False
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder for its owner in one that there is, for good; raises ``OSError``."""
-    if not folder.is_dir():
-        folder.mkdir(mode=0o700, exist_ok=True)
-        sync_directory(folder.parent)
+def trim_cache(paths: Iterable[Path], most: int, in_use: float) -> None:
+    """Remove the files that were not used for longest until the rest has at most ``most`` bytes.
 
-
-def trim_cache(
-    paths: Iterable[Path], most: int, weight: Callable[[os.stat_result], int], in_use: float
-) -> None:
-    """Remove the files that were not used for longest until the rest weighs at most ``most``.
-
-    Those used within ``in_use`` seconds stay, whatever they weigh: somebody may read them. Whoever
-    uses a file of a cache touches it: few file systems keep the time of access.
+    Those used within ``in_use`` seconds stay, however large: somebody may read them. Whoever uses a
+    file of a cache touches it: few file systems keep the time of access.
     """
     files = sorted(((path.stat(), path) for path in paths), key=lambda file: file[0].st_mtime)
-    total, now = sum(weight(found) for found, _ in files), time.time()
+    total, now = sum(found.st_size for found, _ in files), time.time()
     for found, path in files:
         if total <= most or now - found.st_mtime < in_use:
             return
         path.unlink(missing_ok=True)
-        total -= weight(found)
+        total -= found.st_size
 
 
 LARGEST_CACHE: Final = 4 * 2**30
@@ -206,13 +139,6 @@ class TraceReference:
     size: int
 
 
-class TraceSource(Protocol):
-    """Who has traces: a client of the daemon that keeps them."""
-
-    def piece(self, run: str, offset: int) -> DownloadChunk:
-        """A part of the trace of a run, from ``offset`` on."""
-
-
 def trace_reference(detail: RunDetail) -> TraceReference:
     """Return the trace of a run; raises :class:`TraceUnavailable` when there is none (any more)."""
     row, result = detail.row, detail.result
@@ -225,11 +151,11 @@ def trace_reference(detail: RunDetail) -> TraceReference:
 
 def local_copy(
     trace: TraceReference,
-    source: TraceSource | None = None,
+    source: DaemonClient | None = None,
     *,
     cache: Path | None = None,
     largest: int = LARGEST_CACHE,
-    progress: ByteProgress | None = None,
+    progress: ByteProgress = lambda _: None,
 ) -> Path:
     """Return a path on this machine where a trace can be read, bringing it here if need be.
 
@@ -241,26 +167,22 @@ def local_copy(
     # By digest also on this machine: another machine may have another file under the same path.
     if not is_url(trace.location) and matches_digest(there, trace.size, trace.sha256):
         return there
-    kept = (cache or user_trace_cache()) / f"{trace.sha256}.mcap"
+    folder = cache or platformdirs.user_cache_path("scenario") / "traces"
+    kept = folder / f"{trace.sha256}.mcap"
     if matches_digest(kept, trace.size, trace.sha256):
         os.utime(kept)
         return kept
     copy_trace(trace, source, kept, progress=progress)
-    trim_cache(kept.parent.glob("*.mcap"), largest, lambda found: found.st_size, _IN_USE)
+    trim_cache(kept.parent.glob("*.mcap"), largest, _IN_USE)
     return kept
-
-
-def user_trace_cache() -> Path:
-    """The folder of traces that were brought here for this user."""
-    return platformdirs.user_cache_path("scenario") / "traces"
 
 
 def copy_trace(
     trace: TraceReference,
-    source: TraceSource | None,
+    source: DaemonClient | None,
     target: Path,
     *,
-    progress: ByteProgress | None = None,
+    progress: ByteProgress = lambda _: None,
 ) -> None:
     """Make ``target`` a copy of a trace, whole and verified.
 
@@ -273,17 +195,17 @@ def copy_trace(
             # Two commands may want the same trace: the second one waits and finds it there.
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not matches_digest(target, trace.size, trace.sha256):
-                _fill_part(trace, source, part, progress or (lambda _: None))
+                _bring(trace, source, part, progress)
                 move_durably(part, target)
             part.unlink(missing_ok=True)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise TraceUnavailable(
             f"the trace of {trace.run} cannot be brought here: {error}"
         ) from error
 
 
-def _fill_part(
-    trace: TraceReference, source: TraceSource | None, part: Path, progress: ByteProgress
+def _bring(
+    trace: TraceReference, source: DaemonClient | None, part: Path, progress: ByteProgress
 ) -> None:
     """Make ``part`` all of the trace."""
     if is_url(trace.location):
@@ -295,26 +217,7 @@ def _fill_part(
             "name its daemon with --connect"
         )
     else:
-        _download(trace, source, part, progress)
-    if part.stat().st_size != trace.size or file_sha256(part) != trace.sha256:
+        download(part, lambda offset: source.get(trace.sha256, offset, trace.run), progress)
+    if not matches_digest(part, trace.size, trace.sha256):
         os.truncate(part, 0)
-        raise TraceUnavailable(
-            f"the trace of {trace.run} is damaged where it is kept: {trace.location}"
-        )
-
-
-def _download(
-    trace: TraceReference, source: TraceSource, part: Path, progress: ByteProgress
-) -> None:
-    def ask(offset: int) -> DownloadChunk:
-        chunk = source.piece(trace.run, offset)
-        if (chunk.sha256, chunk.size) != (trace.sha256, trace.size):
-            raise TraceUnavailable(f"the daemon has another trace of {trace.run} now: ask again")
-        return chunk
-
-    if part.stat().st_size > trace.size:
-        os.truncate(part, 0)
-    try:
-        download(part, ask, size=trace.size, progress=progress)
-    except ValueError as error:
-        raise TraceUnavailable(f"the trace of {trace.run} {error}") from error
+        raise ValueError(f"what comes from {trace.location} is not what was recorded")

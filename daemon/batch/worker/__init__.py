@@ -9,7 +9,6 @@ from daemon.batch.worker._connection import (
     choose_paths,
 )
 from daemon.batch.worker._trouble import WorkerTrouble
-from daemon.batch.worker._uploader import ResultUploader
 from daemon.batch.worker._work import work
 
 __all__ = [
@@ -18,7 +17,6 @@ __all__ = [
     "BackgroundAsks",
     "InputCache",
     "InputDamaged",
-    "ResultUploader",
     "Spool",
     "WorkerPaths",
     "WorkerTrouble",

@@ -6,7 +6,6 @@ import os
 import re
 import secrets
 import socket
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +15,7 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import Refused, WorkerBroken
-from daemon.batch.inputs import verify_file, verify_scene
+from daemon.batch.inputs import is_intact
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
 from daemon.batch.stores import (
@@ -26,22 +25,20 @@ from daemon.batch.stores import (
     trim_cache,
 )
 from daemon.batch.worker._attempts import Attempt
-from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_id
-from daemon.model.messages import FileDownloadRequest, IdRequest, WelcomeReply, WorkerInfo
+from daemon.model.messages import GetRequest, WelcomeReply, WorkerInfo
 from daemon.model.spec import RunSpec
-from daemon.model.verbs import COMPLETE, FILE, SCENE, UPLOAD, WELCOME, Verb
-from grammars.text import codec
-from grammars.text.files import move_durably, write_atomically
+from daemon.model.verbs import COMPLETE, GET, PUT, WELCOME, Verb
+from grammars.text.files import replacing
 
 A = TypeVar("A")
 
 _TIMEOUT: Final = 5.0
 """Seconds for an answer; a link that is silent so long is as good as cut, and asked again."""
 _TIMEOUT_OF_PART: Final = 12.0
-"""Seconds for an answer to a part of a trace, or to a result: both may be large for a slow link.
+"""Seconds for an answer with or to a part of a file, or a result: large for a slow link.
 
-A renewal waits for these answers, and must not come later than its lease ends.
+A renewal waits for the answer to a result, and must not come later than its lease ends.
 """
 _HOST_PART: Final = 40
 """Letters of the machine's name in a worker's, whose length is limited."""
@@ -85,9 +82,8 @@ def _is_shared(paths: StatePaths, welcome: WelcomeReply) -> bool:
     marker = read_marker(paths)
     if marker is None or not welcome.probe or marker.probe != welcome.probe:
         return False
-    return all(
-        os.access(folder, os.W_OK | os.X_OK) for folder in (paths.spool, paths.traces, paths.scenes)
-    )
+    folders = (paths.spool, paths.incoming, paths.scenes)
+    return all(os.access(folder, os.W_OK | os.X_OK) for folder in folders)
 
 
 def _own_paths(state: Path | None, welcome: WelcomeReply) -> StatePaths:
@@ -119,7 +115,7 @@ class DaemonConnection:
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
-        timeout = _TIMEOUT_OF_PART if verb in (UPLOAD, COMPLETE) else _TIMEOUT
+        timeout = _TIMEOUT_OF_PART if verb in (GET, PUT, COMPLETE) else _TIMEOUT
         return bus.ask(self.session, self.endpoint, verb, request, timeout, self.holder)
 
     def ask_welcome(self, me: WorkerInfo) -> WelcomeReply:
@@ -130,12 +126,10 @@ class DaemonConnection:
             raise WorkerBroken(str(error)) from error
 
 
-_MOST_SCENES: Final = 256
-_SCENE_IN_USE: Final = 600.0
-"""Seconds after its last use during which a scene stays: a run may be about to read it."""
-_LARGEST_FILE_CACHE: Final = 2 * 2**30
-_FILE_IN_USE: Final = 24 * 3600.0
-"""Seconds after its last use during which a file stays: no run takes longer."""
+_LARGEST_CACHE: Final = 2 * 2**30
+"""Bytes of scenes, and of files, that stay here."""
+_IN_USE: Final = 24 * 3600.0
+"""Seconds after its last use during which one stays all the same: no run takes longer."""
 
 
 class InputDamaged(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
@@ -162,89 +156,48 @@ class InputCache:
 
     def lacks(self, spec: RunSpec) -> bool:
         """Whether something that a run needs has to come from the daemon first."""
-        if self._paths.shared:
-            return False
-        files = ((digest, self._paths.state.files / digest) for digest in spec.files)
-        inputs = ((spec.scene, self._paths.state.scene(spec.scene)), *files)
-        return any(digest not in self._verified or not path.exists() for digest, path in inputs)
+        paths = () if self._paths.shared else self._needed(spec)
+        return any(path.stem not in self._verified or not path.exists() for path in paths)
+
+    def _needed(self, spec: RunSpec) -> list[Path]:
+        """Return the paths of what a run needs, the scene first; each is named by its digest."""
+        state = self._paths.state
+        return [state.scene(spec.scene), *(state.files / digest for digest in spec.files)]
 
     def fetch(self, spec: RunSpec) -> None:
-        """Bring what a run needs; raises as :meth:`scene` does."""
-        self.scene(spec.scene)
-        for digest in spec.files:
-            self.file(digest)
+        """Bring what a run needs; raises as :meth:`provide` does."""
+        for path in self._needed(spec):
+            self._ensure(path)
 
-    def scene(self, digest: str) -> Path:
-        """Return the file of a scene, fetching it if need be.
+    def provide(self, attempt: Attempt) -> Path:
+        """Put the files that an attempt needs within its reach; returns the path of its scene.
 
-        Raises :class:`InputDamaged` for a scene that is not the one its digest names, ``OSError``,
-        and :class:`Unreachable`.
+        Raises :class:`InputDamaged` for a scene or file that is not the one its digest names,
+        ``OSError``, and :class:`Unreachable`.
         """
-        path = self._paths.state.scene(digest)
-        self._ensure(path, digest, verify_scene, self._fetch_scene)
-        return path
-
-    def provide_files(self, attempt: Attempt) -> None:
-        """Put the files that an attempt needs within its reach, if it needs any.
-
-        Raises :class:`InputDamaged` for a file that is not the one its digest names, ``OSError``,
-        and :class:`Unreachable`.
-        """
-        digests = attempt.lease.spec.files
-        for digest in digests:
-            self.file(digest)
-        if digests:
+        self.fetch(attempt.lease.spec)
+        if attempt.lease.spec.files:
             attempt.link_files(self._paths.state.files)
+        return self._paths.state.scene(attempt.lease.spec.scene)
 
-    def file(self, digest: str) -> Path:
-        """Return a file of systems under test; like :meth:`scene`."""
-        path = self._paths.state.files / digest
-        self._ensure(path, digest, verify_file, self._fetch_file)
-        return path
-
-    def _ensure(
-        self,
-        path: Path,
-        digest: str,
-        is_good: Callable[[Path], bool],
-        fetch: Callable[[Path, str], None],
-    ) -> None:
-        if digest not in self._verified or not path.exists():
+    def _ensure(self, path: Path) -> None:
+        if path.stem not in self._verified or not path.exists():
             try:
-                if not is_good(path):
-                    fetch(path, digest)
+                if not is_intact(path):
+                    self._bring(path)
             except (Refused, ValueError) as error:
-                raise InputDamaged(str(error), digest) from error
-            self._verified.add(digest)
+                raise InputDamaged(str(error), path.stem) from error
+            self._verified.add(path.stem)
         if not self._paths.shared:
-            os.utime(path)  # the caches forget what was not used for longest
+            os.utime(path)  # the cache forgets what was not used for longest
 
-    def _fetch_scene(self, path: Path, digest: str) -> None:
+    def _bring(self, path: Path) -> None:
         if self._paths.shared:
             raise ValueError(f"{path} is gone or damaged: submit its campaign again")
-        scene = self._daemon.ask(SCENE, IdRequest(digest))
-        if scene.digest != digest:
-            raise ValueError(f"the daemon sent {scene.digest[:12]} for the scene {digest[:12]}")
-        write_atomically(path, codec.to_json(scene))
-        trim_cache(path.parent.glob("*.json"), _MOST_SCENES, lambda _: 1, _SCENE_IN_USE)
-
-    def _fetch_file(self, path: Path, digest: str) -> None:
-        if self._paths.shared:
-            raise ValueError(f"{path} is gone or damaged: submit its campaign again")
-        path.parent.mkdir(mode=0o700, exist_ok=True)
-        part = path.with_name(f".{digest}.{os.getpid()}.part")
-        part.unlink(missing_ok=True)
-        try:
-            download(
-                part,
-                lambda offset: self._daemon.ask(FILE, FileDownloadRequest(digest, offset)),
-                largest=LARGEST_FILE,
-            )
-            if file_sha256(part) != digest:
+        digest = path.stem
+        # Read only: the system under test of one run must not change it for the next.
+        with replacing(path, mode=0o400) as temporary:
+            download(temporary, lambda offset: self._daemon.ask(GET, GetRequest(digest, offset)))
+            if file_sha256(temporary) != digest:
                 raise ValueError(f"the daemon sent another file for {digest[:12]}")
-            # Read only: the system under test of one run must not change it for the next.
-            part.chmod(0o400)
-            move_durably(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-        trim_cache(path.parent.iterdir(), _LARGEST_FILE_CACHE, lambda s: s.st_size, _FILE_IN_USE)
+        trim_cache(path.parent.iterdir(), _LARGEST_CACHE, _IN_USE)

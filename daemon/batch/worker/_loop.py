@@ -48,7 +48,6 @@ from daemon.batch.worker._deliveries import Deliveries
 from daemon.batch.worker._live import LivePublisher
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._trouble import WorkerTrouble
-from daemon.batch.worker._uploader import ResultUploader
 from daemon.model.execution import RunLimits
 from daemon.model.messages import (
     Lease,
@@ -78,6 +77,8 @@ _LEAVE_TIMEOUT: Final = 10.0
 
 Traces that are on their way go on.
 """
+_MOST_UPLOADS: Final = 8
+"""Traces under way at a time: each part must arrive in time over the line that they share."""
 _LEASING: Final = "lease"
 _Answer: TypeAlias = Future[Any]
 
@@ -101,12 +102,12 @@ class WorkerLoop:
         self._daemon = daemon
         self._info = info
         self._paths = paths.state
-        self._uploader = ResultUploader(daemon, info(0).id, paths, log)
-        self._asks = BackgroundAsks()
+        # A renewal waits for the questions, and for no trace.
+        self._asks, self._uploads = BackgroundAsks(), BackgroundAsks(_MOST_UPLOADS)
         # Of executing, and of delivering: each is over when that succeeds.
         self._trouble, undelivered = (WorkerTrouble(log, self._renew_soon) for _ in range(2))
         self._deliveries = Deliveries(
-            daemon, self._uploader, self._asks, spool, undelivered, info(0).id, log
+            daemon, paths, self._asks, self._uploads, spool, undelivered, info(0).id, log
         )
         self._inputs = InputCache(daemon, paths)
         # One thread: runs of a campaign share what comes. A renewal waits for none of it.
@@ -153,15 +154,15 @@ class WorkerLoop:
             self._give_up()
             return False
         finally:
-            self._asks.close()
-            self._fetches.close()
+            for asks in (self._asks, self._uploads, self._fetches):
+                asks.close()
 
     def _may_leave(self) -> bool:
         # Results that nobody takes do not keep a worker for ever: the spool keeps them. The limit
         # begins anew whenever something of a trace arrives.
         now = time.monotonic()
-        if self._uploader.moved != self._moved:
-            self._moved, self._leave_by = self._uploader.moved, 0.0
+        if self._deliveries.moved != self._moved:
+            self._moved, self._leave_by = self._deliveries.moved, 0.0
         self._leave_by = self._leave_by or now + _LEAVE_TIMEOUT
         # An answer under way may grant runs: they are given back before it leaves.
         owed = self._deliveries.pending or self._leased or len(self._asks)
@@ -177,7 +178,8 @@ class WorkerLoop:
             # The renewal waits for the answers under way, and those wake this loop.
             moments = [moment for moment in moments if moment > now] or [now + _POLL]
         pause = max(0.0, min(moments) - now)
-        receivers = (self._signals.receiver, self._asks.receiver, self._fetches.receiver)
+        asks = (self._asks, self._uploads, self._fetches)
+        receivers = [self._signals.receiver, *(one.receiver for one in asks)]
         things: list[Any] = [*receivers, *self._backend.waitables]
         for execution in self._executions:
             things += execution.waitables
@@ -257,7 +259,7 @@ class WorkerLoop:
         self._lease()
 
     def _take_answers(self) -> None:
-        for key, answer in self._asks.take():
+        for key, answer in (*self._asks.take(), *self._uploads.take()):
             try:
                 self._take_answer(key, answer)
             except (Unreachable, Refused) as error:
@@ -401,7 +403,7 @@ class WorkerLoop:
     def _has_inputs(self, lease: Lease) -> bool:
         """Whether all that a run needs lies here; sees to it otherwise, and is asked again.
 
-        Raises as :meth:`InputCache.fetch` does.
+        Raises as :meth:`InputCache.provide` does.
         """
         answer = self._fetched.pop(lease.token, None)
         if answer is not None:
@@ -422,8 +424,7 @@ class WorkerLoop:
             if not self._has_inputs(lease):
                 return False
             attempt = self._spool.open(lease)
-            scene = self._inputs.scene(lease.spec.scene)
-            self._inputs.provide_files(attempt)
+            scene = self._inputs.provide(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
@@ -454,7 +455,8 @@ class WorkerLoop:
         while self._deliveries.pending or _LEASING in self._asks:
             self._deliveries.send_releases()
             self._deliver()
-            self._asks.wait(max(0.0, deadline - time.monotonic()))
+            remaining = max(0.0, deadline - time.monotonic())
+            wait([self._asks.receiver, self._uploads.receiver], remaining)
             self._take_answers()
             if self._deliveries.trouble.words or self._silent_until or time.monotonic() > deadline:
                 self._log("left without telling the daemon all: results stay in the spool")

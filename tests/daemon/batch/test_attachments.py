@@ -11,8 +11,9 @@ import pytest
 
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog, FileUploads, admit_submission
-from daemon.batch.stores import encode_chunk
+from daemon.batch.server import EventLog, admit_submission
+from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._uploads import Uploads
 from daemon.batch.worker import InputCache, WorkerPaths
 from daemon.campaign import load_sut
 from daemon.model import attachments
@@ -23,12 +24,7 @@ from daemon.model.attachments import (
     resolve_paths,
     user_files_folder,
 )
-from daemon.model.messages import (
-    DownloadChunk,
-    FileDownloadRequest,
-    FileUploadChunk,
-    UploadProgress,
-)
+from daemon.model.messages import FilePart, PutRequest
 from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
@@ -135,55 +131,61 @@ def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here):
 
 
 @pytest.fixture
-def files(tmp_path):
+def places(tmp_path):
     places = StatePaths(tmp_path / "state")
     places.make_folders()
+    return places
+
+
+@pytest.fixture
+def put(places):
+    """Hand a part to the daemon; returns how many bytes it has."""
     journal = EventLog(places.log)
-    yield FileUploads(places, journal)
+    uploads = Uploads(places, journal, InputStore(places, journal))
+
+    def put(offset, data):
+        return uploads.put(None, PutRequest(DIGEST, len(MODEL), offset, data)).count
+
+    yield put
     journal.close()
 
 
-def keep(offset, data, **changes):
-    return replace(FileUploadChunk(DIGEST, len(MODEL), offset, *encode_chunk(data)), **changes)
-
-
-def test_the_daemon_takes_a_file_in_parts_and_verifies_it(files):
-    assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))) == UploadProgress(
-        0, complete=False
-    )
+def test_the_daemon_takes_a_file_in_parts_and_verifies_it(places, put):
+    assert put(0, b"") == 0
     half = len(MODEL) // 2
-    assert files.add_chunk(None, keep(0, MODEL[:half])).offset == half
-    assert "expected is" in files.add_chunk(None, keep(0, b"again")).problem
-    damaged = files.add_chunk(None, keep(half, MODEL[half:], digest="0" * 64))
-    assert (damaged.offset, damaged.complete) == (half, False)
-    assert files.add_chunk(None, keep(half, MODEL[half:])).complete
-    assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))).complete
-    piece = files.read_chunk(None, FileDownloadRequest(DIGEST, 10))
-    assert (piece.size, piece.sha256) == (len(MODEL), DIGEST)
+    assert put(0, MODEL[:half]) == half
+    assert put(0, b"again") == half
+    assert put(half, MODEL[half:]) == put(0, b"") == len(MODEL)
+    kept = places.files / DIGEST
+    assert (kept.read_bytes(), kept.stat().st_mode & 0o777) == (MODEL, 0o400)
 
 
-def test_a_whole_that_is_another_one_is_never_kept(files):
-    wrong = b"x" * len(MODEL)
-    assert "another digest" in files.add_chunk(None, keep(0, wrong)).problem
+def test_a_file_that_was_damaged_at_the_daemon_gives_way_to_the_good_one(places, put):
+    (places.files / DIGEST).write_bytes(b"damaged")
+    assert put(0, b"") == 0
+    assert put(0, MODEL) == len(MODEL)
+    assert (places.files / DIGEST).read_bytes() == MODEL
+
+
+def test_a_whole_that_is_another_one_is_never_kept(places, put):
+    assert put(0, b"x" * len(MODEL)) == 0
     with pytest.raises(Refused, match="more bytes"):
-        files.add_chunk(None, keep(0, MODEL + b"!"))
-    with pytest.raises(Refused, match="no file"):
-        files.read_chunk(None, FileDownloadRequest(DIGEST, 0))
-    assert list(files.paths.files.iterdir()) == []
+        put(0, MODEL + b"!")
+    assert list(places.files.iterdir()) == list(places.incoming.iterdir()) == []
 
 
 def test_a_worker_never_keeps_what_another_digest_names(tmp_path):
     places = StatePaths(tmp_path / "own")
-    places.files.mkdir(parents=True)
+    places.make_folders()
 
     class Liar:
         def ask(self, verb, request):
-            return DownloadChunk(request.offset, 5, request.sha256, *encode_chunk(b"other"))
+            return FilePart(5, b"other")
 
     inputs = InputCache(Liar(), WorkerPaths(places, shared=False))
     with pytest.raises(ValueError, match="another file"):
-        inputs.file(DIGEST)
-    assert list(places.files.iterdir()) == []
+        inputs.fetch(make_spec())
+    assert list(places.scenes.iterdir()) == []
 
 
 def test_files_travel_to_workers_and_into_the_process_of_the_run(here, monkeypatch):
@@ -205,9 +207,7 @@ def test_files_travel_to_workers_and_into_the_process_of_the_run(here, monkeypat
         assert not user_files_folder().exists()
 
 
-def test_a_submission_without_its_files_is_refused(tmp_path):
-    places = StatePaths(tmp_path)
-    places.make_folders()
+def test_a_submission_without_its_files_is_refused(places):
     lacking = {"files": {"model": f"sha256:{DIGEST}"}}
     submission = submission_of("c", replace(make_spec(), sut=SutReference("m", "mine", lacking)))
     with pytest.raises(Refused, match='the file "model" of m was not sent along'):
@@ -216,7 +216,7 @@ def test_a_submission_without_its_files_is_refused(tmp_path):
     admit_submission(pack_submission(submission), places)
 
 
-def test_as_many_files_are_kept_as_campaigns_need(files):
+def test_as_many_files_are_kept_as_campaigns_need(places, put):
     for number in range(5000):
-        (files.paths.files / f"{number:064x}").touch()
-    assert files.add_chunk(None, keep(0, MODEL)).complete
+        (places.files / f"{number:064x}").touch()
+    assert put(0, MODEL) == len(MODEL)

@@ -25,9 +25,10 @@ from daemon.batch.stores import (
 from daemon.batch.worker import WorkerPaths, choose_paths
 from daemon.model import verbs
 from daemon.model.messages import (
-    DownloadChunk,
-    TraceDownloadRequest,
-    TraceUploadChunk,
+    FilePart,
+    GetRequest,
+    LeaseRef,
+    PutRequest,
     WelcomeReply,
     WorkerInfo,
 )
@@ -147,24 +148,21 @@ def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_pat
         choose_paths(places.marker, moved)
 
 
-def ask(client, request):
-    return client.ask(verbs.UPLOAD, request)
-
-
 def test_hostile_uploads_are_refused_and_leave_nothing(remote, client):
     me = WorkerInfo("w", "host", 1, version("scenario-tui"), 1, 0)
     era = client.ask(verbs.WELCOME, me).era
     hostile = [
-        TraceUploadChunk("w", "c.0", 1_000_000, "0" * 64, 10),
-        TraceUploadChunk("w", "c.77", 1, "0" * 64, 10),
-        TraceUploadChunk("w", "../../etc/passwd", 1, "0" * 64, 10),
-        TraceUploadChunk("w", "c.0/../c.1", 1, "0" * 64, 10),
-        TraceUploadChunk("w", "c.0", 1, "../" * 21 + "a", 10),
-        TraceUploadChunk("w", "c.0", 1, "0" * 64, 2**62),
+        ("0" * 64, 10, "c.0", 1_000_000),
+        ("0" * 64, 10, "c.77", 1),
+        ("0" * 64, 10, "../../etc/passwd", 1),
+        ("0" * 64, 10, "c.0/../c.1", 1),
+        ("../" * 21 + "a", 10, "c.0", 1),
+        ("0" * 64, 2**62, "c.0", 1),
     ]
-    for chunk in hostile:
+    for sha256, size, run, token in hostile:
+        request = PutRequest(sha256, size, lease=LeaseRef(run, token), era=era)
         with pytest.raises(Refused):
-            ask(client, replace(chunk, era=era))
+            client.ask(verbs.PUT, request)
     assert list((remote.state / "incoming").iterdir()) == []
     assert client.overview().done == 5
 
@@ -190,9 +188,9 @@ def test_an_interrupted_download_goes_on_where_it_was(client, tmp_path):
     asked = []
 
     class Watched:
-        def piece(self, run, offset):
+        def get(self, sha256, offset, run):
             asked.append(offset)
-            return client.piece(run, offset)
+            return client.get(sha256, offset, run)
 
     copy_trace(trace, Watched(), tmp_path / "t.mcap")
     assert asked == [1_400_000]
@@ -204,27 +202,36 @@ def test_what_arrives_damaged_is_never_a_trace(client, tmp_path):
     trace = trace_reference(client.run("c.3"))
 
     class Noise:
-        def piece(self, run, offset):
-            piece = client.piece(run, offset)
-            return DownloadChunk(
-                offset, piece.size, piece.sha256, "AAAA" + piece.data[4:], piece.digest
-            )
+        def get(self, sha256, offset, run):
+            part = client.get(sha256, offset, run)
+            return FilePart(part.size, b"AAAA" + part.data[4:])
 
-    with pytest.raises(TraceUnavailable, match="arrives damaged"):
-        copy_trace(trace, Noise(), tmp_path / "t.mcap")
+    class Silence:
+        def get(self, sha256, offset, run):
+            return FilePart(trace.size, b"")
+
+    for source, problem in ((Noise(), "not what was recorded"), (Silence(), "only 0 of")):
+        with pytest.raises(TraceUnavailable, match=problem):
+            copy_trace(trace, source, tmp_path / "t.mcap")
     (tmp_path / f".{trace.sha256}.part").write_bytes(b"x" * 1000)
-    with pytest.raises(TraceUnavailable, match="damaged where it is kept"):
+    with pytest.raises(TraceUnavailable, match="not what was recorded"):
         copy_trace(trace, client, tmp_path / "t.mcap")
     assert not (tmp_path / "t.mcap").exists()
+    copy_trace(trace, client, tmp_path / "t.mcap")
 
 
-def test_a_download_names_a_run_and_never_a_path(client):
+def test_a_download_names_a_run_or_a_digest_and_never_a_path(client):
+    sha256 = trace_reference(client.run("c.0")).sha256
     for run in ("../../ledger.db", "c", "/etc/passwd", "c.99"):
         with pytest.raises(Refused):
-            client.piece(run, 0)
+            client.get(sha256, 0, run)
+    with pytest.raises(Refused, match="has another trace now"):
+        client.get("0" * 64, 0, "c.0")
+    with pytest.raises(Refused, match="cannot be read"):
+        client.get(sha256)
     with pytest.raises(Refused, match="malformed"):
-        client.ask(verbs.FETCH, TraceDownloadRequest("c.0", -1))
-    assert client.piece("c.0", 2**31).data == ""
+        client.ask(verbs.GET, GetRequest(sha256, -1))
+    assert client.get(sha256, 2**31, "c.0").data == b""
 
 
 def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path):
@@ -240,6 +247,6 @@ def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path):
             copy = local_copy(trace, cache=tmp_path / "cache")
             assert hashlib.sha256(copy.read_bytes()).hexdigest() == trace.sha256
             with pytest.raises(Refused, match="get it there"):
-                client.piece(run, 0)
+                client.get(trace.sha256, 0, run)
         assert len(list((tmp_path / "shared" / "traces" / "c").iterdir())) == 2
         check_ledger(daemon.state, 2)

@@ -8,8 +8,6 @@ from daemon.model.verbs import VERBS, DaemonClient, Role, ServerThread
 from tests.scenario_tui.fake import FakeDaemon
 
 METHODS = {
-    "fetch": "piece",
-    "keep": "submit",
     "search": "submit_search",
     "extend": "ask",
     "progress": "ask",
@@ -29,7 +27,7 @@ class Asked(FakeDaemon):
 def test_verbs_are_known_by_their_names():
     assert list(VERBS)[:4] == ["overview", "campaigns", "runs", "run"]
     assert all(verb.name == name == str(verb) for name, verb in VERBS.items())
-    assert len(VERBS) == 33
+    assert len(VERBS) == 30
 
 
 @pytest.mark.parametrize("verb", [v for v in VERBS.values() if Role.OPERATOR in v.roles], ids=str)

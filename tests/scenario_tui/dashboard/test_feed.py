@@ -1,5 +1,6 @@
 """The feed: a thread that asks, over restarts, and never hides a bug."""
 
+import hashlib
 import threading
 import time
 from dataclasses import replace
@@ -7,8 +8,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused, Unreachable
-from daemon.batch.stores import encode_chunk
-from daemon.model.messages import DownloadChunk, RunQuery
+from daemon.model.messages import FilePart, RunQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
@@ -46,7 +46,7 @@ def test_only_what_is_wanted_is_asked_for(feed, fake, monkeypatch):
     assert len(picture.page.rows) == 3
     assert picture.page.total == 10
     assert len(picture.workers) == 2
-    assert sum(call[0] == "scene" for call in fake.calls) == 1  # kept after that
+    assert sum(call[0] == "get" and not call[3] for call in fake.calls) == 1  # kept after that
 
 
 def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, fake):
@@ -177,15 +177,25 @@ def test_a_trace_that_is_not_here_is_said_to_be_missing(fake):
     assert "not on this machine" in seen.why
 
 
+def send_trace(monkeypatch, fake, answer):
+    """Have the daemon answer who asks for a trace."""
+    get_other = fake.get
+
+    def get(sha256, offset=0, run=""):
+        return answer() if run else get_other(sha256, offset)
+
+    monkeypatch.setattr(fake, "get", get)
+
+
 def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     data = b"not a trace" * 1000
-    text, digest = encode_chunk(data)
+    digest = hashlib.sha256(data).hexdigest()
     detail = fake.run(f"{CAMPAIGN}.0")
     info = TraceInfo(digest, len(data), 1)
     detail = replace(detail, result=replace(detail.result, trace=info))
     monkeypatch.setattr(fake, "run", lambda run: detail)
-    monkeypatch.setattr(fake, "piece", lambda *_: DownloadChunk(0, len(data), digest, text, digest))
+    send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     feed.start()
     feed.set_query(Query(run=f"{CAMPAIGN}.0"))
     eventually(lambda: isinstance(feed._state.recording, UnavailableTrace))
@@ -197,12 +207,12 @@ def test_another_file_under_the_path_of_a_trace_is_not_shown(fake, feed, tmp_pat
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     here = record_run(tmp_path / "here.mcap", speed=0.1)
     data = record_run(tmp_path / "there.mcap").read_bytes()
-    text, digest = encode_chunk(data)
+    digest = hashlib.sha256(data).hexdigest()
     detail = fake.run(f"{CAMPAIGN}.0")
     result = replace(detail.result, trace=TraceInfo(digest, len(data), 1))
     detail = replace(detail, row=replace(detail.row, trace=str(here)), result=result)
     monkeypatch.setattr(fake, "run", lambda run: detail)
-    monkeypatch.setattr(fake, "piece", lambda *_: DownloadChunk(0, len(data), digest, text, digest))
+    send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     feed.start()
     feed.set_query(Query(run=f"{CAMPAIGN}.0"))
     eventually(lambda: isinstance(feed._state.recording, TraceSummary))
@@ -214,19 +224,19 @@ def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_agai
 ):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     data = record_run(tmp_path / "run.mcap").read_bytes()
-    text, digest = encode_chunk(data)
+    digest = hashlib.sha256(data).hexdigest()
     detail = fake.run(f"{CAMPAIGN}.0")
     info = TraceInfo(digest, len(data), 1)
     detail = replace(detail, result=replace(detail.result, trace=info))
     broken = [True]
 
-    def piece(run, offset):
-        if broken[0] and offset == 0 and threading.current_thread().name != "feed":
+    def send():
+        if broken[0] and threading.current_thread().name != "feed":
             raise Refused("the line is down")
-        return DownloadChunk(0, len(data), digest, text, digest)
+        return FilePart(len(data), data)
 
     monkeypatch.setattr(fake, "run", lambda run: detail)
-    monkeypatch.setattr(fake, "piece", piece)
+    send_trace(monkeypatch, fake, send)
     feed.start()
     feed.set_query(Query(run=f"{CAMPAIGN}.0"))
     eventually(lambda: "the line is down" in getattr(feed._state.recording, "why", ""))

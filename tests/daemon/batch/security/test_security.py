@@ -345,13 +345,12 @@ def test_viewers_change_nothing_and_only_workers_touch_leases():
         "resume",
         "prioritise",
         "shutdown",
-        "keep",
     }
-    working = {"welcome", "lease", "renew", "complete", "release", "upload", "file"}
-    assert not set(allowed_verbs(Role.VIEWER)) & (steering | working)
+    working = {"welcome", "lease", "renew", "complete", "release"}
+    assert not set(allowed_verbs(Role.VIEWER)) & (steering | working | {"put"})
     assert set(allowed_verbs(Role.VIEWER)) < set(allowed_verbs(Role.OPERATOR))
     assert set(allowed_verbs(Role.OPERATOR)) & (steering | working) == steering
-    assert set(allowed_verbs(Role.WORKER)) == working | {"scene"}
+    assert set(allowed_verbs(Role.WORKER)) == working | {"get", "put"}
     assert allowed_verbs(Role.DAEMON) == ()
 
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from daemon.model.run_state import RunState
-from daemon.model.verbs import COMPLETE, LEASE, RELEASE, RENEW, SCENE, UPLOAD
+from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
 from tests.chaos.disk import may_mount
 from tests.chaos.lines import slow_line
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
@@ -65,7 +65,7 @@ def assert_executed_once(client, log, runs):
     ("verb", "fault"),
     [
         *((COMPLETE, fault) for fault in ("raises", "locked", "malformed", "garbles")),
-        *((UPLOAD, fault) for fault in ("system", "reader", "garbles")),
+        *((PUT, fault) for fault in ("system", "reader", "garbles")),
     ],
     ids=str,
 )
@@ -110,12 +110,12 @@ def test_results_are_delivered_although_other_verbs_fail(tmp_path, verb, fault):
 @pytest.mark.parametrize("fault", ["raises", "garbles"])
 def test_no_run_is_blamed_for_a_scene_that_the_daemon_fails_to_send(tmp_path, fault):
     (tmp_path / "faults").mkdir()
-    (tmp_path / "faults" / SCENE.name).write_text(fault)
+    (tmp_path / "faults" / GET.name).write_text(fault)
     settings = {"module": "tests.daemon.batch.failing_daemon", "attempts": 1}
     with daemon_and_worker(tmp_path, **settings) as (_, client, worker):
         client.submit(make_submission("c", 2))
         eventually(lambda: "not started" in "".join(client.overview().troubles))
-        (tmp_path / "faults" / SCENE.name).unlink()
+        (tmp_path / "faults" / GET.name).unlink()
         eventually(lambda: finished(client, 2))
         assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
         assert worker.process.poll() is None

@@ -1,11 +1,12 @@
-"""What the daemon makes of parts of traces, without a bus: in order, damaged, hostile, stale."""
+"""Parts of files at the daemon, without a bus: in order, damaged, hostile, stale, too many."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import random
-import time
+import sqlite3
 from dataclasses import dataclass, replace
 
 import pytest
@@ -13,15 +14,17 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog, TraceUploads
-from daemon.batch.stores import encode_chunk
+from daemon.batch.server import EventLog
+from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._uploads import Uploads
 from daemon.model.messages import (
+    PART,
     Completion,
     Lease,
+    LeaseRef,
     LedgerAnswer,
+    PutRequest,
     RetryRequest,
-    TraceUploadChunk,
-    UploadProgress,
 )
 from daemon.model.spec import TraceInfo
 from daemon.model.verdicts import Outcome
@@ -39,24 +42,35 @@ class Site:
     places: StatePaths
     book: LedgerWriter
     reader: LedgerReader
-    intake: TraceUploads
+    intake: Uploads
     journal: EventLog
     grant: Lease
 
-    def chunk(self, offset, part, **changes):
+    def part(self, offset, data, *, run="", token=None, **changes):
         sha256 = hashlib.sha256(TRACE).hexdigest()
-        ours = ("w", self.grant.run, self.grant.token, sha256, len(TRACE))
-        made = TraceUploadChunk(*ours, offset, era=self.grant.era)
-        text, digest = encode_chunk(part)
-        return replace(made, **({"data": text, "digest": digest} | changes))
+        lease = LeaseRef(run or self.grant.run, self.grant.token if token is None else token)
+        made = PutRequest(sha256, len(TRACE), offset, data, lease, self.grant.era)
+        return replace(made, **changes)
 
-    def take(self, offset, part, **changes):
-        return self.intake.add_chunk(self.reader, self.chunk(offset, part, **changes))
+    def take(self, offset, data, **changes):
+        """Take a part; returns how many bytes are there."""
+        return self.intake.put(self.reader, self.part(offset, data, **changes)).count
+
+    def begin_again(self, **limits):
+        """Have another daemon go on."""
+        inputs = InputStore(self.places, self.journal)
+        self.intake = Uploads(self.places, self.journal, inputs, **limits)
+
+    def leave_idle(self):
+        """Have nobody go on with what there is for two minutes."""
+        for path in self.places.incoming.iterdir():
+            at = path.stat().st_mtime - 120.0
+            os.utime(path, (at, at))
 
     def completion(self, data=TRACE, **changes):
         info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
         result = make_result(self.grant.spec, trace=info)
-        made = Completion("w", self.grant.run, 1, self.grant.token, result, uploaded=True)
+        made = Completion("w", self.grant.run, 1, self.grant.token, result)
         return replace(made, **changes)
 
     def complete(self, completion):
@@ -84,15 +98,24 @@ def site(tmp_path):
         book.begin_era()
         book.submit(make_submission("c", 1), NOW)
         (grant,) = book.lease("w", 1, NOW)
-        yield Site(places, book, reader, TraceUploads(places, journal), journal, grant)
+        intake = Uploads(places, journal, InputStore(places, journal))
+        yield Site(places, book, reader, intake, journal, grant)
     journal.close()
 
 
 def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
-    assert site.take(0, b"") == UploadProgress(0, complete=False)
-    assert site.take(0, TRACE[:400]) == UploadProgress(400, complete=False)
-    assert site.take(400, TRACE[400:]) == UploadProgress(1000, complete=True)
+    assert site.take(0, b"") == 0
+    assert site.take(0, TRACE[:400]) == 400
+    assert site.take(400, TRACE[400:]) == 1000
     assert not site.trace.exists()
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+
+
+def test_a_trace_that_a_worker_has_left_there_gets_its_name(site):
+    sha256 = hashlib.sha256(TRACE).hexdigest()
+    site.places.uploaded_trace(site.grant.run, site.grant.token, sha256).write_bytes(TRACE)
     assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert site.trace.read_bytes() == TRACE
     assert site.incoming() == []
@@ -100,43 +123,47 @@ def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
 
 def test_another_daemon_goes_on_where_the_first_one_was(site):
     site.take(0, TRACE[:400])
-    site.intake = TraceUploads(site.places, site.journal)
-    assert site.take(0, b"") == UploadProgress(400, complete=False)
-    assert site.take(400, TRACE[400:]).complete
-    site.intake = TraceUploads(site.places, site.journal)
-    assert site.take(0, b"").complete
+    site.begin_again()
+    assert site.take(0, b"") == 400
+    assert site.take(400, TRACE[400:]) == 1000
+    site.begin_again()
+    assert site.take(0, b"") == 1000
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+
+
+def complete_without_commit(site):
+    with site.book.transaction():
+        site.complete(site.completion())
+        raise sqlite3.OperationalError("disk I/O error")
+
+
+def test_a_daemon_that_named_the_trace_and_did_not_commit_loses_nothing(site):
+    site.take(0, TRACE)
+    with pytest.raises(Unavailable):
+        complete_without_commit(site)
+    assert site.take(0, b"") == 1000
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
 
 
 def test_a_part_that_does_not_continue_changes_nothing(site):
     site.take(0, TRACE[:400])
     for offset in (0, 399, 401, 2**50):
-        received = site.take(offset, TRACE[:100])
-        assert (received.offset, received.complete) == (400, False)
-        assert "expected is 400" in received.problem
-
-
-@pytest.mark.parametrize(
-    "changes", [{"digest": "0" * 64}, {"data": "bm90aGluZw=="}, {"data": "not base64!"}]
-)
-def test_a_damaged_part_is_sent_again(site, changes):
-    received = site.take(0, TRACE[:400], **changes)
-    assert (received.offset, received.complete) == (0, False)
-    assert "damaged" in received.problem
-    assert site.take(0, TRACE).complete
+        assert site.take(offset, TRACE[:100]) == 400
 
 
 def test_a_whole_that_is_another_one_begins_again(site):
-    received = site.take(0, TRACE[:-1] + b"!")
-    assert (received.offset, received.complete) == (0, False)
-    assert "another digest" in received.problem
+    assert site.take(0, TRACE[:-1] + b"!") == 0
     assert site.incoming() == []
-    assert site.take(0, TRACE).complete
+    assert site.take(0, TRACE) == 1000
 
 
 def test_a_result_without_its_trace_is_not_recorded(site):
     assert site.complete(site.completion()) is LedgerAnswer.MISSING
-    assert site.complete(site.completion(uploaded=False)) is LedgerAnswer.MISSING
     site.take(0, TRACE[:400])
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    site.trace.parent.mkdir()
+    site.trace.write_bytes(b"of another attempt")
     assert site.complete(site.completion()) is LedgerAnswer.MISSING
     assert site.book.awaits_result("c.0", site.grant.token)
 
@@ -154,21 +181,21 @@ def test_whoever_was_ever_leased_the_run_may_send(site):
     site.take(0, TRACE[:400])
     site.book.lapse(site.book.leases(), NOW + 1000.0)
     (again,) = site.book.lease("v", 1, NOW + 2000.0)
-    assert site.take(0, TRACE[:300], token=again.token).offset == 300
-    assert site.take(400, TRACE[400:]).complete
+    assert site.take(0, TRACE[:300], token=again.token) == 300
+    assert site.take(400, TRACE[400:]) == 1000
     assert site.incoming() == [".mcap", ".part"]
     assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert site.trace.read_bytes() == TRACE
     assert site.incoming() == []
     # What the other one has is not needed any more, and its result is compared with the first.
-    assert site.take(300, TRACE[300:], token=again.token).complete
+    assert site.take(300, TRACE[300:], token=again.token) == 1000
     assert site.complete(site.completion(token=again.token)) is LedgerAnswer.KNOWN
     assert site.trace.read_bytes() == TRACE
 
 
 def test_under_a_lease_that_was_never_given_nothing_is_sent(site):
     with pytest.raises(Refused, match="never leased"):
-        site.intake.add_chunk(site.reader, site.chunk(0, TRACE, token=site.grant.token + 1))
+        site.take(0, TRACE, token=site.grant.token + 1)
     assert site.incoming() == []
 
 
@@ -179,7 +206,7 @@ def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(sit
     assert site.complete(replace(first, result=stopped)) is LedgerAnswer.RECORDED
     site.trace.unlink()
     assert site.book.retry(RetryRequest("c", ("error",)), NOW) == 1
-    assert site.take(0, TRACE).complete
+    assert site.take(0, TRACE) == 1000
     assert site.complete(first) is LedgerAnswer.REDUNDANT
     assert site.book.awaits_result("c.0", site.grant.token + 1)
     assert (site.incoming(), site.trace.exists()) == ([], False)
@@ -188,7 +215,7 @@ def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(sit
 def test_what_is_cancelled_is_not_wanted(site):
     site.take(0, TRACE[:400])
     site.book.cancel("c", NOW)
-    assert site.take(400, TRACE[400:]).complete  # nothing is written
+    assert site.take(400, TRACE[400:]) == 1000  # nothing is written
     assert site.complete(site.completion()) is LedgerAnswer.DROPPED
     assert site.incoming() == []
 
@@ -196,7 +223,7 @@ def test_what_is_cancelled_is_not_wanted(site):
 def test_a_lost_acknowledgement_costs_no_second_transfer(site):
     site.take(0, TRACE)
     site.complete(site.completion())
-    assert site.take(0, b"").complete
+    assert site.take(0, b"") == 1000
     assert site.complete(site.completion()) is LedgerAnswer.KNOWN
     assert site.trace.read_bytes() == TRACE
 
@@ -206,9 +233,9 @@ def test_a_repetition_leaves_the_trace_or_brings_it_back(site):
     site.complete(site.completion())
     site.book.retry(RetryRequest("c", ("all",)), NOW)
     (site.grant,) = site.book.lease("w", 1, NOW)
-    assert site.take(0, b"").complete  # it lies there already
+    assert site.take(0, b"") == 1000  # it lies there already
     site.trace.unlink()
-    assert site.take(0, b"") == UploadProgress(0, complete=False)
+    assert site.take(0, b"") == 0
     site.take(0, TRACE)
     assert site.complete(site.completion()) is LedgerAnswer.KNOWN
     assert site.trace.read_bytes() == TRACE
@@ -222,7 +249,7 @@ def test_another_result_never_replaces_the_trace_recorded(site):
     assert site.trace.read_bytes() == TRACE
 
 
-@pytest.mark.parametrize("run", ["../../c.0", "c.0/..", "/etc/passwd", "c", "", "c.0\x00", "d.0"])
+@pytest.mark.parametrize("run", ["../../c.0", "c.0/..", "/etc/passwd", "c", " ", "c.0\x00", "d.0"])
 def test_names_that_are_none_are_refused(site, run):
     with pytest.raises(Refused):
         site.take(0, TRACE, run=run)
@@ -230,25 +257,58 @@ def test_names_that_are_none_are_refused(site, run):
 
 
 def test_hostile_digests_and_sizes_do_not_pass_the_border(site):
-    good = codec.to_plain(site.chunk(0, b"x"))
+    good = codec.to_plain(site.part(0, b"x"))
     for field, value in (
         ("sha256", "../../../etc/passwd"),
         ("sha256", "A" * 64),
         ("size", -1),
         ("size", 2**60),
         ("offset", -1),
-        ("data", "A" * (2 * 2**20)),
+        ("data", "not base64!"),
+        ("data", "A" * (2 * PART)),
     ):
         with pytest.raises(ValueError, match=field):
-            codec.from_plain(TraceUploadChunk, good | {field: value})
+            codec.from_json(PutRequest, json.dumps(good | {field: value}))
+
+
+def other_file(number, **changes):
+    """The beginning of another file of a submission."""
+    return replace(PutRequest(f"{number:064x}", 10, 0, b"begun"), **changes)
+
+
+def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site):
+    site.begin_again(most_of_one=2)
+    for number in (1, 2):
+        site.intake.put(site.reader, other_file(number))
+    with pytest.raises(Unavailable, match="2 files are on their way already"):
+        site.intake.put(site.reader, other_file(3))
+    assert site.take(0, TRACE[:400]) == 400
+    assert site.intake.put(site.reader, other_file(2, offset=5, data=b"on")).count == 7
 
 
 def test_uploads_are_bounded_in_number(site):
-    site.intake = TraceUploads(site.places, site.journal, most=2)
-    for name in ("a", "b"):
-        (site.places.incoming / name).touch()
-    with pytest.raises(Unavailable, match="has to wait"):
+    site.begin_again(most=2)
+    for number in (1, 2):
+        site.intake.put(site.reader, other_file(number))
+    with pytest.raises(Unavailable, match="2 files are on their way already"):
         site.take(0, TRACE)
+
+
+@pytest.mark.parametrize("limits", [{"most": 2}, {"most_of_one": 2}])
+def test_the_oldest_upload_nobody_goes_on_with_gives_way(site, limits):
+    site.begin_again(**limits)
+    for number in (1, 2):
+        site.intake.put(site.reader, other_file(number))
+        site.leave_idle()
+    assert site.intake.put(site.reader, other_file(3)).count == 5
+    assert [path.name[63] for path in sorted(site.places.incoming.iterdir())] == ["2", "3"]
+    assert site.intake.put(site.reader, other_file(1, data=b"")).count == 0
+
+
+def test_a_lease_has_one_upload(site):
+    site.take(0, TRACE[:400])
+    site.take(0, b"another", sha256="0" * 64)
+    assert [path.name[-69:-5] for path in site.places.incoming.iterdir()] == ["0" * 64]
 
 
 def test_a_full_disk_makes_uploads_wait(site, monkeypatch):
@@ -256,14 +316,4 @@ def test_a_full_disk_makes_uploads_wait(site, monkeypatch):
     with pytest.raises(Unavailable, match="the disk is full"):
         site.take(0, TRACE)
     monkeypatch.undo()
-    assert site.take(0, TRACE).complete
-
-
-def test_an_upload_nobody_goes_on_with_is_given_up(site):
-    site.take(0, TRACE[:400])
-    (part,) = site.places.incoming.iterdir()
-    long_ago = time.time() - 7200.0
-    os.utime(part, (long_ago, long_ago))
-    site.intake = TraceUploads(site.places, site.journal)
-    assert site.take(0, b"") == UploadProgress(0, complete=False)
-    assert site.incoming() == []
+    assert site.take(0, TRACE) == 1000
