@@ -11,14 +11,14 @@ import shlex
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
-from daemon.model.status import Submission, SubmissionReceipt
+from daemon.model.status import SubmissionReceipt
+from daemon.model.submission import Submission
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from grammars.text.words import count_noun
@@ -27,7 +27,6 @@ from scenario_tui.text.formatting import duration
 if TYPE_CHECKING:
     from daemon.batch.ledger import Forecast
     from daemon.campaign import Campaign
-    from daemon.model.spec import RunSpec
 
 _SUBMIT: Final = "--submit"
 _FRESH: Final = "--fresh"
@@ -155,11 +154,12 @@ def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
     """Return what would be executed of a campaign, asking the ledger below ``state``."""
     from daemon.campaign import expand
 
-    runs = expand(campaign).runs
-    cells = Counter((run.scenario, run.sut.name) for run in runs)
+    submission = expand(campaign)
+    cells = Counter(run.cell for run in submission.runs)
     repeats = set(cells.values())
-    plan = SubmissionPlan(len(cells), repeats.pop() if len(repeats) == 1 else 0, len(runs))
-    forecast = None if state is None else _forecast(runs, state)
+    runs = len(submission.runs)
+    plan = SubmissionPlan(len(cells), repeats.pop() if len(repeats) == 1 else 0, runs)
+    forecast = None if state is None else _forecast(submission, state)
     if forecast is None:
         return plan
     new = [s for s, cached in zip(forecast.seconds, forecast.cached, strict=True) if not cached]
@@ -174,7 +174,7 @@ def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
     )
 
 
-def _forecast(runs: Sequence[RunSpec], state: Path) -> Forecast | None:
+def _forecast(submission: Submission, state: Path) -> Forecast | None:
     from daemon.batch.ledger import LedgerReader, PlannedRun
     from daemon.batch.paths import StatePaths
 
@@ -183,8 +183,12 @@ def _forecast(runs: Sequence[RunSpec], state: Path) -> Forecast | None:
         return None
     try:
         with LedgerReader.open(paths) as ledger:
+            cells = (submission.cells[run.cell] for run in submission.runs)
             return ledger.forecast(
-                [PlannedRun(r.digest, r.scenario, r.sut.name, r.sut.repeatable) for r in runs]
+                [
+                    PlannedRun(digest, c.scenario, c.sut.name, c.sut.repeatable)
+                    for digest, c in zip(submission.digests, cells, strict=True)
+                ]
             )
     except DaemonError:
         return None  # of another version: what is to be run is known without it

@@ -198,7 +198,7 @@ def run_in(plan, source, scratch):
     file = scratch / "campaign.yaml"
     file.write_text(CAMPAIGN.format(robot=robot, plan=source.resolve()))
     submission = expand(load_campaign(file))
-    result = execute(submission.runs[0], submission.scenes[0], trace_path=scratch / "run.mcap")
+    result = execute(submission.specs[0], submission.scenes[0], trace_path=scratch / "run.mcap")
     return result.note or "error" if result.outcome is Outcome.ERROR else "yes"
 
 

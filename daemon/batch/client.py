@@ -6,7 +6,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
@@ -16,7 +15,7 @@ from daemon.batch import bus
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, find_credentials, strip_control_characters
 from daemon.batch.stores import upload
-from daemon.model.attachments import attached_digests, user_files_folder
+from daemon.model.attachments import user_files_folder
 from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, unpack_judgement
 from daemon.model.messages import (
@@ -24,9 +23,9 @@ from daemon.model.messages import (
     JUDGED,
     LIVE,
 )
-from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import RunSpec
-from daemon.model.status import ChangeEvent, LiveSnapshot, Submission, SubmissionReceipt
+from daemon.model.status import ChangeEvent, LiveSnapshot, SubmissionReceipt
+from daemon.model.submission import Submission
 from daemon.model.verbs import SUBMIT, DaemonClient, Role, Verb
 from grammars.text import codec
 
@@ -192,16 +191,12 @@ class Client(DaemonClient):
 
     def submit(self, submission: Submission) -> SubmissionReceipt:
         """Hand over a campaign, after the files that its runs need."""
-        self.send_files((*submission.runs, *submission.reserve))
-        return self.ask(SUBMIT, pack_submission(submission))
+        self.send_files(submission.cells)
+        return self.ask(SUBMIT, submission)
 
     def send_files(self, runs: Sequence[RunSpec]) -> None:
         """Send the files that runs need, their maps included, as far as the daemon lacks them."""
-        # By identity: 100,000 runs share a handful of these, each with hundreds of parameters.
-        suts = {id(run.sut): run.sut for run in runs}
-        digests = (attached_digests(sut.parameters).values() for sut in suts.values())
-        maps = (run.map.file for run in runs if run.map.file)
-        for digest in dict.fromkeys(chain(chain.from_iterable(digests), maps)):
+        for digest in dict.fromkeys(digest for run in runs for digest in run.files):
             path = user_files_folder() / digest
             if path.is_file():  # one that is not here may be there all the same
                 put = partial(self.put, digest, path.stat().st_size)

@@ -132,5 +132,5 @@ def _verify(campaign: Path, name: str, files: Sequence[BundledFile], wanted: Cam
         raise InputError.at(Where(str(campaign)), message, hint)
 
 
-def _digests(campaign: Campaign) -> list[str]:
-    return [spec.digest for spec in expand(campaign).runs]
+def _digests(campaign: Campaign) -> tuple[str, ...]:
+    return expand(campaign).digests

@@ -7,9 +7,8 @@ test: the doors and the sensor noise are paired across cells, so cells can be co
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,12 +18,12 @@ from daemon.campaign._external import default_repeats
 from daemon.campaign._findings import AllowedWarning
 from daemon.model.assessments import AssessmentRules
 from daemon.model.search import SearchTask
-from daemon.model.spec import OracleText, RunSpec, SutReference
-from grammars.model.behaviour import Behaviour
+from daemon.model.spec import OracleText, RunSpec, Script, SutReference
+from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
-    from daemon.model.status import Submission
+    from daemon.model.submission import Submission
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,52 +89,54 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     campaign twice is submitting it once; ``fresh`` asks for a new id, to run everything again.
     Repeats beyond those every cell gets are in reserve, for cells that are not decided by then.
     """
-    specs = tuple(_specs(campaign))
-    now = [spec.repeat < campaign.repeats_with(spec.sut) for spec in specs]
-    scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
     # What only hands runs over is loaded when there are some to hand over.
-    from daemon.model.status import Submission
+    from daemon.model.submission import CellRun, Submission
 
+    cells: list[RunSpec] = []
+    scripts: dict[bytes, tuple[int, Script]] = {}
+    runs: list[CellRun] = []
+    reserve: list[CellRun] = []
+    repeats = max((len(cell.behaviours) for cell in campaign.cells), default=0)
+    seeds = [noise_seed(campaign.seed, repeat) for repeat in range(repeats)]
+    for cell in campaign.cells:
+        scene = cell.scene.digest
+        oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles)
+        drawn = _number_scripts(cell.behaviours, scripts)
+        for sut in cell.suts:
+            soon = campaign.repeats_with(sut)
+            most = soon if campaign.repeats is None else len(drawn)
+            for repeat, script in enumerate(drawn[:most]):
+                run = CellRun(len(cells), script, repeat, seeds[repeat])
+                (runs if repeat < soon else reserve).append(run)
+            spec = run_spec(campaign, cell, sut, 0, behaviours=(), oracles=oracles, scene=scene)
+            cells.append(spec.cell)
+    scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
     submission = Submission(
         campaign="",
         name=campaign.name,
         about=campaign.about,
         source=campaign.source,
-        runs=tuple(compress(specs, now)),
+        cells=tuple(cells),
+        scripts=tuple(script for _, script in scripts.values()),
+        runs=tuple(runs),
         scenes=tuple(scenes.values()),
         declared=campaign.declared,
-        reserve=tuple(spec for spec, soon in zip(specs, now, strict=True) if not soon),
+        reserve=tuple(reserve),
         fresh=fresh,
     )
     # By content, so that a client that got no answer may submit once more.
-    identity = secrets.token_hex(4) if fresh else _content_digest(submission)[:8]
+    identity = secrets.token_hex(4) if fresh else submission.digest[:8]
     return replace(submission, campaign=f"{campaign.name}-{identity}")
 
 
-def _content_digest(submission: Submission) -> str:
-    from daemon.model.packed_submission import pack_submission, submission_digest
-
-    return submission_digest(pack_submission(submission))
-
-
-def _specs(campaign: Campaign) -> Iterator[RunSpec]:
-    for cell in campaign.cells:
-        digest = cell.scene.digest
-        oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles)
-        for sut in cell.suts:
-            behaviours_of = cell.behaviours
-            if campaign.repeats is None:
-                behaviours_of = behaviours_of[: campaign.repeats_with(sut)]
-            for repeat, behaviours in enumerate(behaviours_of):
-                yield run_spec(
-                    campaign,
-                    cell,
-                    sut,
-                    repeat,
-                    behaviours=behaviours,
-                    oracles=oracles,
-                    scene=digest,
-                )
+def _number_scripts(drawn: Sequence[Script], scripts: dict[bytes, tuple[int, Script]]) -> list[int]:
+    """Return the numbers of the scripts of each repeat; new ones are added to ``scripts``."""
+    numbers = {}
+    # Many repeats share one object, which is written out once.
+    for key, script in {id(script): script for script in drawn}.items():
+        text = codec.to_json(script, Script)
+        numbers[key], _ = scripts.setdefault(text, (len(scripts), script))
+    return [numbers[id(script)] for script in drawn]
 
 
 def run_spec(
@@ -144,7 +145,7 @@ def run_spec(
     sut: SutReference,
     repeat: int,
     *,
-    behaviours: tuple[Behaviour, ...],
+    behaviours: Script,
     oracles: tuple[OracleText, ...],
     scene: str,
 ) -> RunSpec:

@@ -12,9 +12,9 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
-from daemon.model.packed_submission import PackedSubmission
 from daemon.model.search import Point
 from daemon.model.status import RunRow
+from daemon.model.submission import Submission
 from daemon.model.text_fields import IdText
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
@@ -51,7 +51,7 @@ class ExtendRequest:
 
     campaign: IdText
     proposals: Annotated[tuple[Proposal, ...], Field(min_length=1, max_length=1000)]
-    runs: PackedSubmission
+    runs: Submission
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ versions have to be equal wherever runs are executed.
 from __future__ import annotations
 
 import functools
+import hashlib
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any, Final, Literal, TypeAlias
@@ -30,7 +31,10 @@ from grammars.text import codec
 
 RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 
-ENGINE_VERSION: Final = "4"
+Script: TypeAlias = tuple[Behaviour, ...]
+"""The behaviours of all doors and people in a run."""
+
+ENGINE_VERSION: Final = "5"
 """Raised whenever a change alters traces of unchanged specifications."""
 
 
@@ -93,7 +97,7 @@ class RunSpec:
     scene: str
     robot: Robot
     mission: Mission
-    behaviours: tuple[Behaviour, ...]
+    behaviours: Script
     oracles: tuple[OracleText, ...]
     map: MapSettings
     seed: int
@@ -101,10 +105,16 @@ class RunSpec:
     engine: str = ENGINE_VERSION
 
     @property
+    def cell(self) -> RunSpec:
+        """The run without what tells it from others of its scenario and system."""
+        return replace(self, repeat=0, behaviours=(), seed=0)
+
+    @property
     def digest(self) -> str:
         """Identity of the run: 64 hexadecimal digits."""
         # Not cached: with slots it would need a field of its own, which would be serialised.
-        return codec.digest(self)
+        cell, script = codec.to_json(self.cell), codec.to_json(self.behaviours, Script)
+        return run_digest(text_digest(cell), text_digest(script), self.repeat, self.seed)
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -116,6 +126,16 @@ class RunSpec:
     def label(self) -> str:
         """A short name for people: ``S1/pilot/3``."""
         return f"{self.scenario}/{self.sut.name}/{self.repeat}"
+
+
+def text_digest(text: bytes) -> str:
+    """Return the digest of a cell or a script that is written as JSON."""
+    return hashlib.sha256(text).hexdigest()
+
+
+def run_digest(cell: str, script: str, repeat: int, seed: int) -> str:
+    """Return the digest of a run by those of its cell and its script."""
+    return text_digest(f"{cell} {script} {repeat} {seed}".encode())
 
 
 @dataclass(frozen=True, slots=True)

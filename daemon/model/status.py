@@ -1,4 +1,4 @@
-"""What people hand in and see of it: submissions, campaigns, runs, workers and the disk.
+"""What people see of what they hand in: campaigns, runs, workers and the disk.
 
 Everything is JSON made and validated by :mod:`grammars.text.codec`. Times named ``..._at`` are wall
 clock seconds since the epoch: they inform people and leases, never a run. Fields added since the
@@ -7,16 +7,14 @@ first version have defaults, so that what was written before can still be read.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from itertools import zip_longest
 from typing import Final
 
-from daemon.model.assessments import AssessmentRules
 from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome, Verdict, join_notes
-from grammars.model.scene import Scene
 
 PREFIX: Final = "scenario/v1"
 """Of every key on the bus; another one would be for messages that this version cannot read."""
@@ -65,28 +63,6 @@ class CampaignOrigin:
     commit: str = ""
     branch: str = ""
     changed: bool | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Submission:
-    """A campaign on its way to the daemon; ``campaign`` is a client-made unique id.
-
-    Submitting the same id again changes nothing. ``source`` is the campaign file's text. Runs in
-    ``reserve`` wait for cells that ``declared`` leaves undecided after the repeats before. Runs
-    that have a result in the ledger under another campaign are not run again unless ``fresh``.
-    ``origin`` is no part of what is submitted: from another commit it is the same campaign.
-    """
-
-    campaign: str
-    name: str
-    about: str
-    source: str
-    runs: tuple[RunSpec, ...]
-    scenes: tuple[Scene, ...]
-    declared: AssessmentRules = field(default_factory=AssessmentRules)
-    reserve: tuple[RunSpec, ...] = ()
-    fresh: bool = False
-    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,6 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.packed_submission import PackedSubmission
 from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
@@ -59,10 +58,10 @@ from daemon.model.status import (
     LiveSnapshot,
     RunDetail,
     RunPage,
-    Submission,
     SubmissionReceipt,
     WorkerRow,
 )
+from daemon.model.submission import Submission
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -155,7 +154,7 @@ GET: Final = Verb("get", GetRequest, FilePart,
 PUT: Final = Verb("put", PutRequest, Count,
     "Take a part of a trace or of a file of a submission; returns how many bytes are there.",
     STEERING | WORKING, CARRIER, 2 * PART, slow=True)
-SUBMIT: Final = Verb("submit", PackedSubmission, SubmissionReceipt,
+SUBMIT: Final = Verb("submit", Submission, SubmissionReceipt,
     "Take a campaign; the receipt says that it is safely in the ledger.",
     STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="split the campaign")
 CANCEL: Final = Verb("cancel", IdRequest, Count,

@@ -173,8 +173,10 @@ def _scans(recording: McapContents, spec: RunSpec) -> tuple[ScanTrack, ...]:
 
 def _attached_spec(recording: McapContents) -> RunSpec:
     data = _attachment(recording, "spec.json")
-    named = recording.metadata.get("run", {}).get("digest")
-    # Attachments have no checksum of ours otherwise, and everything is judged by what they say.
+    about = recording.metadata.get("run", {})
+    # Attachments have no checksum of ours otherwise, and everything is judged by what they say. Up
+    # to engine 4 the digest of a run was that of this text.
+    named = about.get("sha256", about.get("digest"))
     if named != hashlib.sha256(data).hexdigest():
         raise TraceError(recording.path, "the run specification in the file is damaged")
     try:

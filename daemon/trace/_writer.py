@@ -344,10 +344,12 @@ def _write_preamble(
             continue
         qos = {"offered_qos_profiles": messages.latched_qos() if topic.latched else ""}
         container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
-    container.add_attachment("spec.json", "application/json", codec.to_json(spec))
+    text = codec.to_json(spec)
+    container.add_attachment("spec.json", "application/json", text)
     container.add_attachment("scene.json.zst", "application/zstd", scene)
     facts = {
         "digest": spec.digest,
+        "sha256": hashlib.sha256(text).hexdigest(),
         "label": spec.label,
         "campaign": spec.campaign,
         "scenario": spec.scenario,

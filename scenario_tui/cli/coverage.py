@@ -93,7 +93,7 @@ def _measure_coverage(
         if words := searches_text(Path(files[0]), tuple(one.name for one in campaign.searches)):
             say(f"{words}; name its id here once it has run")
         planned = expand(campaign)
-        return planned_coverage(planned.runs, planned.scenes)
+        return planned_coverage(planned.specs, planned.scenes)
     paths = all_traces(subject, target, "TRACES")
     return trace_coverage(paths, near=near, processes=processes)
 

@@ -33,7 +33,7 @@ from scenario_tui.cli.target import DaemonTarget
 from scenario_tui.text.results import CampaignResults, gather_results
 
 if TYPE_CHECKING:
-    from daemon.model.status import Submission
+    from daemon.model.submission import Submission
 
 RunOrRecord = TypeVar("RunOrRecord", RunRow, RunRecord)
 _MAX_TROUBLE: Final = 20.0

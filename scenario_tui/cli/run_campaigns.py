@@ -30,7 +30,8 @@ from scenario_tui.cli.options import (
 from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.model.status import Submission, SubmissionReceipt
+    from daemon.model.status import SubmissionReceipt
+    from daemon.model.submission import Submission
     from grammars.text.diagnostics import Diagnostic
 
 

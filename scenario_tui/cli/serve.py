@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from daemon.live.ros_bridge import RosBridge
     from daemon.live.simulation import LiveSimulation, LiveThread
     from daemon.model.spec import RunSpec
-    from daemon.model.status import Submission
+    from daemon.model.submission import Submission
     from daemon.model.sut import SystemUnderTest
     from daemon.stacks.ros2.settings import Ros2Settings
     from grammars.model.scene import Scene
@@ -171,7 +171,7 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
     prepared = prepare_submission(path)
     submission, warnings = prepared.submission, prepared.warnings
     report_diagnostics(warnings)
-    runs = (*submission.runs, *submission.reserve)
+    runs = tuple(map(submission.spec, (*submission.runs, *submission.reserve)))
     found = _matching(runs, scenario, sut, repeat)
     if not sut:
         # Chance is the same for all systems of a scenario, so any of its runs is its world.

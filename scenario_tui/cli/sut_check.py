@@ -191,7 +191,7 @@ def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefi
         prepared = prepare_submission(campaign)
         submission, warnings = prepared.submission, prepared.warnings
         report_diagnostics(warnings)
-        spec = submission.runs[0]
+        spec = submission.spec(submission.runs[0])
         scene = next(one for one in submission.scenes if one.digest == spec.scene)
         robot, mission, behaviours = spec.robot, spec.mission, spec.behaviours
         wanted = spec.map

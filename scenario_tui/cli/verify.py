@@ -219,8 +219,8 @@ def _campaign_jobs(file: Path, target: DaemonTarget, every: bool) -> list[_Job]:
         count = _count(spec, repeats)
         return verify_spec(spec, scenes[spec.scene], count, places=target.paths, wall=wall)
 
-    runs = submission.runs if every else _one_of_each(submission.runs)
-    return [partial(job, spec) for spec in runs]
+    specs = submission.specs if every else _one_of_each(submission.specs)
+    return [partial(job, spec) for spec in specs]
 
 
 def _count(spec: RunSpec, repeats: int | None) -> int:

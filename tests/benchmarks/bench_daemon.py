@@ -21,7 +21,7 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.packed_submission import MOST_RUNS
+from daemon.model.submission import MOST_RUNS
 from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most
 from tests.chaos.light import Crew, LightWorker
 from tests.daemon.batch.harness import daemon_at, eventually, family, finished
@@ -92,12 +92,12 @@ def large_campaign(runs):
     """The example of building C with as many repeats as it takes."""
     campaign = expand(load_campaign(CAMPAIGN))
     repeats = -(-runs // len(campaign.runs))
-    specs = tuple(
-        replace(spec, repeat=k * len(campaign.runs) + spec.repeat, seed=spec.seed + k)
+    every = tuple(
+        run._replace(repeat=k * len(campaign.runs) + run.repeat, seed=run.seed + k)
         for k in range(repeats)
-        for spec in campaign.runs
+        for run in campaign.runs
     )
-    return replace(campaign, campaign=f"large-{runs}", runs=specs[:runs], reserve=(), fresh=True)
+    return replace(campaign, campaign=f"large-{runs}", runs=every[:runs], reserve=(), fresh=True)
 
 
 def leasing(endpoint, stop, answer):

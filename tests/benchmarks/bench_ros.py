@@ -37,7 +37,7 @@ METHODS = (
 def case():
     """S1 of the published experiment."""
     submission = expand(load_campaign(CAMPAIGN))
-    spec = next(run for run in submission.runs if run.scenario == "S1" and run.sut.name == SUT)
+    spec = next(run for run in submission.specs if run.scenario == "S1" and run.sut.name == SUT)
     scene = next(scene for scene in submission.scenes if scene.digest == spec.scene)
     return spec, scene
 

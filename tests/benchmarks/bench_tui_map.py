@@ -35,7 +35,7 @@ SECONDS, RATE, RETURNS = 10.0, 10.0, 360
 def views(building, count):
     """Return what is to be seen of a robot that drives in circles, with a plan and a trail."""
     campaign = expand(load_campaign(CAMPAIGNS / BUILDINGS[building]))
-    spec = campaign.runs[0]
+    spec = campaign.specs[0]
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     resting = tuple(value for obj in scene.objects for value in obj.initial)
     still = View(scene, spec.robot, spec.mission, resting)

@@ -39,7 +39,7 @@ def measure():
     """Execute the same run several ways in turn; the least of each."""
     warm_up()
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = next(run for run in campaign.runs if run.label == LABEL)
+    spec = next(run for run in campaign.specs if run.label == LABEL)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     found = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory() as folder:

@@ -58,15 +58,14 @@ def chosen(file, repeats, only, suts):
     runs = tuple(
         run
         for run in submission.runs
+        for cell in (submission.cells[run.cell],)
         if (repeats is None or run.repeat < repeats)
-        and (not only or any(fnmatch.fnmatchcase(run.scenario, each) for each in only))
-        and (not suts or run.sut.name in suts)
+        and (not only or any(fnmatch.fnmatchcase(cell.scenario, each) for each in only))
+        and (not suts or cell.sut.name in suts)
     )
     if not runs:
         raise LookupError("no run is left")
-    used = {run.scene for run in runs}
-    scenes = tuple(scene for scene in submission.scenes if scene.digest in used)
-    return replace(submission, runs=runs, scenes=scenes, reserve=(), fresh=True)
+    return replace(submission, runs=runs, reserve=(), fresh=True)
 
 
 def cpu(daemon):

@@ -38,7 +38,7 @@ def load(name):
     campaign, scenario, sut = CAMPAIGNS[name]
     submission = expand(load_campaign(Path("campaigns", campaign, "campaign.yaml").resolve()))
     spec = next(
-        run for run in submission.runs if run.scenario == scenario and sut in (None, run.sut.name)
+        run for run in submission.specs if run.scenario == scenario and sut in (None, run.sut.name)
     )
     return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
 

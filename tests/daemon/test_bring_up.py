@@ -48,7 +48,7 @@ class Outside:
 def demo(campaigns):
     campaign = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     outside = SutReference("outside", "outside", {"repeatable": False})
-    spec = replace(campaign.runs[0], sut=outside, limit=1.0)
+    spec = replace(campaign.specs[0], sut=outside, limit=1.0)
     return spec, next(s for s in campaign.scenes if s.digest == spec.scene)
 
 

@@ -25,7 +25,7 @@ OUTSIDE = (Waypoint("outside", 100.0, 100.0),)
 @pytest.fixture(scope="module")
 def demo(campaigns):
     found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
-    spec = next(spec for spec in found.runs if spec.scenario == "open-house")
+    spec = next(spec for spec in found.specs if spec.scenario == "open-house")
     return spec, found.scenes[0]
 
 

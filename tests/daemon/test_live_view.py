@@ -80,7 +80,7 @@ def test_snapshots_of_before_are_still_read():
 @pytest.mark.parametrize("interest", ["nothing", "progress", "everything"])
 def test_who_watches_changes_nothing(tmp_path, interest):
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = replace(campaign.runs[0], limit=3.0)
+    spec = replace(campaign.specs[0], limit=3.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     alone = execute(spec, scene, trace_path=tmp_path / "alone.mcap")
     seen = []
@@ -129,7 +129,7 @@ def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(tmp_path, mo
     monkeypatch.setattr("daemon.run_judge._PERIODS", {"everything": 0.0, "margin": 0.0})
     monkeypatch.setattr("daemon.run_judge._SHARES", {"everything": 1e9, "margin": 1e9})
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = replace(campaign.runs[0], limit=limit)
+    spec = replace(campaign.specs[0], limit=limit)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     alone = execute(spec, scene, trace_path=tmp_path / "alone.mcap")
     seen = []
@@ -156,7 +156,7 @@ def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(tmp_path, mo
 
 def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path):
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = replace(campaign.runs[0], limit=3.0)
+    spec = replace(campaign.specs[0], limit=3.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     seen = []
     judged = Judged("margin")
@@ -173,7 +173,7 @@ def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path):
 def test_a_judge_that_fails_fails_alone(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr("daemon.judging.running.sample_run_signals", lambda sampler: 1 / 0)
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = replace(campaign.runs[0], limit=3.0)
+    spec = replace(campaign.specs[0], limit=3.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     judged = Judged()
     result = execute(
@@ -195,7 +195,7 @@ def test_judges_that_draw_leave_the_same_chance_to_the_run(tmp_path, monkeypatch
 
     monkeypatch.setattr("daemon.judging.running.sample_run_signals", draw)
     campaign = expand(load_campaign(CAMPAIGN))
-    spec = replace(campaign.runs[0], limit=1.0)
+    spec = replace(campaign.specs[0], limit=1.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
     judged = Judged()
     random.seed(1)

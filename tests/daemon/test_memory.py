@@ -26,7 +26,7 @@ KINDS = ("ros", "pilot", "no such system")
 @pytest.fixture(scope="module")
 def demo(campaigns):
     found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
-    spec = next(spec for spec in found.runs if spec.scenario == "rude-house")
+    spec = next(spec for spec in found.specs if spec.scenario == "rude-house")
     return spec, found.scenes[0]
 
 

@@ -39,7 +39,7 @@ def scene(demo):
 
 
 def idle(demo, *, seconds, scenario="busy-house"):
-    spec = next(s for s in demo.runs if s.scenario == scenario)
+    spec = next(s for s in demo.specs if s.scenario == scenario)
     return replace(spec, sut=SutReference("idle", "idle", {}), limit=seconds)
 
 
@@ -113,7 +113,7 @@ def run_in_a_process(spec, scene, folder, hash_seed):
 
 
 def test_the_same_specification_gives_the_same_bytes_in_another_process(demo, scene, tmp_path):
-    spec = replace(demo.runs[5], limit=20.0)
+    spec = replace(demo.specs[5], limit=20.0)
     here = execute(spec, scene, trace_path=tmp_path / "here.mcap").digest
     # Hashes have another seed there.
     seed = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
@@ -149,7 +149,7 @@ def test_odometry_of_an_exact_period_keeps_its_stamps(demo, scene, tmp_path, cam
 def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
     demo, scene, tmp_path
 ):
-    spec = replace(demo.runs[5], limit=20.0)
+    spec = replace(demo.specs[5], limit=20.0)
     plain = execute(spec, scene, trace_path=tmp_path / "plain.mcap")
     led = execute(spec, scene, trace_path=tmp_path / "led.mcap", leads=True)
     assert plain.leads == ()
@@ -164,7 +164,7 @@ def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
 
 def test_a_trace_has_the_verdicts_of_its_run_inside(demo, scene, tmp_path):
     path = tmp_path / "run.mcap"
-    result = execute(replace(demo.runs[5], limit=20.0), scene, trace_path=path)
+    result = execute(replace(demo.specs[5], limit=20.0), scene, trace_path=path)
     with path.open("rb") as stream:
         found = {a.name: a.data for a in make_reader(stream).iter_attachments()}
     inside = json.loads(found["verdicts.json"])
@@ -206,7 +206,7 @@ def test_another_seed_gives_another_trace(demo, scene, tmp_path):
 
 def test_repeats_are_paired_across_scenarios(demo):
     seeds = {
-        scenario: [s.seed for s in demo.runs if s.scenario == scenario]
+        scenario: [s.seed for s in demo.specs if s.scenario == scenario]
         for scenario in ("open-house", "busy-house", "rude-house")
     }
     assert seeds["open-house"] == seeds["busy-house"] == seeds["rude-house"]
@@ -278,7 +278,7 @@ def test_progress_is_told_while_it_runs(demo, scene, tmp_path):
 
 
 def test_the_pilot_visits_every_room_when_the_doors_are_open(demo, scene, tmp_path):
-    spec = next(s for s in demo.runs if s.scenario == "open-house")
+    spec = next(s for s in demo.specs if s.scenario == "open-house")
     result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
     assert result.ended == "finished"
     assert result.outcome is Outcome.PASS
@@ -303,7 +303,7 @@ print(*sorted(name for name in set(sys.modules) - before))
 
 
 def test_a_warmed_process_loads_nothing_more_in_a_run(demo, scene, tmp_path):
-    spec = replace(demo.runs[0], limit=1.0)
+    spec = replace(demo.specs[0], limit=1.0)
     (tmp_path / "spec.json").write_bytes(codec.to_json(spec))
     (tmp_path / "scene.json").write_bytes(codec.to_json(scene))
     done = subprocess.run(

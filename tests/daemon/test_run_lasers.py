@@ -25,7 +25,7 @@ def scene(submission):
 
 
 def spec_of(submission, scenario, sut):
-    return next(s for s in submission.runs if (s.scenario, s.sut.name) == (scenario, sut))
+    return next(s for s in submission.specs if (s.scenario, s.sut.name) == (scenario, sut))
 
 
 class Listener:

@@ -41,7 +41,7 @@ def submission(campaigns, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def spec(submission):
-    return next(s for s in submission.runs if s.scenario == "crowded-house")
+    return next(s for s in submission.specs if s.scenario == "crowded-house")
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,7 @@ def drive(demo, tmp_path, ros2_python):
 
 
 def specified(demo, python, options, waypoints, limit, parameters):
-    spec = next(s for s in demo.runs if s.scenario == "open-house")
+    spec = next(s for s in demo.specs if s.scenario == "open-house")
     settings = {
         "launch": f"{python} {STANDIN} map:={{map}} {options}",
         "python": str(python),

@@ -24,8 +24,8 @@ from daemon.model.status import (
     LiveSnapshot,
     RunDetail,
     RunRow,
-    Submission,
 )
+from daemon.model.submission import Submission
 from daemon.model.sut import TICK_RATE
 from daemon.model.verdicts import deciding_verdict
 from daemon.run import execute
@@ -103,7 +103,7 @@ def execute_campaign(folder):
     submission = expand(load_campaign(write_campaign(folder / "campaigns")))
     scenes = {scene.digest: scene for scene in submission.scenes}
     results, under_way = {}, {}
-    for spec in submission.runs:
+    for spec in submission.specs:
         name, scene = name_of(spec), scenes[spec.scene]
         if name in _UNDER_WAY:
             under_way[name] = _execute_until(spec, scene, _UNDER_WAY[name], folder / "under-way")
@@ -148,7 +148,7 @@ class ExecutedDaemon(FakeDaemon):
     @classmethod
     def of(cls, executed):
         """Return it with the runs of ``executed``."""
-        specs = {f"{CAMPAIGN}.{i}": spec for i, spec in enumerate(executed.submission.runs)}
+        specs = {f"{CAMPAIGN}.{i}": spec for i, spec in enumerate(executed.submission.specs)}
         begun = [_row(i, run, spec) for i, (run, spec) in enumerate(specs.items())]
         rows = tuple(r if _name(r) in executed.under_way else _done(r, executed) for r in begun)
         live, judged = [], {}
@@ -157,7 +157,7 @@ class ExecutedDaemon(FakeDaemon):
             if found is not None:
                 live += [LiveSnapshot(row.id, snapshot) for snapshot in found.snapshots]
                 judged[row.id] = replace(found.judgement, run=row.id)
-        for index, spec in enumerate(s for s in executed.submission.runs if s.sut.name == "pilot"):
+        for index, spec in enumerate(s for s in executed.submission.specs if s.sut.name == "pilot"):
             run = f"{NIGHTLY}.{index}"
             specs[run] = spec
             rows += (_done(_row(index, run, spec), executed),)

@@ -134,10 +134,9 @@ def _is_campaign_named(path: Path, campaign: str) -> bool:
 
 def _has_run(path: Path, spec: RunSpec) -> bool:
     try:
-        runs = expand(load_campaign(path)).runs
+        return spec.digest in expand(load_campaign(path)).digests
     except InputError:
         return False
-    return any(run.digest == spec.digest for run in runs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,7 +270,7 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     campaign = load_campaign(path)
     cell = _find_cell(campaign, scenario)
     name = _find_sut(campaign, cell, sut)
-    runs = expand(campaign).runs
+    runs = expand(campaign).specs
     found = [r for r in runs if (r.scenario, r.sut.name, r.repeat) == (scenario, name, repeat)]
     if not found:
         message = f"{scenario} with {name} has no repeat {repeat}"

@@ -272,7 +272,7 @@ def _required(value: T | None) -> T:
 
 def _verify(file: Path, wanted: RunSpec) -> None:
     """Hold the written campaign to specifying the run it was written for."""
-    runs = expand(load_campaign(file)).runs
+    runs = expand(load_campaign(file)).specs
     found = next(run for run in runs if run.repeat == wanted.repeat)
     for name in ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit"):
         if getattr(found, name) != getattr(wanted, name):

@@ -18,7 +18,8 @@ from daemon.batch.stores import is_url, local_copy
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import LARGEST_PAGE, RecordQuery
 from daemon.model.spec import RunSpec, UnixTime
-from daemon.model.status import CampaignOrigin, CampaignRow, Submission
+from daemon.model.status import CampaignOrigin, CampaignRow
+from daemon.model.submission import Submission
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
 from grammars.model.geometry import Ring

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         connect,
         schema_problem,
     )
-    from daemon.batch.ledger._entry import AdmittedSubmission, prepare_submission
     from daemon.batch.ledger._reader import LedgerReader, count_states
     from daemon.batch.ledger._retention import (
         RetentionPolicy,
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA_REMEDY",
     "SCHEMA_VERSION",
-    "AdmittedSubmission",
     "ContentReport",
     "Forecast",
     "LedgerIntegrity",
@@ -55,7 +53,6 @@ __all__ = [
     "connect",
     "count_states",
     "find_strays",
-    "prepare_submission",
     "remove_strays",
     "schema_problem",
     "stored_bytes",
@@ -72,11 +69,9 @@ _MODULES: Final = {
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
     "PlannedRun": "_time_left",
-    "AdmittedSubmission": "_entry",
     "StrayFile": "_strays",
     "TimeLeft": "_time_left",
     "VerificationProgress": "_verification",
-    "prepare_submission": "_entry",
     "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",

@@ -1,4 +1,4 @@
-"""Campaigns taken out of the ledger: their rows and files, unused parts, and the space."""
+"""Campaigns taken out of the ledger: their rows, their files and the space."""
 
 from __future__ import annotations
 
@@ -6,20 +6,8 @@ import os
 import shutil
 import sqlite3
 from contextlib import suppress
-from typing import Final
 
 from daemon.batch.paths import StatePaths
-
-_OF_RUNS: Final = ("result", "spec")
-"""Tables with rows about a run, in its column ``run``."""
-_OF_CAMPAIGNS: Final = ("run", "reserve", "proposal", "search", "event", "tally")
-"""Tables with rows about a campaign, in its column ``campaign``."""
-_USED_PARTS: Final = " UNION ".join(
-    f"SELECT substr(CAST(body AS TEXT), {start}, 32) FROM {table}"
-    for table in ("spec", "reserve")
-    for start in (3, 38)
-)
-"""Names of the cells and scripts that stand in bodies of specifications."""
 
 
 def remove_campaign(db: sqlite3.Connection, paths: StatePaths, campaign: str) -> None:
@@ -28,17 +16,14 @@ def remove_campaign(db: sqlite3.Connection, paths: StatePaths, campaign: str) ->
     Its files are left for :func:`remove_files`: what is not committed has not happened.
     """
     _hand_over(db, paths, campaign)
-    for table in _OF_RUNS:
-        mine = "SELECT id FROM run WHERE campaign = ?"
-        db.execute(f"DELETE FROM {table} WHERE run IN ({mine})", (campaign,))
-    for table in _OF_CAMPAIGNS:
-        db.execute(f"DELETE FROM {table} WHERE campaign = ?", (campaign,))
+    db.execute("DELETE FROM event WHERE campaign = ?", (campaign,))
+    # Before the cells they have, for each of which SQLite looks for runs.
+    db.execute("DELETE FROM run WHERE campaign = ?", (campaign,))
     db.execute("DELETE FROM campaign WHERE id = ?", (campaign,))
 
 
-def remove_unused_parts(db: sqlite3.Connection) -> None:
-    """Remove cells and scripts of no run, and shorten the file by all that is free in it."""
-    db.execute(f"DELETE FROM part WHERE name NOT IN ({_USED_PARTS})")
+def shorten_file(db: sqlite3.Connection) -> None:
+    """Shorten the file by all that is free in it."""
     (free,) = db.execute("PRAGMA freelist_count").fetchone()
     for _ in range(free):
         # However many pages it is told, Python's SQLite gives back one each time.

@@ -1,130 +1,116 @@
-"""Submissions made ready to be entered, and the rows that the ledger makes of them.
-
-To digest a large campaign takes seconds and needs no ledger: that is done before.
-"""
+"""Runs in the ledger: entered with the cells and scripts they share, and read back."""
 
 from __future__ import annotations
 
-import hashlib
+import functools
 import sqlite3
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import chain, repeat
+from typing import Final, NamedTuple
 
 from daemon.model.ids import trace_name
-from daemon.model.packed_submission import PackedRun, PackedSubmission, Script, submission_digest
-from daemon.model.spec import RunSpec
+from daemon.model.spec import RunSpec, Script, run_digest, text_digest
+from daemon.model.submission import Submission
 from grammars.text import codec
 
-_NAME: Final = 32
-"""Hexadecimal digits of SHA-256 that name a part: 128 bits, and half the bytes in every body."""
-INSERT_RUN: Final = (
-    "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-    " trace_name, seed, kind, repeatable) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+RESERVE: Final = "reserve"
+"""State of repeats that nobody sees before they are queued."""
+_INSERT_RUN: Final = (
+    "INSERT INTO run (id, campaign, position, cell, script, scenario, sut, repeat, time_limit,"
+    " digest, trace_name, state, seed, kind, repeatable)"
+    " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 )
+_READ_SPEC: Final = (
+    "SELECT cell.body, script.body, repeat, seed FROM run"
+    " JOIN cell ON cell.campaign = run.campaign AND cell.number = run.cell"
+    " JOIN script ON script.campaign = run.campaign AND script.number = run.script"
+    " WHERE run.id = ?"
+)
+_MOST_CACHED: Final = 1024
 
 
-class Part(NamedTuple):
-    """A cell or a script as the ledger keeps it; the name is that of its content."""
+class _Text(NamedTuple):
+    """A cell or a script that was entered."""
 
-    name: str
-    body: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class AdmittedSubmission:
-    """A submission with its ``digest``, the parts its runs are made of, and their ``digests``."""
-
-    packed: PackedSubmission
+    number: int
     digest: str
-    cells: tuple[Part, ...]
-    scripts: tuple[Part, ...]
-    digests: tuple[str, ...]
 
 
-def prepare_submission(packed: PackedSubmission) -> AdmittedSubmission:
-    """Make a submission ready to be entered.
-
-    Raises ``ValueError`` for a run in terms of a cell or a script that is not there.
-    """
-    digests: list[str] = []
-    digest = submission_digest(packed, lambda _, found: digests.append(found))
-    cells = tuple(_parts(packed.cells, RunSpec))
-    scripts = tuple(_parts(packed.scripts, Script))
-    return AdmittedSubmission(packed, digest, cells, scripts, tuple(digests))
-
-
-def _parts(values: Iterable[object], kind: Any) -> Iterator[Part]:
-    for value in values:
-        body = codec.to_json(value, kind)
-        yield Part(hashlib.sha256(body).hexdigest()[:_NAME], body)
-
-
-def enter_parts(db: sqlite3.Connection, prepared: AdmittedSubmission) -> None:
-    """Enter what the specifications of runs are made of."""
-    statement = "INSERT OR IGNORE INTO part (name, body) VALUES (?, ?)"
-    db.executemany(statement, (*prepared.cells, *prepared.scripts))
-
-
-def enter_runs(
-    db: sqlite3.Connection, prepared: AdmittedSubmission, first: int = 0, offset: int = 0
-) -> None:
-    """Enter the runs from the ``first`` on; ``offset`` is added to their positions."""
-    campaign = prepared.packed.campaign
-    runs = list(enumerate(prepared.packed.runs))[first:]
-    db.executemany(INSERT_RUN, (_run_row(prepared, i, run, offset) for i, run in runs))
+def enter_runs(db: sqlite3.Connection, submission: Submission) -> None:
+    """Enter the runs of a submission after those that its campaign has."""
+    campaign, runs = submission.campaign, submission.runs
+    cells = _enter_texts(db, "cell", campaign, map(codec.to_json, submission.cells))
+    behaviours = (codec.to_json(script, Script) for script in submission.scripts)
+    scripts = _enter_texts(db, "script", campaign, behaviours)
+    (first,) = db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,)).fetchone()
+    every = chain(zip(runs, repeat("queued")), zip(submission.reserve, repeat(RESERVE)))
     db.executemany(
-        "INSERT INTO spec (run, body) VALUES (?, ?)",
-        ((f"{campaign}.{i + offset}", _body(prepared, run)) for i, run in runs),
-    )
-    count_queued(db, campaign, len(runs))
-
-
-def enter_reserve(db: sqlite3.Connection, prepared: AdmittedSubmission) -> None:
-    """Enter the repeats in reserve."""
-    packed = prepared.packed
-    db.executemany(
-        "INSERT INTO reserve (campaign, position, scenario, sut, repeat, body)"
-        " VALUES (?, ?, ?, ?, ?, ?)",
+        _INSERT_RUN,
         (
-            (packed.campaign, i, cell.scenario, cell.sut.name, run.repeat, _body(prepared, run))
-            for i, run in enumerate(packed.reserve)
-            for cell in (packed.cells[run.cell],)
+            (
+                f"{campaign}.{position}",
+                campaign,
+                position,
+                cells[run.cell].number,
+                scripts[run.script].number,
+                cell.scenario,
+                cell.sut.name,
+                run.repeat,
+                cell.limit,
+                run_digest(
+                    cells[run.cell].digest, scripts[run.script].digest, run.repeat, run.seed
+                ),
+                trace_name(campaign, cell.scenario, cell.sut.name, run.repeat),
+                state,
+                # As text: 64 bits without a sign do not fit SQLite's integers.
+                str(run.seed),
+                cell.sut.kind,
+                cell.sut.repeatable,
+            )
+            for position, (run, state) in enumerate(every, first)
+            for cell in (submission.cells[run.cell],)
         ),
     )
-
-
-def _run_row(
-    prepared: AdmittedSubmission, index: int, run: PackedRun, offset: int
-) -> tuple[object, ...]:
-    campaign, cell = prepared.packed.campaign, prepared.packed.cells[run.cell]
-    sut, position = cell.sut, index + offset
-    return (
-        f"{campaign}.{position}",
-        campaign,
-        position,
-        cell.scenario,
-        sut.name,
-        run.repeat,
-        cell.limit,
-        prepared.digests[index],
-        trace_name(campaign, cell.scenario, sut.name, run.repeat),
-        # As text: 64 bits without a sign do not fit SQLite's integers.
-        str(run.seed),
-        sut.kind,
-        sut.repeatable,
-    )
-
-
-def _body(prepared: AdmittedSubmission, run: PackedRun) -> bytes:
-    cell, script = prepared.cells[run.cell].name, prepared.scripts[run.script].name
-    return f'["{cell}","{script}",{run.repeat},{run.seed}]'.encode()
-
-
-def count_queued(db: sqlite3.Connection, campaign: str, runs: int) -> None:
-    """Add new runs to the tally: nothing else counts them."""
-    db.execute(
-        "INSERT INTO tally VALUES (?, 'queued', '', ?)"
+    # Nothing else counts new runs.
+    db.executemany(
+        "INSERT INTO tally VALUES (?, ?, '', ?)"
         " ON CONFLICT DO UPDATE SET runs = runs + excluded.runs",
-        (campaign, runs),
+        ((campaign, "queued", len(runs)), (campaign, RESERVE, len(submission.reserve))),
     )
+    db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (len(runs), campaign))
+
+
+def _enter_texts(
+    db: sqlite3.Connection, table: str, campaign: str, texts: Iterable[bytes]
+) -> list[_Text]:
+    """Enter cells or scripts after those that are there."""
+    query = f"SELECT count(*) FROM {table} WHERE campaign = ?"
+    (first,) = db.execute(query, (campaign,)).fetchone()
+    entered = []
+    for number, text in enumerate(texts, first):
+        db.execute(
+            f"INSERT INTO {table} (campaign, number, body) VALUES (?, ?, ?)",
+            (campaign, number, text),
+        )
+        entered.append(_Text(number, text_digest(text)))
+    return entered
+
+
+def read_spec(db: sqlite3.Connection, run: str) -> RunSpec:
+    """Return the specification of a run."""
+    cell, script, number, seed = db.execute(_READ_SPEC, (run,)).fetchone()
+    behaviours = _read_script(script)
+    return replace(_read_cell(cell), repeat=number, behaviours=behaviours, seed=int(seed))
+
+
+# By their texts, which cost a look each: to read them takes a hundred times as long.
+@functools.lru_cache(_MOST_CACHED)
+def _read_cell(body: bytes) -> RunSpec:
+    return codec.from_json(RunSpec, body)
+
+
+@functools.lru_cache(_MOST_CACHED)
+def _read_script(body: bytes) -> Script:
+    script: Script = codec.from_json(Script, body)
+    return script

@@ -9,8 +9,8 @@ from dataclasses import fields
 from typing import Final
 
 from daemon.batch.errors import Refused
+from daemon.batch.ledger._entry import read_spec
 from daemon.batch.ledger._results import (
-    SpecReader,
     begin_era,
     check_result,
     has_stopped_result,
@@ -157,10 +157,9 @@ class RunUpdates:
 # nothing else for it: what it is able to run is asked for in both places. Runs that were leased
 # less often go first: one that fails again and again stands behind all others.
 _NEXT_RUN: Final = (
-    "SELECT run.id, run.campaign, trace_name, spec.body,"
+    "SELECT run.id, run.campaign, trace_name,"
     " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
-    " FROM run JOIN spec ON spec.run = run.id"
-    " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign"
+    " FROM run WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign"
     " AS c WHERE finished_at IS NULL AND paused = 0 AND lacks = '' AND EXISTS (SELECT 1 FROM run"
     " WHERE run.campaign = c.id AND state = 'queued'{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.attempt, run.serial LIMIT 1"
@@ -179,7 +178,6 @@ class LeaseUpdates(RunUpdates):
     def __init__(self, connection: sqlite3.Connection, *, attempts: int = 3) -> None:
         super().__init__(connection, attempts)
         self._era = ""
-        self._specs = SpecReader(connection)
         # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
         self._contested: set[str] = set()
 
@@ -207,8 +205,8 @@ class LeaseUpdates(RunUpdates):
             row = self._db.execute(query, values).fetchone()
             if row is None:
                 break
-            run, campaign, trace, body, leads = row
-            spec = self._specs.read(body)
+            run, campaign, trace, leads = row
+            spec = read_spec(self._db, run)
             if why := missing(spec):
                 self._hold(campaign, run, why, now)
                 continue

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
+from daemon.batch.ledger._entry import RESERVE
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import CampaignQuery, RunQuery
 from daemon.model.run_state import RunState
@@ -89,8 +90,8 @@ def run_filter(query: RunQuery) -> tuple[str, list[Any]]:
 
     Raises :class:`Refused` for a state or an outcome that there is not.
     """
-    conditions: list[str] = []
-    values: list[Any] = []
+    conditions = ["state <> ?"]
+    values: list[Any] = [RESERVE]
     for column in ("campaign", "state", "outcome", "scenario", "sut"):
         wanted = getattr(query, column)
         if wanted:
@@ -103,7 +104,7 @@ def run_filter(query: RunQuery) -> tuple[str, list[Any]]:
         found = " OR ".join(f"{column} LIKE ? ESCAPE '\\'" for column in columns)
         conditions.append(f"({found})")
         values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(columns)
-    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
+    return f"WHERE {' AND '.join(conditions)}", values
 
 
 def _check_word(column: str, word: str) -> None:

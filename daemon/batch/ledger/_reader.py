@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
+from daemon.batch.ledger._entry import RESERVE, read_spec
 from daemon.batch.ledger._queries import (
     campaign_filter,
     find_trace,
@@ -23,7 +24,6 @@ from daemon.batch.ledger._queries import (
     select_runs,
 )
 from daemon.batch.ledger._results import (
-    SpecReader,
     read_declared,
     read_origin,
     read_records,
@@ -93,7 +93,6 @@ class LedgerReader:
         self._db = connection
         self._db.row_factory = sqlite3.Row
         self._paths = paths
-        self._specs = SpecReader(connection)
 
     @classmethod
     @contextmanager
@@ -212,14 +211,13 @@ class LedgerReader:
 
     def run(self, name: str) -> RunDetail:
         """Everything about one run."""
-        row = next(select_runs(self._db, "WHERE id = ?", (name,)), None)
+        row = next(select_runs(self._db, "WHERE id = ? AND state <> ?", (name, RESERVE)), None)
         if row is None:
             raise Refused(f"there is no run {name}")
-        spec = self._db.execute("SELECT body FROM spec WHERE run = ?", (name,)).fetchone()
         result = self._db.execute("SELECT body FROM result WHERE run = ?", (name,)).fetchone()
         return RunDetail(
             run_row(self._db, row, self._paths),
-            self._specs.read(spec[0]),
+            read_spec(self._db, name),
             None if result is None else read_result(result[0]),
         )
 

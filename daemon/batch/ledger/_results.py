@@ -2,65 +2,29 @@
 
 from __future__ import annotations
 
-import json
 import math
 import secrets
 import sqlite3
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any, Final, TypeVar
+from collections.abc import Sequence
+from typing import Any, Final
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
-from daemon.batch.ledger._entry import INSERT_RUN, count_queued
+from daemon.batch.ledger._entry import RESERVE
 from daemon.batch.ledger._queries import find_trace, missing_trace_text, read_result
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules, RunRecord
-from daemon.model.ids import is_digest, trace_name
+from daemon.model.ids import is_digest
 from daemon.model.messages import Completion, Rejection
-from daemon.model.packed_submission import Script
-from daemon.model.spec import LARGEST_RESULT, RunSpec
+from daemon.model.spec import LARGEST_RESULT
 from daemon.model.status import CampaignOrigin
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
-
-T = TypeVar("T")
-
-_MOST_CACHED: Final = 1024
 
 _COLUMNS: Final = (
     "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
     " trace_at, repeatable, body"
 )
-
-
-class SpecReader:
-    """Reads bodies on one connection; the parts of those read lately are remembered."""
-
-    def __init__(self, db: sqlite3.Connection) -> None:
-        self._db = db
-        self._cells: dict[str, RunSpec] = {}
-        self._scripts: dict[str, Script] = {}
-
-    def read(self, body: bytes) -> RunSpec:
-        """Return the specification that ``body`` stands for."""
-        cell, script, repeat, seed = json.loads(body)
-        same = self._part(cell, self._cells, lambda text: codec.from_json(RunSpec, text))
-        drawn = self._part(script, self._scripts, _read_script)
-        return replace(same, repeat=repeat, seed=seed, behaviours=drawn)
-
-    def _part(self, name: str, cache: dict[str, T], read: Callable[[bytes], T]) -> T:
-        if name not in cache:
-            if len(cache) >= _MOST_CACHED:
-                cache.clear()
-            row = self._db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
-            cache[name] = read(row[0])
-        return cache[name]
-
-
-def _read_script(text: bytes) -> Script:
-    script: Script = codec.from_json(Script, text)
-    return script
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
@@ -94,8 +58,8 @@ def read_records(
     """
     rows = db.execute(
         f"SELECT {_COLUMNS} FROM run LEFT JOIN result ON result.run = run.id"
-        " WHERE campaign = ? ORDER BY position LIMIT ? OFFSET ?",
-        (campaign, limit, offset),
+        " WHERE campaign = ? AND state <> ? ORDER BY position LIMIT ? OFFSET ?",
+        (campaign, RESERVE, limit, offset),
     )
     found = []
     for row in rows:
@@ -288,17 +252,6 @@ def has_stopped_result(db: sqlite3.Connection, run: str) -> bool:
     return row is not None and read_result(row[0]).stopped
 
 
-def _insert_run(db: sqlite3.Connection, campaign: str, position: int, body: bytes) -> None:
-    """Enter a run of a campaign as queued, by the body of its specification."""
-    run, name = SpecReader(db).read(body), f"{campaign}.{position}"
-    sut = run.sut.name
-    trace = trace_name(campaign, run.scenario, sut, run.repeat)
-    known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest)
-    values = (*known, trace, str(run.seed), run.sut.kind, run.sut.repeatable)
-    db.execute(INSERT_RUN, values)
-    db.execute("INSERT INTO spec (run, body) VALUES (?, ?)", (name, body))
-
-
 def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:
     """Give queued runs of a campaign the results their specifications have; returns how many.
 
@@ -318,32 +271,27 @@ def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:
 
 
 def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
-    """Make runs of the repeats that undecided cells get next; returns how many.
+    """Queue the repeats that undecided cells get next; returns how many.
 
     A cell gets as many as bring it to its next look (see
     :class:`daemon.model.assessments.RepeatPolicy`): only at looks planned before may one stop
     without spoiling the error rates.
     """
-    if not db.execute("SELECT 1 FROM reserve WHERE campaign = ?", (campaign,)).fetchone():
+    waiting = "SELECT total(runs) FROM tally WHERE campaign = ? AND state = ?"
+    if not db.execute(waiting, (campaign, RESERVE)).fetchone()[0]:
         return 0
     declared, records = read_declared(db, campaign), read_records(db, campaign)
-    chosen: list[tuple[int, bytes]] = []
+    queued = 0
     for scenario, sut in undecided_cells(declared, records):
         so_far = sum((r.scenario, r.sut) == (scenario, sut) for r in records)
         upto = _next_look(declared.policy.looks, so_far)
-        chosen += db.execute(
-            "SELECT position, body FROM reserve WHERE campaign = ? AND scenario = ? AND sut = ?"
-            " AND repeat < ? ORDER BY position",
-            (campaign, scenario, sut, upto),
-        ).fetchall()
-    if chosen:
-        for position, (_, body) in enumerate(chosen, start=len(records)):
-            _insert_run(db, campaign, position, body)
-        count_queued(db, campaign, len(chosen))
-        gone = ((campaign, position) for position, _ in chosen)
-        db.executemany("DELETE FROM reserve WHERE campaign = ? AND position = ?", gone)
-        db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (len(chosen), campaign))
-    return len(chosen)
+        queued += db.execute(
+            "UPDATE run SET state = 'queued' WHERE campaign = ? AND state = ? AND scenario = ?"
+            " AND sut = ? AND repeat < ?",
+            (campaign, RESERVE, scenario, sut, upto),
+        ).rowcount
+    db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (queued, campaign))
+    return queued
 
 
 def _next_look(looks: Sequence[int], so_far: int) -> int:

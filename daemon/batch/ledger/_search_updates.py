@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._entry import AdmittedSubmission, enter_parts, enter_runs
+from daemon.batch.ledger._entry import enter_runs
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import reuse_results
 from daemon.batch.ledger._searches import insert_proposal, read_task, search_state
@@ -19,11 +19,12 @@ from daemon.batch.ledger.transitions import Retried
 from daemon.batch.paths import StatePaths
 from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import trace_name
-from daemon.model.packed_submission import PackedSubmission
 from daemon.model.proposals import Proposal
 from daemon.model.search import MOST_SEARCH_RUNS, SearchSubmission
 from daemon.model.search_answer import SearchProgress
+from daemon.model.spec import RunSpec
 from daemon.model.status import SubmissionReceipt
+from daemon.model.submission import Submission
 from grammars.text import codec
 
 _LIVE: Final = ("cancelled", "failed")
@@ -79,34 +80,28 @@ class SearchUpdates(LeaseUpdates):
         self.record_event(now, "campaign", campaign, campaign, "submitted")
         return SubmissionReceipt(campaign, 0, known=False)
 
-    def extend(
-        self, proposals: tuple[Proposal, ...], prepared: AdmittedSubmission, now: float
-    ) -> int:
+    def extend(self, proposals: tuple[Proposal, ...], runs: Submission, now: float) -> int:
         """Add runs to a search, one for each proposal; returns how many are new.
 
         Refuses others than are there at their positions, and what leaves positions out.
         """
-        campaign = prepared.packed.campaign
+        campaign, specs = runs.campaign, runs.specs
         self._require_running(campaign)
         first, total = proposals[0].position, self._total(campaign)
         if first > total:
             raise Refused(f"{campaign} has {total} runs: none can be added at {first}")
         known = min(total - first, len(proposals))
-        self._check_proposals(proposals, prepared.packed)
-        self._compare(prepared, first)
+        self._check_proposals(campaign, proposals, specs)
+        self._compare(campaign, specs, first)
         if first + len(proposals) > MOST_SEARCH_RUNS:
             raise Refused(f"a search has at most {MOST_SEARCH_RUNS} runs")
-        self._refuse_twice(prepared.packed, known)
+        self._refuse_twice(campaign, specs[known:])
         added = len(proposals) - known
         if added:
-            enter_parts(self._db, prepared)
-            enter_runs(self._db, prepared, known, first)
+            enter_runs(self._db, Submission.of(campaign, specs[known:], ()))
             for proposal in proposals[known:]:
                 insert_proposal(self._db, campaign, proposal)
-            self._db.execute(
-                "UPDATE campaign SET total = total + ? WHERE id = ?", (added, campaign)
-            )
-            reuse_results(self._db, campaign, first + known)
+            reuse_results(self._db, campaign, total)
             self.record_event(now, "campaign", campaign, campaign, "extended")
         return added
 
@@ -118,44 +113,42 @@ class SearchUpdates(LeaseUpdates):
                 f"the search {campaign} is {state}" if state else f"{campaign} is no search"
             )
 
-    def _check_proposals(self, proposals: tuple[Proposal, ...], packed: PackedSubmission) -> None:
+    def _check_proposals(
+        self, campaign: str, proposals: tuple[Proposal, ...], specs: tuple[RunSpec, ...]
+    ) -> None:
         """Refuse runs that are not what their proposals say."""
-        campaign = packed.campaign
         task, _ = read_task(self._db, campaign)
-        for proposal, run in zip(proposals, packed.runs, strict=True):
-            scenario = packed.cells[run.cell].scenario
+        for proposal, spec in zip(proposals, specs, strict=True):
             # A building that is drawn stands behind its name: S.3@1204.
-            if scenario.partition("@")[0] != task.scenario_of(proposal.number):
-                raise Refused(f"{scenario!r} is not proposal {proposal.number} of {campaign}")
+            if spec.scenario.partition("@")[0] != task.scenario_of(proposal.number):
+                raise Refused(f"{spec.scenario!r} is not proposal {proposal.number} of {campaign}")
             if len(proposal.values) != len(task.parameters):
                 raise Refused(
                     f"proposal {proposal.number} has {len(proposal.values)} values, the search"
                     f" has {len(task.parameters)} parameters"
                 )
 
-    def _compare(self, prepared: AdmittedSubmission, first: int) -> None:
+    def _compare(self, campaign: str, specs: tuple[RunSpec, ...], first: int) -> None:
         """Refuse other runs than are there: the same search must propose the same again."""
-        campaign = prepared.packed.campaign
         rows = self._db.execute(
             "SELECT position, digest FROM run WHERE campaign = ? AND position >= ?"
             " ORDER BY position LIMIT ?",
-            (campaign, first, len(prepared.digests)),
+            (campaign, first, len(specs)),
         )
         for position, known in rows:
-            if known != prepared.digests[position - first]:
+            if known != specs[position - first].digest:
                 raise Refused(
                     f"{campaign}.{position} is another run than is proposed: what was proposed"
                     " before, or what it gave, is not what it was"
                 )
 
-    def _refuse_twice(self, packed: PackedSubmission, known: int) -> None:
-        """Refuse runs, from the one that is ``known`` on, of a name that another one has."""
-        for run in packed.runs[known:]:
-            cell = packed.cells[run.cell]
-            name = trace_name(packed.campaign, cell.scenario, cell.sut.name, run.repeat)
+    def _refuse_twice(self, campaign: str, specs: tuple[RunSpec, ...]) -> None:
+        """Refuse new runs of a name that another one has."""
+        for spec in specs:
+            name = trace_name(campaign, spec.scenario, spec.sut.name, spec.repeat)
             row = self._db.execute("SELECT id FROM run WHERE trace_name = ?", (name,)).fetchone()
             if row is not None:
-                raise Refused(f"{cell.scenario}, repeat {run.repeat}, is there already: {row[0]}")
+                raise Refused(f"{spec.scenario}, repeat {spec.repeat}, is there already: {row[0]}")
 
     def note_progress(self, progress: SearchProgress, now: float) -> None:
         """Write down how far a search is, or how it ended.

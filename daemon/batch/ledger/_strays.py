@@ -19,7 +19,7 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger._connection import check_present, connect_reader
-from daemon.batch.ledger._inputs import referenced_inputs
+from daemon.batch.ledger._inputs import needed_inputs
 from daemon.batch.locks import is_locked
 from daemon.batch.paths import StatePaths
 from daemon.model.ids import is_digest, is_id
@@ -93,11 +93,11 @@ def _read_ledger(paths: StatePaths) -> _Needed:
     check_present(paths.ledger)
     try:
         with closing(connect_reader(paths.ledger)) as db:
-            needed, _ = referenced_inputs(db)
+            needed = needed_inputs(db)
             unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
             searches = db.execute("SELECT campaign FROM search").fetchall()
             deleted = db.execute(_DELETED).fetchall()
-    except (sqlite3.Error, ValueError, TypeError, KeyError) as error:
+    except sqlite3.Error as error:
         raise DaemonError(f"{paths.ledger} does not say what is needed: {error}") from error
     named = (frozenset(row[0] for row in rows) for rows in (unfinished, searches, deleted))
     return _Needed(needed, *named)

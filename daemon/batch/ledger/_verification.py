@@ -13,12 +13,11 @@ from typing import Any, Final, TypeAlias
 from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
-from daemon.batch.ledger._inputs import referenced_inputs
-from daemon.batch.ledger._results import SpecReader
+from daemon.batch.ledger._inputs import needed_inputs
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
-from daemon.model.spec import RunResult
+from daemon.model.spec import RunResult, run_digest, text_digest
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
@@ -37,7 +36,9 @@ _RESULTS: Final = (
     f" ORDER BY run.serial LIMIT {_PAGE}"
 )
 _SPECS: Final = (
-    "SELECT run.serial, run.id, run.digest, spec.body FROM run JOIN spec ON spec.run = run.id"
+    "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed FROM run"
+    " JOIN cell ON cell.campaign = run.campaign AND cell.number = run.cell"
+    " JOIN script ON script.campaign = run.campaign AND script.number = run.script"
     f" WHERE run.serial > ? ORDER BY run.serial LIMIT {_PAGE}"
 )
 
@@ -111,10 +112,9 @@ def verify_contents(
 
 def _waiting_inputs(db: sqlite3.Connection, found: _Findings) -> frozenset[str]:
     try:
-        return referenced_inputs(db)[1]
-    except (ValueError, TypeError, KeyError, AttributeError, sqlite3.OperationalError) as error:
-        # SQLite says that also of texts that are no UTF-8: which these are was found before.
-        found.add("specifications name no scene or no files", str(error) or type(error).__name__)
+        return needed_inputs(db, waiting=True)
+    except sqlite3.OperationalError as error:
+        found.add("specifications name no scene or no files", str(error))
         return frozenset()
 
 
@@ -192,14 +192,13 @@ def _verify_specs(
     bounds: tuple[int, int],
     progress: VerificationProgress,
 ) -> int:
-    specs, count = SpecReader(db), 0
-    for run, digest, body in _pages(db, _SPECS, bounds, "specifications", progress):
+    count = 0
+    for run, digest, cell, script, *numbers in _pages(
+        db, _SPECS, bounds, "specifications", progress
+    ):
         count += 1
-        try:
-            if specs.read(body).digest != digest:
-                found.add("specifications differ from their digest", run)
-        except (ValueError, TypeError, KeyError):
-            found.add("specifications cannot be read", run)
+        if run_digest(text_digest(cell), text_digest(script), *numbers) != digest:
+            found.add("specifications differ from their digest", run)
     return count
 
 

@@ -9,21 +9,15 @@ from typing import Final, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
-from daemon.batch.ledger._deletion import remove_campaign, remove_files, remove_unused_parts
-from daemon.batch.ledger._entry import (
-    AdmittedSubmission,
-    enter_parts,
-    enter_reserve,
-    enter_runs,
-    prepare_submission,
-)
+from daemon.batch.ledger._deletion import remove_campaign, remove_files, shorten_file
+from daemon.batch.ledger._entry import enter_runs
 from daemon.batch.ledger._results import has_stopped_result, remove_result, reuse_results
 from daemon.batch.ledger._search_updates import SearchUpdates
 from daemon.batch.ledger._searches import search_state
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import RetryRequest
-from daemon.model.packed_submission import pack_submission
-from daemon.model.status import Submission, SubmissionReceipt
+from daemon.model.status import SubmissionReceipt
+from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 
@@ -140,43 +134,35 @@ class LedgerWriter(SearchUpdates):
 
     def submit(self, submission: Submission, now: float) -> SubmissionReceipt:
         """Enter a campaign and its runs; the same submission again changes nothing."""
-        return self.enter(prepare_submission(pack_submission(submission)), now)
-
-    def enter(self, prepared: AdmittedSubmission, now: float) -> SubmissionReceipt:
-        """Enter a campaign that was made ready, as :meth:`submit` does."""
-        packed, runs = prepared.packed, len(prepared.packed.runs)
-        campaign = packed.campaign
+        campaign, digest = submission.campaign, submission.digest
         row = self._db.execute(
             "SELECT digest, total FROM campaign WHERE id = ?", (campaign,)
         ).fetchone()
         if row is not None:
-            if row[0] != prepared.digest:
+            if row[0] != digest:
                 raise Refused(f"campaign id {campaign} is taken by another campaign")
             return SubmissionReceipt(campaign, row[1], known=True)
         self._db.execute(
             "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
-            " fresh, origin) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            " fresh, origin) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?)",
             (
                 campaign,
-                packed.name,
-                packed.about,
-                packed.source,
-                prepared.digest,
-                runs,
+                submission.name,
+                submission.about,
+                submission.source,
+                digest,
                 now,
-                codec.to_json(packed.declared),
-                packed.fresh,
-                codec.to_json(packed.origin),
+                codec.to_json(submission.declared),
+                submission.fresh,
+                codec.to_json(submission.origin),
             ),
         )
-        enter_parts(self._db, prepared)
-        enter_runs(self._db, prepared)
-        enter_reserve(self._db, prepared)
+        enter_runs(self._db, submission)
         cached = reuse_results(self._db, campaign)
         self.record_event(now, "campaign", campaign, campaign, "submitted")
         if cached:
             self._close_if_finished(campaign, now)
-        return SubmissionReceipt(campaign, runs, known=False, cached=cached)
+        return SubmissionReceipt(campaign, len(submission.runs), known=False, cached=cached)
 
     def cancel(self, campaign: str, now: float) -> int:
         """Cancel what is queued or running of a campaign; returns how many runs. A search ends."""
@@ -278,7 +264,7 @@ class LedgerWriter(SearchUpdates):
             remove_campaign(self._db, self._paths, campaign)
             # The last word about it stays: who was away learns that it is gone.
             self.record_event(now, "campaign", campaign, campaign, "deleted")
-        remove_unused_parts(self._db)
+        shorten_file(self._db)
         self._deleted += campaigns
 
 

@@ -62,7 +62,7 @@ def runs(ledger: Path, beginning: str) -> tuple[LedgerName, ...]:
     # By comparison, not LIKE: only that uses the index on ids, and % and _ need no escape.
     query = (
         "SELECT id, scenario || '/' || sut || '/' || repeat, state, outcome, oracle FROM run"
-        " WHERE id >= ? AND id < ?"
+        " WHERE id >= ? AND id < ? AND state <> 'reserve'"
         " ORDER BY outcome <> 'fail', serial LIMIT ?"
     )
     with closing(_open(ledger)) as db:
@@ -75,15 +75,15 @@ def runs(ledger: Path, beginning: str) -> tuple[LedgerName, ...]:
 
 def oracles(ledger: Path, run: str) -> tuple[LedgerName, ...]:
     """Return the oracles of a run, or of all of a campaign."""
-    query = "SELECT body FROM spec WHERE run = ? OR run = ? LIMIT 1"
+    query = (
+        "SELECT body FROM run JOIN cell ON cell.campaign = run.campaign AND number = cell"
+        " WHERE id IN (?1, ?1 || '.0') LIMIT 1"
+    )
     with closing(_open(ledger)) as db:
-        row = db.execute(query, (run, f"{run}.0")).fetchone()
-        if row is None:
-            return ()
-        # [cell, script, repeat, seed]: the oracles are the cell's.
-        name = json.loads(row[0])[0]
-        (cell,) = db.execute("SELECT body FROM part WHERE name = ?", (name,)).fetchone()
-    return tuple(LedgerName(one["name"], one["text"]) for one in json.loads(cell)["oracles"])
+        row = db.execute(query, (run,)).fetchone()
+    if row is None:
+        return ()
+    return tuple(LedgerName(one["name"], one["text"]) for one in json.loads(row[0])["oracles"])
 
 
 def column_values(ledger: Path, campaign: str, columns: Sequence[str]) -> tuple[LedgerName, ...]:

@@ -37,12 +37,31 @@ CREATE TABLE campaign (
 CREATE INDEX campaign_turn ON campaign (priority DESC, served, serial) WHERE finished_at IS NULL;
 CREATE INDEX campaign_name ON campaign (name, serial);
 
--- One row per run, kept small: lists read nothing else. Empty text means "none yet".
+-- What runs of a campaign share: cells (runs without repeat, seed and behaviours) and behaviours.
+CREATE TABLE cell (
+    campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
+    number   INTEGER NOT NULL,
+    body     BLOB NOT NULL,
+    PRIMARY KEY (campaign, number)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE script (
+    campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
+    number   INTEGER NOT NULL,
+    body     BLOB NOT NULL,
+    PRIMARY KEY (campaign, number)
+) STRICT, WITHOUT ROWID;
+
+-- One row per run, kept small: lists read nothing else. Empty text means "none yet". In the state
+-- "reserve" is a repeat that is queued when the repeats before do not decide its cell; nobody sees
+-- it before.
 CREATE TABLE run (
     serial      INTEGER PRIMARY KEY,
     id          TEXT NOT NULL UNIQUE,
-    campaign    TEXT NOT NULL REFERENCES campaign (id),
+    campaign    TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
     position    INTEGER NOT NULL,
+    cell        INTEGER NOT NULL,
+    script      INTEGER NOT NULL,
     scenario    TEXT NOT NULL,
     sut         TEXT NOT NULL,
     repeat      INTEGER NOT NULL,
@@ -75,7 +94,9 @@ CREATE TABLE run (
     lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
     nondeterministic INTEGER NOT NULL DEFAULT 0, -- 1: it came out differently, "reason" says how
     UNIQUE (campaign, position),
-    UNIQUE (trace_name)
+    UNIQUE (trace_name),
+    FOREIGN KEY (campaign, cell) REFERENCES cell (campaign, number),
+    FOREIGN KEY (campaign, script) REFERENCES script (campaign, number)
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
@@ -90,31 +111,9 @@ CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
 CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
 
--- Repeats for cells that are not decided by those before; they become runs when they are needed.
-CREATE TABLE reserve (
-    campaign TEXT NOT NULL REFERENCES campaign (id),
-    position INTEGER NOT NULL,
-    scenario TEXT NOT NULL,
-    sut      TEXT NOT NULL,
-    repeat   INTEGER NOT NULL,
-    body     BLOB NOT NULL,
-    PRIMARY KEY (campaign, position)
-) STRICT, WITHOUT ROWID;
-
--- What runs share: cells (runs without repeat, seed and behaviours) and behaviours, by content.
-CREATE TABLE part (
-    name TEXT PRIMARY KEY,
-    body BLOB NOT NULL
-) STRICT, WITHOUT ROWID;
-
-CREATE TABLE spec (
-    run  TEXT PRIMARY KEY REFERENCES run (id),
-    body BLOB NOT NULL
-) STRICT, WITHOUT ROWID;
-
 -- The primary key is what makes a result exactly one.
 CREATE TABLE result (
-    run     TEXT PRIMARY KEY REFERENCES run (id),
+    run     TEXT PRIMARY KEY REFERENCES run (id) ON DELETE CASCADE,
     attempt INTEGER NOT NULL,
     worker  TEXT NOT NULL,
     digest  TEXT NOT NULL,
@@ -135,7 +134,7 @@ CREATE TABLE event (
 -- How many runs stand how, so that counting never reads them: who enters runs counts them, many
 -- at a time, and a trigger counts them anew when they change.
 CREATE TABLE tally (
-    campaign TEXT NOT NULL,
+    campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
     state    TEXT NOT NULL,
     outcome  TEXT NOT NULL,
     runs     INTEGER NOT NULL,
@@ -153,7 +152,7 @@ END;
 -- Campaigns whose runs are proposed one after the other. ``task`` and ``answer`` are JSON, the
 -- latter empty while there is nothing to say; ``file`` is that of the campaign among its files.
 CREATE TABLE search (
-    campaign   TEXT PRIMARY KEY REFERENCES campaign (id),
+    campaign   TEXT PRIMARY KEY REFERENCES campaign (id) ON DELETE CASCADE,
     task       BLOB NOT NULL,
     file       TEXT NOT NULL,
     state      TEXT NOT NULL DEFAULT 'running',
@@ -167,7 +166,7 @@ CREATE INDEX search_running ON search (campaign) WHERE state = 'running';
 
 -- What each run of a search is about, by its position; ``vals`` is a list in JSON.
 CREATE TABLE proposal (
-    campaign TEXT NOT NULL REFERENCES campaign (id),
+    campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
     position INTEGER NOT NULL,
     number   INTEGER NOT NULL,
     repeat   INTEGER NOT NULL,

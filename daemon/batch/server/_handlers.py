@@ -11,20 +11,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import (
-    AdmittedSubmission,
-    LedgerReader,
-    LedgerWriter,
-    TimeLeft,
-    count_states,
-)
+from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft, count_states
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchHandlers
-from daemon.batch.server._submissions import prepare_request
+from daemon.batch.server._submissions import read_submission
 from daemon.batch.server._uploads import Uploads
 from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import Marker, is_url, read_part
@@ -69,6 +63,7 @@ from daemon.model.status import (
     TroubleCause,
     WorkerRow,
 )
+from daemon.model.submission import Submission
 from daemon.model.verbs import (
     DELETE,
     EXTEND,
@@ -255,12 +250,12 @@ class Handlers(SearchHandlers):
 
     # Changes of the ledger; each is answered after its commit
 
-    def _admit(self, payload: bytes) -> AdmittedSubmission:
-        return prepare_request(payload, self.paths)
+    def _admit(self, payload: bytes) -> Submission:
+        return read_submission(payload, self.paths)
 
-    def submit(self, ledger: LedgerWriter, prepared: AdmittedSubmission) -> SubmissionReceipt:
+    def submit(self, ledger: LedgerWriter, submission: Submission) -> SubmissionReceipt:
         self._end_waits(ledger)
-        receipt = ledger.enter(prepared, time.time())
+        receipt = ledger.submit(submission, time.time())
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
 

@@ -10,14 +10,13 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._searches import (
-    StagedExtension,
     StagedSearch,
-    stage_extension,
+    read_extension,
     stage_search,
 )
 from daemon.model.bundles import read_bundle
 from daemon.model.messages import Count, Empty, IdRequest
-from daemon.model.proposals import ProposalQuery, ProposalRow
+from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import SubmissionReceipt
@@ -59,11 +58,11 @@ class SearchHandlers:
         self.log.write("search submitted", **codec.to_plain(receipt))
         return receipt
 
-    def _admit_extension(self, payload: bytes) -> StagedExtension:
-        return stage_extension(payload, self.paths)
+    def _admit_extension(self, payload: bytes) -> ExtendRequest:
+        return read_extension(payload, self.paths)
 
-    def extend(self, ledger: LedgerWriter, staged: StagedExtension) -> Count:
-        return Count(ledger.extend(staged.proposals, staged.runs, time.time()))
+    def extend(self, ledger: LedgerWriter, request: ExtendRequest) -> Count:
+        return Count(ledger.extend(request.proposals, request.runs, time.time()))
 
     def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:
         ledger.note_progress(progress, time.time())

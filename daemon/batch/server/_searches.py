@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger import AdmittedSubmission
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
 from daemon.batch.server._submissions import admit_submission
 from daemon.model.bundles import unpack_bundle
 from daemon.model.ids import is_id
-from daemon.model.proposals import ExtendRequest, Proposal
+from daemon.model.proposals import ExtendRequest
 from daemon.model.search import SearchSubmission
 from daemon.model.verbs import EXTEND, SEARCH
 from grammars.text import codec
@@ -55,14 +54,6 @@ class StagedSearch:
     def remove(self) -> None:
         """Remove what was not placed."""
         shutil.rmtree(self.folder, ignore_errors=True)
-
-
-@dataclass(frozen=True, slots=True)
-class StagedExtension:
-    """Runs to be added to a search, and what they are about."""
-
-    proposals: tuple[Proposal, ...]
-    runs: AdmittedSubmission
 
 
 def _holds_all(folder: Path, wanted: Path) -> bool:
@@ -124,27 +115,28 @@ def remove_staged_searches(paths: StatePaths) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def stage_extension(payload: bytes, paths: StatePaths) -> StagedExtension:
-    """Check runs that are to be added to a search, and make them ready for the ledger.
+def read_extension(payload: bytes, paths: StatePaths) -> ExtendRequest:
+    """Check runs that are to be added to a search, and store their scenes.
 
-    Stores their scenes. Raises as :func:`stage_search` does.
+    Raises as :func:`stage_search` does.
     """
     request = read_request(EXTEND, payload)
     assert isinstance(request, ExtendRequest)
     problems = list(_extension_problems(request))
     if problems:
         raise Refused("\n".join(problems[:10]))
-    return StagedExtension(request.proposals, admit_submission(request.runs, paths))
+    admit_submission(request.runs, paths)
+    return request
 
 
 def _extension_problems(request: ExtendRequest) -> Iterator[str]:
-    proposals, packed = request.proposals, request.runs
-    if packed.campaign != request.campaign:
-        yield f"the runs are of {packed.campaign!r}, not of {request.campaign!r}"
-    if len(packed.runs) != len(proposals) or packed.reserve:
-        yield f"there are {len(packed.runs)} runs for {len(proposals)} proposals"
+    proposals, runs = request.proposals, request.runs
+    if runs.campaign != request.campaign:
+        yield f"the runs are of {runs.campaign!r}, not of {request.campaign!r}"
+    if len(runs.runs) != len(proposals) or runs.reserve:
+        yield f"there are {len(runs.runs)} runs for {len(proposals)} proposals"
         return
-    for place, (proposal, run) in enumerate(zip(proposals, packed.runs, strict=True)):
+    for place, (proposal, run) in enumerate(zip(proposals, runs.runs, strict=True)):
         if proposal.position != proposals[0].position + place:
             yield f"proposals follow one after the other, not at {proposal.position}"
         if min(proposal.position, proposal.number, proposal.repeat) < 0:

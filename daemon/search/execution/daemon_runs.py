@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import LARGEST_EXTENSION, CampaignQuery
-from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest, Phase, Proposal, ProposalQuery, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
@@ -27,7 +26,8 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import RunSpec
-from daemon.model.status import ChangeEvent, Submission
+from daemon.model.status import ChangeEvent
+from daemon.model.submission import Submission
 from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
 from daemon.search.execution.runs import SearchStoppedError
 from grammars.model.scene import Scene
@@ -296,9 +296,9 @@ class DaemonRuns:
         files = {digest for spec in specs for digest in spec.files}
         if not files <= self._sent:
             self._client.send_files(specs)
-        runs = Submission(self._campaign, "", "", "", specs, tuple(scenes.values()))
+        runs = Submission.of(self._campaign, specs, scenes.values())
         proposals = tuple(proposal for proposal, _ in part)
-        self._client.ask(EXTEND, ExtendRequest(self._campaign, proposals, pack_submission(runs)))
+        self._client.ask(EXTEND, ExtendRequest(self._campaign, proposals, runs))
         self._sent.update(files, scenes)
 
 

@@ -16,7 +16,7 @@ from textual.timer import Timer
 from textual.widgets import Input, OptionList
 
 from daemon.batch.paths import StatePaths
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Severity
 from grammars.text.words import count_noun

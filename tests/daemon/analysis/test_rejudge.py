@@ -11,7 +11,7 @@ from daemon.batch.paths import StatePaths
 from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import OracleText, RunResult, Timing, TraceInfo
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
@@ -97,7 +97,7 @@ def kept(tmp_path):
     run = spec()
     connection = connect(places.ledger)
     book = LedgerWriter(connection)
-    book.submit(Submission("c", "c", "", "", (run,), (WORLD,)), 1.0)
+    book.submit(Submission.of("c", (run,), (WORLD,)), 1.0)
     (grant,) = book.lease("w", 1, 1.0)
     verdict = Verdict("slow", "max(speed) <= 0.1 m/s", Outcome.FAIL, -0.4, -0.4, "m/s")
     result = RunResult(
@@ -122,7 +122,7 @@ def test_the_ledger_knows_what_was_judged_before(kept):
 
 def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept):
     connection = connect(kept.ledger)
-    LedgerWriter(connection).submit(Submission("d", "d", "", "", (spec(), spec(1)), (WORLD,)), 3.0)
+    LedgerWriter(connection).submit(Submission.of("d", (spec(), spec(1)), (WORLD,)), 3.0)
     connection.close()
     assert find_traces(["d"], kept) == find_traces(["d.0"], kept) == find_traces(["c"], kept)
 

@@ -13,9 +13,6 @@ RULES = {
         "SELECT count(*) FROM result JOIN run ON run.id = result.run"
         " WHERE run.result <> result.digest"
     ),
-    "runs have no specification": (
-        "SELECT count(*) FROM run LEFT JOIN spec ON spec.run = run.id WHERE spec.run IS NULL"
-    ),
     "runs are queued in campaigns that are closed": (
         "SELECT count(*) FROM run JOIN campaign ON campaign.id = run.campaign"
         " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"

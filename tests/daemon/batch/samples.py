@@ -3,7 +3,6 @@
 import base64
 from dataclasses import replace
 
-from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest, Proposal
 from daemon.model.search import (
     BundledFile,
@@ -21,7 +20,7 @@ from daemon.model.spec import (
     Timing,
     TraceInfo,
 )
-from daemon.model.status import Submission
+from daemon.model.submission import CellRun, Submission
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
@@ -61,16 +60,22 @@ def make_spec(repeat=0, *, scenario="S1", **parameters):
 
 def make_submission(campaign, runs=3, **parameters):
     """A campaign of ``runs`` repeats of one scenario."""
-    # They share all that is the same: so packing many takes no time.
-    first = make_spec(**parameters)
-    specs = (replace(first, repeat=repeat, seed=repeat) for repeat in range(runs))
-    return submission_of(campaign, *specs)
+    one = submission_of(campaign, make_spec(**parameters))
+    return replace(one, runs=tuple(CellRun(0, 0, repeat, repeat) for repeat in range(runs)))
 
 
-def submission_of(campaign, *specs):
+def submission_of(campaign, *specs, reserve=()):
     """A campaign of the given runs; fresh, so that it does what is tested every time."""
-    name = f"Campaign {campaign}"
-    return Submission(campaign, name, "for tests", "text", specs, (SCENE,), fresh=True)
+    plain = Submission.of(campaign, (*specs, *reserve), (SCENE,))
+    return replace(
+        plain,
+        name=f"Campaign {campaign}",
+        about="for tests",
+        source="text",
+        runs=plain.runs[: len(specs)],
+        reserve=plain.runs[len(specs) :],
+        fresh=True,
+    )
 
 
 def make_result(spec, *, outcome=Outcome.PASS, margin=0.5, trace=None, wall=0.01):
@@ -114,5 +119,5 @@ def make_extension(campaign, first, count=1, *, send_scenes=True, **parameters):
     positions = range(first, first + count)
     specs = (make_spec(scenario=TASK.scenario_of(n), number=n, **parameters) for n in positions)
     scenes = (SCENE,) if send_scenes else ()
-    runs = Submission(campaign, "", "", "", tuple(specs), scenes)
-    return ExtendRequest(campaign, tuple(map(make_proposal, positions)), pack_submission(runs))
+    runs = Submission.of(campaign, tuple(specs), scenes)
+    return ExtendRequest(campaign, tuple(map(make_proposal, positions)), runs)

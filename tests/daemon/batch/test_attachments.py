@@ -25,7 +25,6 @@ from daemon.model.attachments import (
     user_files_folder,
 )
 from daemon.model.messages import FilePart, PutRequest
-from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
 from daemon.stacks.registry import make_sut
@@ -211,9 +210,9 @@ def test_a_submission_without_its_files_is_refused(places):
     lacking = {"files": {"model": f"sha256:{DIGEST}"}}
     submission = submission_of("c", replace(make_spec(), sut=SutReference("m", "mine", lacking)))
     with pytest.raises(Refused, match='the file "model" of m was not sent along'):
-        admit_submission(pack_submission(submission), places)
+        admit_submission(submission, places)
     (places.files / DIGEST).write_bytes(MODEL)
-    admit_submission(pack_submission(submission), places)
+    admit_submission(submission, places)
 
 
 def test_as_many_files_are_kept_as_campaigns_need(places, put):

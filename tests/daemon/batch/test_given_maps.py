@@ -14,7 +14,6 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import user_files_folder
-from daemon.model.packed_submission import pack_submission
 from daemon.run import execute
 from grammars.floorplan import load_floorplan
 from grammars.model.grid import OCCUPIED
@@ -71,7 +70,7 @@ def recorded_map(trace):
 
 def test_a_worker_elsewhere_gives_the_map_to_its_runs(here, monkeypatch):
     submission = planned(here)
-    (spec,) = submission.runs
+    (spec,) = submission.specs
     digest = spec.map.file
     with daemon_at(here / "state") as daemon, daemon.client() as client:
         client.submit(submission)
@@ -96,7 +95,7 @@ def test_a_worker_elsewhere_gives_the_map_to_its_runs(here, monkeypatch):
 
 def test_the_same_campaign_here_leaves_the_same_trace(here):
     submission = planned(here)
-    (spec,), (scene,) = submission.runs, submission.scenes
+    (spec,), (scene,) = submission.specs, submission.scenes
     results = [execute(spec, scene, trace_path=here / f"{k}.mcap") for k in range(2)]
     assert len({result.trace.sha256 for result in results}) == 1
     assert recorded_map(here / "0.mcap")[1] == own_map(here).cells.ravel().tolist()
@@ -104,7 +103,7 @@ def test_the_same_campaign_here_leaves_the_same_trace(here):
 
 def test_a_trace_whose_map_is_nowhere_says_so(here):
     submission = planned(here)
-    execute(submission.runs[0], submission.scenes[0], trace_path=here / "run.mcap")
+    execute(submission.specs[0], submission.scenes[0], trace_path=here / "run.mcap")
     shutil.rmtree(user_files_folder())
     found = verify(here / "run.mcap", 1, places=StatePaths(here / "state"))
     assert not found.all_executed
@@ -115,14 +114,14 @@ def test_a_trace_whose_map_is_nowhere_says_so(here):
 def test_a_submission_without_its_map_is_refused(here):
     places = StatePaths(here / "state")
     places.make_folders()
-    with pytest.raises(Refused, match="A/pilot/0: its map .* was not sent along"):
-        admit_submission(pack_submission(planned(here)), places)
+    with pytest.raises(Refused, match="A/pilot: its map .* was not sent along"):
+        admit_submission(planned(here), places)
 
 
 @pytest.mark.parametrize("file", ["../../etc/passwd", "0" * 63, "G" * 64, "0" * 64 + "\n"])
 def test_what_is_no_digest_never_becomes_a_path(here, file):
-    packed = codec.to_plain(pack_submission(planned(here)))
+    packed = codec.to_plain(planned(here))
     packed["cells"][0]["map"]["file"] = file
-    kind = type(pack_submission(planned(here)))
+    kind = type(planned(here))
     with pytest.raises(ValueError, match="pattern"):
         codec.from_plain(kind, packed)

@@ -19,7 +19,7 @@ def folder(tmp_path, campaigns):
 
 
 def digests(path):
-    return [spec.digest for spec in expand(load_campaign(path)).runs]
+    return [spec.digest for spec in expand(load_campaign(path)).specs]
 
 
 def coded(data):

@@ -59,7 +59,7 @@ def messages(path):
 
 def test_runs_are_scenarios_times_suts_times_repeats(folder):
     submission = expand(load_campaign(write(folder, CAMPAIGN)))
-    assert [r.label for r in submission.runs] == [
+    assert [r.label for r in submission.specs] == [
         f"{scenario}/{sut}/{repeat}"
         for scenario in ("calm", "rude")
         for sut in ("pilot", "idle")
@@ -69,7 +69,7 @@ def test_runs_are_scenarios_times_suts_times_repeats(folder):
 
 
 def test_a_scenario_is_like_another_except_for_what_it_says(folder):
-    runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).runs}
+    runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).specs}
     assert [o.name for o in runs["calm"].oracles] == ["reached"]
     assert [o.name for o in runs["rude"].oracles] == ["reached", "no-contact"]
     assert (runs["calm"].limit, runs["rude"].limit) == (30.0, 60.0)
@@ -77,7 +77,7 @@ def test_a_scenario_is_like_another_except_for_what_it_says(folder):
 
 
 def test_overrides_reach_the_layer_they_stand_beside(folder):
-    runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).runs}
+    runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).specs}
     triggers = [b for b in runs["rude"].behaviours if b.kind == "trigger"]
     assert {t.distance for t in triggers} == {1.0}
 
@@ -109,10 +109,10 @@ def test_the_same_campaign_has_the_same_id_until_something_changes(folder):
 def test_random_doors_are_drawn_per_repeat_or_once(campaigns, tmp_path):
     shutil.copytree(campaigns, tmp_path / "all")
     path = tmp_path / "all" / "ortega2024" / "first.yaml"
-    once = [r.behaviours for r in expand(load_campaign(path)).runs if r.scenario == "S2"]
+    once = [r.behaviours for r in expand(load_campaign(path)).specs if r.scenario == "S2"]
     assert all(b == once[0] for b in once)
     path.write_text(path.read_text().replace("per campaign", "per repeat"))
-    anew = [r.behaviours for r in expand(load_campaign(path)).runs if r.scenario == "S2"]
+    anew = [r.behaviours for r in expand(load_campaign(path)).specs if r.scenario == "S2"]
     assert len({str(b) for b in anew}) == 5
 
 
@@ -219,10 +219,10 @@ VARIED = DOORLESS.replace(
 def test_a_varied_scenario_runs_in_every_variant_of_its_plan(folder):
     text = VARIED.replace("sut: [pilot, idle]", "sut: idle")
     submission = expand(load_campaign(write(folder, text)))
-    scenarios = list(dict.fromkeys(run.scenario for run in submission.runs))
+    scenarios = list(dict.fromkeys(run.scenario for run in submission.specs))
     assert scenarios == [f"{name}@{seed}" for name in ("calm", "rude") for seed in (11, 12, 13)]
     assert len(submission.scenes) == 3
-    assert len(submission.runs) == 2 * 3 * 2
+    assert len(submission.specs) == 2 * 3 * 2
     again = expand(load_campaign(write(folder, text)))
     assert again.campaign == submission.campaign
 
@@ -232,7 +232,7 @@ def test_a_scenario_may_draw_other_variants_than_the_campaign(folder):
     text = text.replace(
         "    like: calm\n", "    like: calm\n    vary: {floorplan: flat, samples: 1, seed: 9}\n"
     )
-    scenarios = {run.scenario for run in expand(load_campaign(write(folder, text))).runs}
+    scenarios = {run.scenario for run in expand(load_campaign(write(folder, text))).specs}
     assert scenarios == {"calm@3", "calm@4", "rude@9"}
 
 

@@ -148,7 +148,7 @@ def write_campaign(folder, repeats=""):
 
 def repeats_by_sut(path):
     found = {}
-    for run in expand(load_campaign(path)).runs:
+    for run in expand(load_campaign(path)).specs:
         found.setdefault(run.sut.name, []).append(run.repeat)
     return found
 
@@ -165,8 +165,8 @@ def test_what_is_not_repeatable_is_run_more_often_unless_told_otherwise(folder):
 
 
 def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder):
-    by_default = expand(load_campaign(write_campaign(folder))).runs
-    spoken = expand(load_campaign(write_campaign(folder, "repeats: 5\n"))).runs
+    by_default = expand(load_campaign(write_campaign(folder))).specs
+    spoken = expand(load_campaign(write_campaign(folder, "repeats: 5\n"))).specs
     assert {run.digest for run in by_default} < {run.digest for run in spoken}
     pairs = {(run.repeat, run.seed) for run in by_default}
     assert len(pairs) == 5

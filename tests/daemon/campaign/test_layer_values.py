@@ -285,7 +285,7 @@ def test_each_shipped_scenario_as_a_campaign_of_its_own_has_the_same_runs(
     campaign = load_campaign(tmp_path / f"{name}.yaml")
     # Those left out differ from others in nothing but their missions.
     cells = tuple(c for c in campaign.cells if c.name not in ("S3.2", "S3.3", "S3.5"))
-    wanted = {run.label: run.digest for run in expand(replace(campaign, cells=cells)).runs}
+    wanted = {run.label: run.digest for run in expand(replace(campaign, cells=cells)).specs}
     file = (tmp_path / name).parent / "alone.yaml"
     found = {}
     for one in cells:
@@ -293,7 +293,7 @@ def test_each_shipped_scenario_as_a_campaign_of_its_own_has_the_same_runs(
             campaign, one.scenario, name=one.name, repeats=campaign.repeats or 1, comment="Alone."
         )
         file.write_text(text)
-        found |= {run.label: run.digest for run in expand(load_campaign(file)).runs}
+        found |= {run.label: run.digest for run in expand(load_campaign(file)).specs}
     assert found == wanted
 
 
@@ -309,7 +309,7 @@ floorplan: {flat: {room_length: 3.1 m}}
     chance: per campaign
     limit: 45.5 s"""
     campaign = load(folder, slots)
-    wanted = [r.digest for r in expand(campaign).runs if r.scenario == "changed"]
+    wanted = [r.digest for r in expand(campaign).specs if r.scenario == "changed"]
     scenario = campaign.cells[1].scenario
     text = campaign_text(
         campaign, scenario, name="changed", about="x", comment="Two\nlines",
@@ -317,16 +317,16 @@ floorplan: {flat: {room_length: 3.1 m}}
     )  # fmt: skip
     (folder / "alone.yaml").write_text(text)
     alone = load_campaign(folder / "alone.yaml")
-    assert [r.digest for r in expand(alone).runs] == wanted
+    assert [r.digest for r in expand(alone).specs] == wanted
     assert len(wanted) == 2
     assert alone.declared.expectations[0].why == "found"
     (folder / "alone.yaml").write_text(campaign_text(campaign, scenario, name="changed", sut=1))
-    assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).runs] == wanted[1:]
+    assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).specs] == wanted[1:]
 
 
 def test_variants_with_values_run_alone_as_they_do_there(folder):
     campaign = load(folder, "vary: {floorplan: {flat: {slack: 0.1 m}}, samples: 2}")
-    wanted = [r.digest for r in expand(campaign).runs if r.scenario != "plain"]
+    wanted = [r.digest for r in expand(campaign).specs if r.scenario != "plain"]
     scenario = replace(campaign.cells[1].scenario, name="other")
     (folder / "alone.yaml").write_text(campaign_text(campaign, scenario, name="changed"))
-    assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).runs] == wanted
+    assert [r.digest for r in expand(load_campaign(folder / "alone.yaml")).specs] == wanted

@@ -50,7 +50,7 @@ def written(folder, map="", override=""):
 
 
 def specs(folder, map="", override=""):
-    return expand(load_campaign(written(folder, map, override))).runs
+    return expand(load_campaign(written(folder, map, override))).specs
 
 
 def drawn(folder):

@@ -139,9 +139,9 @@ def test_everything_can_be_said(write):
 def test_searches_are_no_runs_and_change_none(write):
     without = write("").read_text().partition("search:")[0]
     path = write(HEAD + "    over: {doors_moving.closes: 5 .. 7 s}\n")
-    runs = [run.digest for run in expand(load_campaign(path)).runs]
+    runs = [run.digest for run in expand(load_campaign(path)).specs]
     path.write_text(without)
-    assert [run.digest for run in expand(load_campaign(path)).runs] == runs
+    assert [run.digest for run in expand(load_campaign(path)).specs] == runs
 
 
 @pytest.mark.parametrize(

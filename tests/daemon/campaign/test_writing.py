@@ -55,7 +55,7 @@ def messages(path):
 
 
 def test_defaults_hold_where_a_scenario_says_nothing_itself_or_by_like(folder):
-    runs = {run.scenario: run for run in expand(load_campaign(write(folder, CAMPAIGN))).runs}
+    runs = {run.scenario: run for run in expand(load_campaign(write(folder, CAMPAIGN))).specs}
     assert {name: [o.name for o in run.oracles] for name, run in runs.items()} == {
         "calm": ["reached"],
         "rude": ["reached", "no-contact"],

@@ -47,7 +47,7 @@ def demo_submission(campaigns):
 
 
 def demo_spec(demo, scenario="busy-house"):
-    spec = next(s for s in demo.runs if s.scenario == scenario)
+    spec = next(s for s in demo.specs if s.scenario == scenario)
     scene = next(s for s in demo.scenes if s.digest == spec.scene)
     return replace(spec, sut=SutReference("idle", "idle", {})), scene
 

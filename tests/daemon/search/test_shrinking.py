@@ -104,7 +104,7 @@ def test_one_door_and_what_it_does_are_left(case, tmp_path):
     assert len(set(runs.digests)) == len(runs.digests)
     folder = tmp_path / "minimal"
     unpack_bundle(shrunk.files, folder)
-    (run,) = expand(load_campaign(folder / "campaign.yaml")).runs
+    (run,) = expand(load_campaign(folder / "campaign.yaml")).specs
     assert fails(run)
     assert [w.id for w in run.mission.waypoints] == ["kitchen"]
 
@@ -147,7 +147,7 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
     assert answer.shrunk.files
     file = case.folder / "near.found.yaml"
     file.write_text(answer.found)
-    (run,) = expand(load_campaign(file)).runs
+    (run,) = expand(load_campaign(file)).specs
     assert (
         run.digest == answer.found_digest == runs.digests[answer.nearest.result.proposal.position]
     )
@@ -168,5 +168,5 @@ def test_what_was_handed_on_to_a_daemon_is_shrunk_to_a_campaign(case, tmp_path):
     assert answer.shrunk is not None
     assert not any("cannot be written" in line for line in answer.shrunk.story)
     unpack_bundle(answer.shrunk.files, tmp_path / "minimal")
-    (run,) = expand(load_campaign(tmp_path / "minimal" / "campaign.yaml")).runs
+    (run,) = expand(load_campaign(tmp_path / "minimal" / "campaign.yaml")).specs
     assert fails(run)

@@ -117,9 +117,9 @@ def _exported(file, folder):
     scenes = {scene.digest: scene for scene in submission.scenes}
     found = []
     for path in sorted(folder.iterdir()):
-        runs = tuple(run for run in submission.runs if run.scenario == path.name)
+        runs = tuple(run for run in submission.specs if run.scenario == path.name)
         found.append(World(path, runs, scenes[runs[0].scene], folder))
-    assert {w.name for w in found} == {run.scenario for run in submission.runs}
+    assert {w.name for w in found} == {run.scenario for run in submission.specs}
     return found
 
 

@@ -1,6 +1,7 @@
 """Traces of a daemon elsewhere: fetched, and read by the commands that are about recorded runs."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import RunResult, Timing, TraceInfo
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
@@ -28,7 +29,8 @@ def campaign_at(places, store=""):
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
     book = LedgerWriter(connection)
-    book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
+    plain = Submission.of("corr-1", specs, (CORRIDOR,))
+    book.submit(replace(plain, name="corr", about="about", declared=DECLARED), 1.0)
     for grant in book.lease("w", 2, 1.0):
         path = record(places.trace(grant.trace), grant.spec)
         trace = read_trace(path)

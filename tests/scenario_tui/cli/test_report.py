@@ -3,6 +3,7 @@
 import os
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import RunResult, Timing, TraceInfo
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from scenario_tui.cli.named_traces import resolve_recorded
@@ -41,7 +42,8 @@ def ledger(here):
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
     book = LedgerWriter(connection)
-    book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
+    plain = Submission.of("corr-1", specs, (CORRIDOR,))
+    book.submit(replace(plain, name="corr", about="about", declared=DECLARED), 1.0)
     for grant in book.lease("w", 2, 1.0):
         run = grant.spec
         name = trace_name("corr-1", run.scenario, run.sut.name, run.repeat)

@@ -7,16 +7,15 @@ import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import stage_extension
+from daemon.batch.server import read_extension
 from daemon.batch.stores import file_sha256, file_size
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.messages import Completion
-from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest
 from daemon.model.search import OracleScale
 from daemon.model.search_answer import SearchAnswer, SearchProgress
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.model.trials import Trial
 from daemon.trace import read_trace
 from grammars.text import codec
@@ -45,10 +44,10 @@ def ledger(tmp_path, monkeypatch):
     submission = make_search(SEARCH, minimise=oracle, scales=(OracleScale(oracle, 1.0, "m"),))
     book.submit_search(submission, "d", lambda _: places.search(SEARCH).mkdir(exist_ok=True), 1.0)
     specs = tuple(replace(first, scenario=TASK.scenario_of(n), seed=n) for n in range(2))
-    runs = Submission(SEARCH, "", "", "", specs, (CORRIDOR,))
+    runs = Submission.of(SEARCH, specs, (CORRIDOR,))
     proposals = (make_proposal(0), make_proposal(1))
-    request = ExtendRequest(SEARCH, proposals, pack_submission(runs))
-    staged = stage_extension(codec.to_json(request), places)
+    request = ExtendRequest(SEARCH, proposals, runs)
+    staged = read_extension(codec.to_json(request), places)
     with book.transaction():
         book.extend(staged.proposals, staged.runs, 1.0)
     for grant in book.lease("w", 2, 1.0):

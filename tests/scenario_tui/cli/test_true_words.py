@@ -13,7 +13,7 @@ from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
 from daemon.model.messages import Completion, ReleaseRequest
 from daemon.model.spec import RunResult, Timing, TraceInfo
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS, record, spec
@@ -79,10 +79,8 @@ class Ledger:
         self.book = LedgerWriter(self.connection)
 
     def submit(self, state):
-        sent = Submission(
-            f"{state}-1", state, "", "", runs_of(state), (CORRIDOR,), RULES, fresh=True
-        )
-        self.book.submit(sent, self.now)
+        sent = Submission.of(f"{state}-1", runs_of(state), (CORRIDOR,))
+        self.book.submit(replace(sent, name=state, declared=RULES, fresh=True), self.now)
 
     def lease(self, count):
         return self.book.lease("w", count, self.now)

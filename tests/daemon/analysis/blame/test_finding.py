@@ -46,7 +46,7 @@ def test_what_names_no_run_is_refused(places, words, message):
 def test_a_trace_is_of_the_campaign_file_that_specifies_it(folder, places, monkeypatch):
     file = write(folder, CAMPAIGN.replace("16 s", "1 s"))
     planned = expand(load_campaign(file))
-    execute(planned.runs[1], planned.scenes[0], trace_path=folder / "run.mcap")
+    execute(planned.specs[1], planned.scenes[0], trace_path=folder / "run.mcap")
     monkeypatch.chdir(folder.parent)
     meant = find_run(["demo/run.mcap"], places)
     assert meant.campaign.resolve() == file
@@ -74,7 +74,7 @@ def test_a_copy_of_the_campaign_among_results_gives_way_to_the_original(
     copy = results / "demo" / "tiny.yaml"
     (tmp_path / "demo").rename(tmp_path / "tests")
     trace = tmp_path / "run.mcap"
-    execute(planned.runs[0], planned.scenes[0], trace_path=trace)
+    execute(planned.specs[0], planned.scenes[0], trace_path=trace)
     monkeypatch.chdir(tmp_path)
     meant = find_run(["run.mcap"], places)
     assert (meant.campaign, meant.note) == (Path("tests/tiny.yaml"), "")

@@ -18,7 +18,7 @@ from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, wri
 @pytest.fixture
 def candidate(folder):
     planned = expand(load_campaign(write(folder, CAMPAIGN.replace("16 s", "1 s"))))
-    return Candidate(planned.runs[0], planned.scenes[0])
+    return Candidate(planned.specs[0], planned.scenes[0])
 
 
 def numbered(candidate, count):

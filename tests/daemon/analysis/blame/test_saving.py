@@ -85,7 +85,7 @@ def test_a_saved_run_is_the_smallest_one(folder, monkeypatch):
     assert "person" in (folder / "saved" / "kinds.scenery").read_text()
     assert "cat" not in (folder / "saved" / "kinds.scenery").read_text()
     campaign = load_campaign(file)
-    (_, run) = expand(campaign).runs
+    (_, run) = expand(campaign).specs
     smallest = found.smallest.spec
     assert run.scene == smallest.scene
     assert run.behaviours == smallest.behaviours
@@ -103,7 +103,7 @@ def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(folder, mo
     case = load_case(write(folder), "rude", "pilot", 1)
     runner = CandidateRunner(200)
     file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
-    assert [run.repeat for run in expand(load_campaign(file)).runs] == [0]
+    assert [run.repeat for run in expand(load_campaign(file)).specs] == [0]
 
 
 def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder, tmp_path):
@@ -124,7 +124,7 @@ def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder, tmp_path):
     moved = Path(shutil.move(folder / "saved", tmp_path / "elsewhere"))
     shutil.rmtree(folder)
     planned = expand(load_campaign(moved / "campaign.yaml"))
-    run = planned.runs[-1]
+    run = planned.specs[-1]
     result = execute(run, planned.scenes[0], trace_path=tmp_path / "again.mcap")
     (verdict,) = result.verdicts
     assert verdict.outcome is Outcome.FAIL
@@ -168,7 +168,7 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
     blamed = explain_failure(case, runner)
     assert [str(one.element) for one in blamed.story.layers] == [small.name]
     file = save_campaign(case, blamed, tmp_path / "saved", runner)
-    (run,) = expand(load_campaign(file)).runs
+    (run,) = expand(load_campaign(file)).specs
     assert run.sut.parameters == wanted
     assert "like:" in (tmp_path / "saved" / "suts" / "a2s.yaml").read_text()
 
@@ -188,7 +188,7 @@ def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(folder, 
     runner = CandidateRunner(100)
     found = explain_failure(case, runner)
     assert found.story.objects == ("tom",)
-    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).runs
+    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).specs
     assert (run.scene, run.behaviours) == (
         found.smallest.spec.scene,
         found.smallest.spec.behaviours,
@@ -218,7 +218,7 @@ def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(folder, monkeypat
     assert case.settings.elements == ()
     runner = CandidateRunner(200)
     file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
-    (run,) = expand(load_campaign(file)).runs
+    (run,) = expand(load_campaign(file)).specs
     assert run.sut == case.spec.sut
     assert (folder / "saved" / "suts" / "files" / "params").read_text() == "amcl: {}\n"
 
@@ -234,7 +234,7 @@ def test_the_map_of_ones_own_is_saved_beside_the_campaign(folder, monkeypatch, v
     case = load_case(write(folder, f"{CAMPAIGN}map: {{file: own.yaml}}\n"), "rude", "pilot", 0)
     runner = CandidateRunner(200)
     file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
-    (run,) = expand(load_campaign(file)).runs
+    (run,) = expand(load_campaign(file)).specs
     assert run.map == case.spec.map
     assert run.map.file
 
@@ -245,7 +245,7 @@ def test_a_saved_campaign_draws_its_map_by_the_same_rule(folder, monkeypatch, ru
     case = load_case(write(folder, f"{CAMPAIGN}map: {{rule: {rule}}}\n"), "rude", "pilot", 0)
     runner = CandidateRunner(200)
     file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
-    (run,) = expand(load_campaign(file)).runs
+    (run,) = expand(load_campaign(file)).specs
     assert (run.map.rule, run.map) == (rule, case.spec.map)
 
 
@@ -264,7 +264,7 @@ def test_values_beside_the_names_of_layers_are_saved_with_them(folder, monkeypat
     runner = CandidateRunner(200)
     found = explain_failure(case, runner)
     assert found.story.parameters == ("max_speed: 0.4",)
-    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).runs
+    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).specs
     smallest = found.smallest.spec
     assert (run.scene, run.sut, run.robot, run.mission) == (
         smallest.scene, smallest.sut, smallest.robot, smallest.mission,

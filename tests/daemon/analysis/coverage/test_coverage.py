@@ -11,7 +11,7 @@ from grammars.text import codec
 @pytest.fixture(scope="module")
 def paper(campaigns):
     planned = expand(load_campaign(campaigns / "ortega2024" / "paper.yaml"))
-    return planned_coverage(planned.runs, planned.scenes)
+    return planned_coverage(planned.specs, planned.scenes)
 
 
 def planned(found):
@@ -54,7 +54,7 @@ def test_alternatives_are_met_once_a_run(paper):
 def rude(campaigns, tmp_path_factory):
     """One run of the demonstration in which doors shut in the robot's face."""
     submission = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
-    spec = next(run for run in submission.runs if run.scenario == "rude-house")
+    spec = next(run for run in submission.specs if run.scenario == "rude-house")
     path = tmp_path_factory.mktemp("coverage") / "rude.mcap"
     execute(spec, submission.scenes[0], trace_path=path)
     return path

@@ -1,5 +1,7 @@
 """One campaign recorded and one page written, looked at by many tests."""
 
+from dataclasses import replace
+
 import pytest
 
 from daemon.analysis.report import (
@@ -9,7 +11,7 @@ from daemon.analysis.report import (
     write_campaign_note,
     write_page,
 )
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from tests.daemon.analysis.report.recordings import ABOUT, DECLARED, NAME, record_all
 from tests.daemon.judging.oracles.traces import CORRIDOR
 
@@ -21,9 +23,8 @@ def folder(tmp_path_factory):
     """A folder as `scenario run` leaves it."""
     made = tmp_path_factory.mktemp("results")
     specs = record_all(made)
-    write_campaign_note(
-        made, Submission("c", NAME, ABOUT, "", specs, (CORRIDOR,), declared=DECLARED)
-    )
+    plain = Submission.of("c", specs, (CORRIDOR,))
+    write_campaign_note(made, replace(plain, name=NAME, about=ABOUT, declared=DECLARED))
     return made
 
 

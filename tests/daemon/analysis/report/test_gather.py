@@ -186,7 +186,7 @@ def test_the_buffer_is_what_the_oracles_speak_of(texts, half, margin):
 
 def test_a_box_narrower_than_the_robot_is_where_a_collision_begins(campaigns):
     """S2 of the paper asks for no collision and names no buffer: its box is no room around it."""
-    runs = {run.scenario: run for run in expand(load_campaign(campaigns / PAPER)).runs}
+    runs = {run.scenario: run for run in expand(load_campaign(campaigns / PAPER)).specs}
     found = {}
     for name in ("S2", "S3.1"):
         texts = tuple(oracle.text for oracle in runs[name].oracles)

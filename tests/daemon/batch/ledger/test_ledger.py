@@ -57,13 +57,13 @@ def test_rows_show_the_deciding_oracle(ledger):
     book, reader, _ = ledger
     submission = make_submission("c", 2)
     book.submit(submission, NOW)
-    passing = make_result(submission.runs[0])
+    passing = make_result(submission.specs[0])
     tight = Verdict("near", "", Outcome.PASS, 0.1, 0.2, "m")
     measured = Verdict("speed", "", Outcome.MEASURE, None, None, "m/s", Evidence(value=0.3))
     failing = Verdict("hits", "", Outcome.FAIL, -2.0, -1.0, "m")
     results = {
         0: _with(passing, (measured, *passing.verdicts, tight), Outcome.PASS),
-        1: _with(make_result(submission.runs[1]), (tight, failing), Outcome.FAIL),
+        1: _with(make_result(submission.specs[1]), (tight, failing), Outcome.FAIL),
     }
     finish(book, results)
     first, second = reader.runs(RunQuery("c")).rows
@@ -84,7 +84,7 @@ def test_pages_filter_sort_and_count(ledger):
     book.submit(submission, NOW)
     results = {
         i: make_result(run, margin=-float(i), outcome=Outcome.FAIL if i % 2 else Outcome.PASS)
-        for i, run in enumerate(submission.runs)
+        for i, run in enumerate(submission.specs)
     }
     for grant in book.lease("w", 10, NOW):
         result = results[grant.spec.repeat]
@@ -110,7 +110,7 @@ def test_the_worst_outcome_comes_first(ledger):
     submission = make_submission("c", 4)
     book.submit(submission, NOW)
     outcomes = (Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
-    pairs = zip(submission.runs, outcomes, strict=True)
+    pairs = zip(submission.specs, outcomes, strict=True)
     finish(book, {i: make_result(run, outcome=o) for i, (run, o) in enumerate(pairs)})
     book.submit(make_submission("d", 1), NOW)
     rows = reader.runs(RunQuery(sort="outcome")).rows
@@ -155,8 +155,9 @@ def test_counting_does_not_read_the_runs(ledger, tmp_path):
     db.execute("BEGIN")
     db.execute(
         "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 100000)"
-        " INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-        " trace_name) SELECT 'c.' || i, 'c', i, 'S', 's', i, 9, 'd', 'c/' || i FROM n"
+        " INSERT INTO run (id, campaign, position, cell, script, scenario, sut, repeat,"
+        " time_limit, digest, trace_name)"
+        " SELECT 'c.' || i, 'c', i, 0, 0, 'S', 's', i, 9, 'd', 'c/' || i FROM n"
     )
     db.execute("UPDATE tally SET runs = runs + 100000")
     db.execute("COMMIT")

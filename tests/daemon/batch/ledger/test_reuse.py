@@ -33,7 +33,6 @@ from daemon.model.messages import (
     RetryRequest,
     RunQuery,
 )
-from daemon.model.packed_submission import pack_submission
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, SutReference, Timing
 from daemon.model.status import CampaignOrigin
@@ -52,8 +51,9 @@ class Ledger:
     reader: LedgerReader
     places: StatePaths
 
-    def submit(self, name, *specs, **changes):
-        submission = replace(submission_of(name, *specs), **{"fresh": False} | changes)
+    def submit(self, name, *specs, reserve=(), **changes):
+        submission = submission_of(name, *specs, reserve=reserve)
+        submission = replace(submission, **{"fresh": False} | changes)
         self.book.submit(submission, NOW)
         return submission
 
@@ -242,7 +242,7 @@ def submit_patiently(ledger, name="c"):
     """Two scenarios of two repeats each, and fourteen more in reserve for each."""
     runs = [spec for scenario in ("S1", "S2") for spec in specs(2, scenario=scenario)]
     reserve = [s for scenario in ("S1", "S2") for s in specs(14, scenario=scenario, first=2)]
-    ledger.submit(name, *runs, declared=PATIENT, reserve=tuple(reserve))
+    ledger.submit(name, *runs, declared=PATIENT, reserve=reserve)
 
 
 def test_undecided_cells_get_more_repeats_and_decided_ones_do_not(ledger):
@@ -411,7 +411,7 @@ def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger):
 def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path):
     places = StatePaths(tmp_path)
     places.make_folders()
-    submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
+    submission = submission_of("c", *specs(2), reserve=specs(2, first=1))
     with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
-        admit_submission(pack_submission(submission), places)
-    admit_submission(pack_submission(replace(submission, reserve=tuple(specs(2, first=2)))), places)
+        admit_submission(submission, places)
+    admit_submission(submission_of("c", *specs(2), reserve=specs(2, first=2)), places)

@@ -8,14 +8,13 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, find_strays
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import stage_extension
+from daemon.batch.server import read_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
-from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ExtendRequest, ProposalQuery
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery
 from daemon.model.spec import LeadingMargin
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from tests.daemon.batch.ledger_rules import broken_rules
@@ -55,7 +54,7 @@ class Searches:
         return self.add(make_extension(name, first, count, **parameters))
 
     def add(self, request):
-        staged = stage_extension(codec.to_json(request), self.places)
+        staged = read_extension(codec.to_json(request), self.places)
         with self.book.transaction():
             return self.book.extend(staged.proposals, staged.runs, NOW)
 
@@ -132,7 +131,7 @@ def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches):
     proposal = make_proposal(0)
     for name, seed in (("doors.0", 17), ("doors.1", 17)):
         spec = make_spec(scenario=f"{name}@{seed}")
-        runs = pack_submission(Submission("s", "", "", "", (spec,), (SCENE,)))
+        runs = Submission.of("s", (spec,), (SCENE,))
         request = ExtendRequest("s", (proposal,), runs)
         if name == "doors.0":
             assert searches.add(request) == 1

@@ -10,7 +10,6 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerWriter, find_strays, remove_strays
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
-from daemon.model.packed_submission import pack_submission
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import SCENE, make_submission
@@ -131,7 +130,7 @@ def test_a_campaign_on_its_way_keeps_what_it_needs(places):
         leave(places.scenes / name, 2 * HOUR)
     submission = make_submission("next", 1, files={"wheels": f"sha256:{UNKNOWN}"})
     leave(places.files / UNKNOWN, 2 * HOUR)
-    admit_submission(pack_submission(submission), places)
+    admit_submission(submission, places)
     gone = {stray.path for stray in remove_strays(places, time.time())}
     assert gone == {places.scenes / f"{UNKNOWN}.json"}
     assert (places.files / UNKNOWN).exists()

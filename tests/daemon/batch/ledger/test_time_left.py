@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.batch.ledger import LedgerReader, LedgerWriter, PlannedRun, connect, prepare_submission
+from daemon.batch.ledger import LedgerReader, LedgerWriter, PlannedRun, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion
 from daemon.model.spec import SutReference
@@ -109,5 +109,5 @@ def test_runs_that_a_search_will_propose_count_as_any(ledger):
     ledger.executed("first", 1.0)
     ledger.book.submit_search(make_search("s"), "digest", lambda _: None, NOW)
     more = make_extension("s", 0, 2)
-    ledger.book.extend(more.proposals, prepare_submission(more.runs), NOW)
+    ledger.book.extend(more.proposals, more.runs, NOW)
     assert ledger.left().campaigns == {"s": pytest.approx(make_search("s").task.runs)}

@@ -92,7 +92,7 @@ def test_the_next_run_is_found_by_an_index(db, book):
     db.set_trace_callback(asked.append)
     book.lease("w", 1, NOW)
     db.set_trace_callback(None)
-    (query,) = {query for query in asked if "FROM run JOIN spec" in query}
+    (query,) = {query for query in asked if "FROM run WHERE state" in query}
     plan = [str(step[3]) for step in db.execute(f"EXPLAIN QUERY PLAN {query}")]
     assert sum("run_ready" in step for step in plan) == 2
     assert not any(step.startswith(("SCAN run", "USE TEMP B-TREE")) for step in plan)

@@ -78,12 +78,14 @@ def test_a_healthy_place_is_whole(places, how):
         ("UPDATE run SET outcome = 'fail' WHERE id = 'c.3'", "differ from their results: c.3"),
         ("UPDATE result SET body = x'7b7d' WHERE run = 'c.0'", "results cannot be read: c.0"),
         ("UPDATE run SET digest = id WHERE id = 'c.5'", "differ from their digest: c.5"),
-        ("UPDATE spec SET body = CAST(replace(body, ',5,5]', ',5,6]') AS BLOB)", "digest: c.5"),
-        ("UPDATE part SET body = CAST(replace(body, 'disc', 'disk') AS BLOB)", "c.0, c.1, c.2"),
         (
-            "UPDATE spec SET body = CAST(x'5b22ff' || substr(body, 4) AS BLOB) WHERE run = 'c.4'",
-            "specifications cannot be read: c.4",
+            "UPDATE run SET seed = '6' WHERE id = 'c.5'",
+            "specifications differ",
         ),
+        ("UPDATE run SET repeat = 7 WHERE id = 'c.5'", "from their digest: c.5"),
+        ("UPDATE cell SET body = CAST(replace(body, 'disc', 'disk') AS BLOB)", "c.0, c.1, c.2"),
+        ("UPDATE cell SET body = x'5b22ff'", "specifications differ from their digest: c.0"),
+        ("UPDATE script SET body = x'5b'", "specifications differ from their digest: c.0"),
     ],
 )
 def test_what_was_changed_afterwards_is_found(places, statement, words):

@@ -43,7 +43,6 @@ from daemon.model.messages import (
     RunQuery,
     WorkerInfo,
 )
-from daemon.model.packed_submission import pack_submission
 from daemon.model.proposals import ProposalQuery
 from daemon.model.search_answer import SearchProgress, SearchQuery
 from daemon.model.spec import TraceInfo
@@ -207,7 +206,7 @@ def valid(target):
         verbs.RECORDS: RecordQuery("camp"),
         verbs.GET: GetRequest(INFO.sha256, 0, target.done.run),
         verbs.PUT: PutRequest("0" * 64, 4, 0, b"", ref, lease.era),
-        verbs.SUBMIT: pack_submission(make_submission("new", 2)),
+        verbs.SUBMIT: make_submission("new", 2),
         verbs.CANCEL: IdRequest("camp"),
         verbs.RETRY: RetryRequest("camp", ("pass",)),
         verbs.DELETE: DeleteRequest(("camp",)),
@@ -347,7 +346,7 @@ def test_ids_never_become_paths(target, tmp_path):
         target.complaint(verbs.GET, dumped({"sha256": INFO.sha256, "run": name}))
         target.complaint(verbs.GET, dumped({"sha256": name}))
         target.complaint(verbs.PUT, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
-        target.complaint(verbs.SUBMIT, codec.to_json(pack_submission(make_submission(name, 1))))
+        target.complaint(verbs.SUBMIT, codec.to_json(make_submission(name, 1)))
         me = codec.to_plain(ME) | {"id": name}
         for verb, body in (
             (verbs.LEASE, {"worker": me, "count": 1}),

@@ -8,10 +8,10 @@ import pytest
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import stage_extension, stage_search
-from daemon.model.packed_submission import PackedRun
+from daemon.batch.server import read_extension, stage_search
 from daemon.model.search import MOST_PROPOSALS, BundledFile
 from daemon.model.search_answer import SearchProgress
+from daemon.model.submission import CellRun
 from daemon.model.verbs import EXTEND, PROGRESS
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at
@@ -173,12 +173,12 @@ def test_runs_that_are_not_what_was_proposed_are_refused(places):
         (replace(good, proposals=later), "proposals follow one after the other, not at 30"),
         (replace(good, runs=replace(good.runs, runs=noisy)), "repeat 1 was proposed as repeat 0"),
         (
-            replace(good, runs=replace(good.runs, runs=(PackedRun(9, 0, 0, 0),) * 2)),
-            "no cell 9",
+            replace(good, runs=replace(good.runs, runs=(CellRun(9, 0, 0, 0),) * 2)),
+            "a cell or a script that is not there",
         ),
     ):
         with pytest.raises(Refused, match=words):
-            stage_extension(codec.to_json(wrong), places)
+            read_extension(codec.to_json(wrong), places)
     assert kept(places) == []
 
 
@@ -200,5 +200,5 @@ def test_runs_that_find_no_room_are_asked_for_again(places):
     shutil.rmtree(places.scenes)
     places.scenes.touch()  # as good as a disk that takes nothing more
     with pytest.raises(Unavailable, match="cannot be stored"):
-        stage_extension(codec.to_json(make_extension("s", 0, 1)), places)
+        read_extension(codec.to_json(make_extension("s", 0, 1)), places)
     assert kept(places) == []

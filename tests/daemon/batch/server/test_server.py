@@ -52,7 +52,7 @@ def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client):
     assert (receipt.runs, receipt.known) == (4, False)
     assert client.submit(submission).known
     assert client.runs("whole").total == 4
-    assert client.run("whole.2").spec == submission.runs[2]
+    assert client.run("whole.2").spec == submission.specs[2]
     assert client.scene(SCENE.digest) == SCENE
 
 
@@ -65,9 +65,9 @@ def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(client):
         client.submit(submission_of("bad", spec, spec, orphan, endless, foreign))
     words = str(refusal.value)
     assert "S1/pilot/0 is there twice" in words
-    assert "S1/pilot/1: its scene 000000000000 is neither here nor sent along" in words
-    assert "S1/pilot/2: the limit must be" in words
-    assert "S1/pilot/3: made for engine 0" in words
+    assert "S1/pilot: its scene 000000000000 is neither here nor sent along" in words
+    assert "S1/pilot: the limit must be" in words
+    assert "S1/pilot: made for engine 0" in words
     assert client.runs("bad").total == 0
 
 

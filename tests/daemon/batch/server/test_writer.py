@@ -3,6 +3,7 @@
 import sqlite3
 import threading
 from contextlib import closing, suppress
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,7 @@ from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
-from daemon.model.packed_submission import MOST_RUNS, pack_submission
+from daemon.model.submission import MOST_RUNS
 from tests.chaos.light import LightWorker
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
@@ -85,7 +86,7 @@ def test_all_that_is_wrong_with_a_submission_is_said_up_to_ten_times(tmp_path):
     places.make_folders()
     twice = submission_of("c", *[make_spec(i % 20) for i in range(40)])
     with pytest.raises(Refused) as found:
-        admit_submission(pack_submission(twice), places)
+        admit_submission(twice, places)
     first, *_, last = str(found.value).splitlines()
     assert first.startswith("S1/pilot/0 is there twice")
     assert last == "and 10 more"
@@ -94,8 +95,7 @@ def test_all_that_is_wrong_with_a_submission_is_said_up_to_ten_times(tmp_path):
 def test_a_campaign_of_too_many_runs_is_to_be_split(tmp_path):
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         submission = make_submission("c", 1)
-        runs = submission.runs * (MOST_RUNS + 1)
         words = f"has {MOST_RUNS + 1} runs, .* may have {MOST_RUNS}: split its scenarios"
         with pytest.raises(Refused, match=words):
-            client.submit(submission_of("c", *runs))
+            client.submit(replace(submission, runs=submission.runs * (MOST_RUNS + 1)))
         assert client.campaigns() == ()

@@ -12,7 +12,7 @@ from daemon.model.attachments import attach_files
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from daemon.model.status import Submission
+from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from tests.daemon.batch.dask_harness import dask_in, gateway, gateway_for
@@ -230,8 +230,8 @@ def test_a_scheduler_without_this_version_is_refused(daemon, tmp_path):
 
 def test_a_real_run_leaves_the_same_bytes_as_here(dask, campaigns, tmp_path):
     demo = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
-    spec = replace(demo.runs[0], sut=SutReference("idle", "idle", {}), limit=1.0)
-    submission = Submission("c", "C", "", "text", (spec,), demo.scenes[:1], fresh=True)
+    spec = replace(demo.specs[0], sut=SutReference("idle", "idle", {}), limit=1.0)
+    submission = Submission.of("c", (spec,), demo.scenes[:1])
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         client.submit(submission)
         with gateway_for(dask, daemon, executor=DEFAULT_EXECUTOR):

@@ -42,7 +42,7 @@ def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
     answer = replace(make_answer(make_task(), []), found=FOUND)
     file = write_found(answer, "doors-in-time", folder)
     assert file == folder / "doors-in-time.found.yaml"
-    (run,) = expand(load_campaign(file)).runs
+    (run,) = expand(load_campaign(file)).specs
     assert run.label == "doors-in-time.4/pilot/0"
     exported = export_found(file, folder / "gazebo")
     assert set(exported.made) == {"map", "sdf", "keyframes", "tasks", "launch"}

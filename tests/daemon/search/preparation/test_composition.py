@@ -78,7 +78,7 @@ def by_hand(folder, scenario, *, chance="per repeat"):
     path = folder / "hand.yaml"
     head = CAMPAIGN.replace("CHANCE", chance).replace("PLAN", "flat")
     path.write_text(head + scenario)
-    return [run for run in expand(load_campaign(path)).runs if run.sut.name == "pilot"]
+    return [run for run in expand(load_campaign(path)).specs if run.sut.name == "pilot"]
 
 
 @pytest.mark.parametrize("chance", ["per repeat", "per campaign"])
@@ -147,7 +147,7 @@ def test_the_campaign_of_a_point_has_its_very_run(folder):
     assert text.startswith("# It fails.\n")
     (folder / "s.found.yaml").write_text(text)
     found = load_campaign(folder / "s.found.yaml")
-    (run,) = expand(found).runs
+    (run,) = expand(found).specs
     assert run.digest == case.candidate(FAR, 5).spec.digest
     assert found.searches == ()
 
@@ -159,7 +159,7 @@ def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder):
     assert "doors_moving: {closes: 6.25 s}" in text
     (folder / "s.found.yaml").write_text(text)
     found = load_campaign(folder / "s.found.yaml")
-    (run,) = expand(found).runs
+    (run,) = expand(found).specs
     assert run.digest == case.candidate(point, 5).spec.digest
     (expected,) = found.declared.expectations
     assert (expected.oracle, expected.verdict) == ("keeps-clear", "fail")
@@ -173,7 +173,7 @@ def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(
     assert point[0] is not None
     text = case.found_text(made_trial(point, -0.1, 5), comment="")
     (folder / "s.found.yaml").write_text(text)
-    (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
+    (run,) = expand(load_campaign(folder / "s.found.yaml")).specs
     assert run.digest == case.candidate(point, 5).spec.digest
     assert "closes" in text
 
@@ -201,7 +201,7 @@ def test_one_building_of_a_variation_can_be_searched(folder):
     wide, mean = case.candidate((0.12,), 1), case.candidate((0.1,), 2)
     assert wide.spec.scene != mean.spec.scene
     (folder / "s.found.yaml").write_text(case.found_text(made_trial((0.12,), -0.1, 1), comment=""))
-    (run,) = expand(load_campaign(folder / "s.found.yaml")).runs
+    (run,) = expand(load_campaign(folder / "s.found.yaml")).specs
     assert run.digest == wide.spec.digest
 
 

@@ -143,7 +143,7 @@ def machine(tmp_path, monkeypatch):
 
 @pytest.fixture
 def briefing(campaigns):
-    spec = expand(load_campaign(campaigns / "demo" / "campaign.yaml")).runs[0]
+    spec = expand(load_campaign(campaigns / "demo" / "campaign.yaml")).specs[0]
     grid = OccupancyGrid(0.05, 0.0, 0.0, np.zeros((4, 4), np.int8))
     seed = np.random.SeedSequence(1)
     return Briefing(spec.robot, grid, spec.mission, spec.mission.start, seed)
