@@ -157,8 +157,4 @@ def _remove(
                     gone.append(trace)
         finally:
             db.execute("ROLLBACK")
-    for campaign in dict.fromkeys(trace.campaign for trace in gone):
-        folder = paths.traces / campaign
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
     return tuple(gone)

@@ -34,6 +34,7 @@ StrayKind: TypeAlias = Literal[
     "traces of a deleted campaign",
     "spool of a dead worker",
     "copy not used for long",
+    "moved aside long ago",
 ]
 
 _GRACE: Final = 3600.0
@@ -42,8 +43,8 @@ _SPOOL_GRACE: Final = 7 * 86_400.0
 """Seconds during which a worker that starts may give back what a dead one has left."""
 _FINISHED: Final = "*/attempt-*/result.json"
 """The results in a worker's spool: a spool with one stays until somebody has delivered it."""
-_COPY_GRACE: Final = 30 * 86_400.0
-"""Seconds without use after which a worker's copy of a scene or a file goes."""
+_LONG_GRACE: Final = 30 * 86_400.0
+"""Seconds without use after which a worker's copy of an input goes, or a thing moved aside."""
 # Of grammars.text.files.replacing; of a trace that is being written.
 _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{8}\.tmp|.+\.partial")
 
@@ -68,13 +69,21 @@ def find_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
     Changes nothing, a daemon may be working. Raises :class:`DaemonError` when the ledger cannot
     say what is needed, and ``OSError``.
     """
-    return tuple(_find(paths, now, _read_ledger(paths)))
+    needed = _read_ledger(paths)
+    return tuple(
+        StrayFile(what, path, sum(_bytes(each) for each in (path, *path.rglob("*"))))
+        for what, found, grace in _candidates(paths, needed)
+        for path in sorted(found)
+        if now - _last_use(path, whole=path.parent.name == "spool") > grace
+    )
 
 
 def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
-    """Remove what nobody needs, and return what went; raises like :func:`find_strays`."""
-    gone = [stray for stray in find_strays(paths, now) if _remove(stray, now)]
-    return tuple(gone)
+    """Remove what nobody needs, and return what went; raises like :func:`find_strays`.
+
+    Whatever cannot be removed stays, and stays a stray.
+    """
+    return tuple(stray for stray in find_strays(paths, now) if _remove(stray, now))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,106 +112,83 @@ def _read_ledger(paths: StatePaths) -> _Needed:
     return _Needed(needed, *named)
 
 
-def _find(paths: StatePaths, now: float, needed: _Needed) -> Iterator[StrayFile]:
-    yield from _old("upload given up", _entries(paths.incoming), now, _GRACE)
-    yield from _find_temporary(paths, now)
-    scenes = (
-        p for p in _entries(paths.scenes) if p.suffix == ".json" and p.stem not in needed.inputs
-    )
-    yield from _old("scene of no campaign", scenes, now, _GRACE)
-    files = (p for p in _entries(paths.files) if is_digest(p.name) and p.name not in needed.inputs)
-    yield from _old("file of no campaign", files, now, _GRACE)
+_Candidates: TypeAlias = Iterator[tuple[StrayKind, Iterable[Path], float]]
+
+
+def _candidates(paths: StatePaths, needed: _Needed) -> _Candidates:
+    """Yield what may be superfluous, and for how long [s] it has to be untouched to be so."""
+    yield "upload given up", paths.incoming.glob("*"), _GRACE
+    scenes = (p for p in paths.scenes.glob("[!.]*.json") if p.stem not in needed.inputs)
+    yield "scene of no campaign", scenes, _GRACE
+    files = (p for p in paths.files.glob("*") if is_digest(p.name) and p.name not in needed.inputs)
+    yield "file of no campaign", files, _GRACE
     # One that is being submitted has a dot before its name.
-    bundles = (p for p in _folders(paths.searches) if is_id(p.name))
-    unknown = (p for p in bundles if p.name not in needed.searches)
-    yield from _old("files of no search", unknown, now, _GRACE)
-    for folder in _folders(paths.traces):
-        if folder.name in needed.deleted:
-            # The daemon died between the commit and their end.
-            yield from _old("traces of a deleted campaign", [folder], now, _GRACE)
-        elif folder.name not in needed.unfinished and not any(folder.iterdir()):
-            yield from _old("empty trace folder", [folder], now, _GRACE)
-    yield from _find_spools(paths, now)
-    # What workers keep here that have another daemon.
+    searches = (p for p in _folders(paths.searches) if is_id(p.name))
+    yield "files of no search", (p for p in searches if p.name not in needed.searches), _GRACE
+    traces = _folders(paths.traces)
+    # The daemon died between the commit and their end.
+    deleted = [folder for folder in traces if folder.name in needed.deleted]
+    yield "traces of a deleted campaign", deleted, _GRACE
+    others = (p for p in traces if p.name not in needed.unfinished | needed.deleted)
+    yield "empty trace folder", (p for p in others if not any(p.iterdir())), _GRACE
+    yield from _leavings(paths)
     for there in paths.caches:
-        yield from _find_temporary(there, now)
-        copies = (p for p in (*_entries(there.scenes), *_entries(there.files)) if p.name[0] != ".")
-        yield from _old("copy not used for long", copies, now, _COPY_GRACE)
-        yield from _find_spools(there, now)
+        yield from _leavings(there)
+        copies = (*there.scenes.glob("[!.]*"), *there.files.glob("[!.]*"))
+        yield "copy not used for long", copies, _LONG_GRACE
 
 
-def _find_temporary(paths: StatePaths, now: float) -> Iterator[StrayFile]:
-    kept = (paths.state, paths.scenes, paths.files, paths.searches, paths.traces)
-    for folder in (*kept, *_folders(paths.traces)):
-        left = (path for path in _entries(folder) if _TEMPORARY.fullmatch(path.name))
-        yield from _old("temporary file", left, now, _GRACE)
-
-
-def _find_spools(paths: StatePaths, now: float) -> Iterator[StrayFile]:
-    for folder in _folders(paths.spool):
-        # One that is being made has a dot before its name, and nothing in it yet.
-        unborn = folder.name.startswith(".")
-        if unborn or (is_id(folder.name) and not any(folder.glob(_FINISHED))):
-            used = max((_touched(path) for path in (folder, *folder.rglob("*"))), default=0.0)
-            grace = _GRACE if unborn else _SPOOL_GRACE
-            if now - used > grace and not is_locked(folder / "lock"):
-                yield StrayFile("spool of a dead worker", folder, _size(folder))
-
-
-def _entries(folder: Path) -> list[Path]:
-    try:
-        return sorted(folder.iterdir())
-    except (FileNotFoundError, NotADirectoryError):
-        return []
+def _leavings(paths: StatePaths) -> _Candidates:
+    """Yield what killed daemons and workers leave in a folder of theirs."""
+    kept = (paths.state, paths.scenes, paths.files, paths.searches, *_folders(paths.traces))
+    inside = (path for folder in (*kept, paths.traces) for path in folder.glob("*"))
+    yield "temporary file", (p for p in inside if _TEMPORARY.fullmatch(p.name)), _GRACE
+    spools = [folder for folder in _folders(paths.spool) if not is_locked(folder / "lock")]
+    # One that is being made has a dot before its name, and nothing in it yet.
+    yield "spool of a dead worker", (p for p in spools if p.name.startswith(".")), _GRACE
+    empty = (p for p in spools if is_id(p.name) and not any(p.glob(_FINISHED)))
+    yield "spool of a dead worker", empty, _SPOOL_GRACE
+    yield "moved aside long ago", paths.aside.glob("*"), _LONG_GRACE
 
 
 def _folders(folder: Path) -> list[Path]:
-    return [path for path in _entries(folder) if path.is_dir() and not path.is_symlink()]
+    return [path for path in folder.glob("*") if path.is_dir() and not path.is_symlink()]
 
 
-def _old(what: StrayKind, paths: Iterable[Path], now: float, grace: float) -> Iterator[StrayFile]:
-    for path in paths:
+def _last_use(path: Path, *, whole: bool) -> float:
+    """Return when a file or folder was touched last, or anything in it if it counts as a whole."""
+    times = [0.0]
+    for each in (path, *(path.rglob("*") if whole else ())):
         with suppress(FileNotFoundError):
-            if now - path.lstat().st_mtime > grace:
-                yield StrayFile(what, path, _size(path))
+            times.append(each.lstat().st_mtime)
+    return max(times) if len(times) > 1 else float("inf")
 
 
-def _touched(path: Path) -> float:
+def _bytes(path: Path) -> int:
     with suppress(FileNotFoundError):
-        return path.lstat().st_mtime
-    return 0.0
-
-
-def _size(path: Path) -> int:
-    total = 0
-    for each in (path, *path.rglob("*")) if path.is_dir() else (path,):
-        with suppress(FileNotFoundError):
-            total += each.lstat().st_size if not each.is_dir() else 0
-    return total
+        return 0 if path.is_dir() else path.lstat().st_size
+    return 0
 
 
 def _remove(stray: StrayFile, now: float) -> bool:
     """Remove it unless somebody came to need it; returns whether it is gone."""
     path = stray.path
-    if stray.what == "empty trace folder":
-        # Refused by the system when a trace has come.
-        with suppress(OSError):
-            path.rmdir()
-            return True
-        return False
     # Under another name first: who wants to use it now finds that it is not there and brings it
     # again, and who has touched it just before gets it back.
     aside = path.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
     try:
+        if stray.what == "empty trace folder":
+            path.rmdir()  # refused by the system when a trace has come
+            return True
         path.rename(aside)
-    except FileNotFoundError:
+        touched = now - aside.lstat().st_mtime < _GRACE and not path.exists()
+        if touched or (aside.is_dir() and is_locked(aside / "lock")):
+            aside.rename(path)
+            return False
+        if aside.is_dir() and not aside.is_symlink():
+            shutil.rmtree(aside)
+        else:
+            aside.unlink()
+    except OSError:
         return False
-    touched = now - aside.lstat().st_mtime < _GRACE and not path.exists()
-    if touched or (aside.is_dir() and is_locked(aside / "lock")):
-        aside.rename(path)
-        return False
-    if aside.is_dir():
-        shutil.rmtree(aside)
-    else:
-        aside.unlink()
     return True

@@ -14,8 +14,8 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft, count_states
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
+from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._inputs import InputStore
-from daemon.batch.server._quota import Quota
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchHandlers
 from daemon.batch.server._submissions import read_submission
@@ -102,7 +102,7 @@ class Handlers(SearchHandlers):
     registry: WorkerRegistry
     log: EventLog
     deadlines: LeaseDeadlines
-    quota: Quota
+    housekeeping: Housekeeping
     version: str
     stop: Callable[[], None]
     troubles: Callable[[], tuple[Trouble, ...]]
@@ -218,7 +218,9 @@ class Handlers(SearchHandlers):
         )
 
     def disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
-        return replace(self.paths.disk(), traces=self.quota.used, quota=self.quota.limit)
+        return replace(
+            self.paths.disk(), traces=self.housekeeping.used, quota=self.housekeeping.limit
+        )
 
     def shutdown(self, _: LedgerReader, __: Empty) -> Empty:
         self.log.write("shutdown requested")
@@ -314,7 +316,7 @@ class Handlers(SearchHandlers):
         self._register_worker(ledger, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
-        if self.quota.trouble:
+        if self.housekeeping.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
         self._end_waits(ledger)
         return LeaseReply(
@@ -344,7 +346,7 @@ class Handlers(SearchHandlers):
         answer = ledger.complete(completion, time.time())
         self._uploads.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED:
-            self.quota.add_bytes(completion.result.trace.size)
+            self.housekeeping.add_bytes(completion.result.trace.size)
         if answer is LedgerAnswer.DIFFERS:
             self.log.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)

@@ -24,7 +24,6 @@ from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, open_state
 from daemon.batch.server._processes import LocalWorker, SearchCoordinator
-from daemon.batch.server._quota import Quota
 from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import (
     DaemonSettings,
@@ -154,7 +153,7 @@ class _Daemon:
         # Renewals come every third of a lease: who has missed three is away, even though Zenoh
         # still has the connection (a suspended machine, a process stopped in a debugger).
         self._registry = WorkerRegistry(settings.lease, self._clock)
-        self._quota = Quota(paths, log, settings.quota)
+        self._housekeeping = Housekeeping(paths, log, settings.quota)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
         self._coordinator: SearchCoordinator | None = None
@@ -165,7 +164,7 @@ class _Daemon:
             self._registry,
             log,
             self._deadlines,
-            self._quota,
+            self._housekeeping,
             version=self._version,
             stop=stop,
             troubles=self._troubles,
@@ -185,7 +184,7 @@ class _Daemon:
         """Why no run can start here; the first is what to do first."""
         found = (
             Trouble(self._paths.disk_shortage(), TroubleCause.SPACE),
-            Trouble(self._quota.trouble, TroubleCause.SPACE),
+            Trouble(self._housekeeping.trouble, TroubleCause.SPACE),
             Trouble("" if self._local is None else self._local.trouble, TroubleCause.OTHER),
         )
         return tuple(trouble for trouble in found if trouble.words)
@@ -209,8 +208,7 @@ class _Daemon:
         )
         remove_staged_searches(self._paths)
         writer = self._start_threads(stack, session)
-        keepers: list[Quota | Housekeeping | TraceMover] = [self._quota]
-        keepers.append(Housekeeping(self._paths, self._log))
+        keepers: list[Housekeeping | TraceMover] = [self._housekeeping]
         if self._settings.store:
             keepers.append(TraceMover(self._paths, self._log, self._settings.store, writer))
         for keeper in keepers:
