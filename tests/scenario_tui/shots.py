@@ -99,6 +99,10 @@ async def _read(pilot):
     await until(pilot, lambda: pilot.app.screen._playback)
 
 
+async def _mapped(pilot):
+    await until(pilot, lambda: pilot.app.screen.query_one(TopView).display)
+
+
 def _searching(folder, executed):
     return make_dashboard(SearchingDaemon.running())
 
@@ -141,7 +145,7 @@ SHOTS = {
     "replay": Shot(open=_replay),
     "comparison": Shot(("n",), (112, 27), open=_compared),
     "searches": Shot(open=_searching),
-    "search": Shot(("enter",), (110, 25), open=_search_over, before=_read),
+    "search": Shot(("enter",), (110, 25), open=_search_over, before=_mapped),
     "parameters": Shot(("enter", "n", "n", "tab"), open=_search_over),
     "submit": Shot(("s",), open=_submitting, before=_checked),
     "workers": Shot(("3",)),

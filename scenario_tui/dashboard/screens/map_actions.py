@@ -1,6 +1,9 @@
-"""What keys do to the maps of a screen; which keys these are is for the screen to say."""
+"""What keys do to the maps and parts of a screen; which keys these are is for the screen to say."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
 
 from textual.screen import Screen
 
@@ -8,7 +11,35 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 
 
 class MapActions(Screen[None]):
-    """A screen with a :class:`TopView`, or several, that all do the same."""
+    """A screen with a :class:`TopView`, or several, that all do the same.
+
+    Where there is room for one of its parts only, that one is shown.
+    """
+
+    VIEWS: ClassVar[Sequence[str]] = ()
+    """Parts of the screen; the class of the one shown alone, where there is room for one."""
+
+    _part = 0
+
+    def show_view(self, part: int) -> None:
+        """Show one part of the screen where there is room for one only."""
+        if self.VIEWS:
+            self._part = part % len(self.VIEWS)
+            others = {f"-{name}" for name in self.VIEWS}
+            self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
+            self.call_after_refresh(self.view_changed)
+
+    def view_changed(self) -> None:
+        """Give the part that came the keys, if it takes any."""
+
+    def tabs(self) -> str:
+        """Return the parts of the screen, the one shown in brackets."""
+        names = (f"[{n}]" if i == self._part else f" {n} " for i, n in enumerate(self.VIEWS))
+        return "".join(names)
+
+    def action_view(self, step: int) -> None:
+        """Show the next part of the screen, or the one before."""
+        self.show_view(self._part + step)
 
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""

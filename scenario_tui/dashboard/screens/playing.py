@@ -67,13 +67,9 @@ class PlayingScreen(MapActions):
                 tooltip="Also clocks and odometers, or without them"),
     ]  # fmt: skip
 
-    VIEWS: ClassVar[Sequence[str]] = ()
-    """Parts of the screen; the class of the one shown alone, where there is room for one."""
-
     transport: ReplayTransport | None = None
     clock: Callable[[], float] = staticmethod(time.monotonic)
     _at = 0.0
-    _part = 0
 
     def moments(self) -> Sequence[FailureMoment]:
         """Return when oracles were decided against, by time."""
@@ -109,22 +105,6 @@ class PlayingScreen(MapActions):
             self.transport.go(time)
             self.transport.playing = False
             self.show_moment()
-
-    def show_view(self, part: int) -> None:
-        """Show one part of the screen where there is room for one only."""
-        if self.VIEWS:
-            self._part = part % len(self.VIEWS)
-            others = {f"-{name}" for name in self.VIEWS}
-            self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
-            self.call_after_refresh(self.view_changed)
-
-    def view_changed(self) -> None:
-        """Give the part that came the keys, if it takes any."""
-
-    def tabs(self) -> str:
-        """Return the parts of the screen, the one shown in brackets."""
-        names = (f"[{n}]" if i == self._part else f" {n} " for i, n in enumerate(self.VIEWS))
-        return "".join(names)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offer playing only where there is something to play."""
@@ -182,10 +162,6 @@ class PlayingScreen(MapActions):
             self.notify("no oracle was decided against")
         else:
             self.go(found.time)
-
-    def action_view(self, step: int) -> None:
-        """Show the next part of the screen, or the one before."""
-        self.show_view(self._part + step)
 
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""

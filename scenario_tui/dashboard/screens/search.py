@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final
 
 from rich.text import Text
-from textual import work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -16,12 +14,6 @@ from daemon.model.status import CampaignRow
 from daemon.model.trials import smallest_margin
 from daemon.search.answers.sentences import phase_words, search_word
 from grammars.text.words import count_noun
-from scenario_tui.dashboard.recorded_traces import (
-    RecordingVersion,
-    TraceSummary,
-    UnavailableTrace,
-    recording_version,
-)
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
@@ -39,9 +31,6 @@ from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, NOTHING, QUIET, margin
 from scenario_tui.text.search_text import answer_lines
 
-if TYPE_CHECKING:
-    from scenario_tui.dashboard.playback import Playback
-
 _COLUMNS: Final = (
     Column("what to look at", 15),
     Column("margin", 11, right=True),
@@ -50,8 +39,6 @@ _COLUMNS: Final = (
 )
 _TABS: Final = 66
 """Columns from which on all parts of the screen are named."""
-_LEAD: Final = 3.0
-"""Seconds before the decisive moment at which a replay begins."""
 
 
 class SearchScreen(SteeringScreen, MapActions):
@@ -60,10 +47,11 @@ class SearchScreen(SteeringScreen, MapActions):
     VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
     """Parts of the screen; the class of the one shown where there is no room for all."""
     IN_FOOTER = (
-        "open", "back", "view", "next-found", "play", "rerun", "all-runs", "help", "quit",
+        "open", "back", "view", "next-found", "rerun", "all-runs", "help", "quit",
     )  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "open", "Open", id="open", tooltip="The run in front"),
+        Binding("enter", "open", "Open", id="open",
+                tooltip="The run in front, at the moment that decided it"),
         Binding("tab,v", "view(1)", "View", key_display="tab", id="view",
                 tooltip="The next part of the screen, where there is no room for all"),
         Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
@@ -72,8 +60,6 @@ class SearchScreen(SteeringScreen, MapActions):
                 tooltip="The next of best, first, nearest, findings, as written"),
         Binding("N", "found(-1)", "Before", show=False, id="previous-found",
                 tooltip="The one before"),
-        Binding("p", "play", "Play", id="play",
-                tooltip="Watch the run in front, from just before its decisive moment"),
         Binding("x", "rerun", "Rerun", id="rerun",
                 tooltip="Copy what to type to execute the run in front again"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the search"),
@@ -85,15 +71,9 @@ class SearchScreen(SteeringScreen, MapActions):
     def __init__(self, campaign: str) -> None:
         super().__init__()
         self._campaign = campaign
-        self._part = 0
         self._shown: SearchTrials | None = None
         self._notable: tuple[NotableTrial, ...] = ()
         self._stale = True
-        self._opened: RecordingVersion | None = None
-        self._playback: tuple[RecordingVersion, Playback] | None = None
-        self._moment = 0.0
-        self._damage = ""
-        self._to_play = ""
 
     def body(self) -> ComposeResult:
         """Curve and table on the left; parameters and map on the right, or below."""
@@ -115,7 +95,7 @@ class SearchScreen(SteeringScreen, MapActions):
 
     def on_mount(self) -> None:
         """Begin with what was found."""
-        self._show_part()
+        self.show_view(0)
         super().on_mount()
 
     def on_resize(self) -> None:
@@ -124,10 +104,10 @@ class SearchScreen(SteeringScreen, MapActions):
         self.call_after_refresh(self.query_changed)
 
     def state_query(self) -> Query:
-        """The search; the run in front where its map is seen, or is to be played."""
+        """The search; the run in front where its map is seen."""
         seen = self.has_class("-wide") or self.VIEWS[self._part] == "map"
         front = self._front()
-        if front is None or not (seen or front.trial.run == self._to_play):
+        if front is None or not seen:
             return Query(search=self._campaign)
         return Query(search=self._campaign, run=front.trial.run)
 
@@ -205,15 +185,11 @@ class SearchScreen(SteeringScreen, MapActions):
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
         after = len(search.trials) - len(explored)
         said.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
-        tabs = "" if self.has_class("-wide") else self._tabs()
+        tabs = "" if self.has_class("-wide") else self.tabs()
+        if self.size.width < _TABS:
+            tabs = f"[{self.VIEWS[self._part]}]"
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
-
-    def _tabs(self) -> str:
-        if self.size.width < _TABS:
-            return f"[{self.VIEWS[self._part]}]"
-        names = (f"[{n}]" if i == self._part else f" {n} " for i, n in enumerate(self.VIEWS))
-        return "".join(names)
 
     def _show_point(self) -> None:
         """Show the parameters of the run in front."""
@@ -228,79 +204,19 @@ class SearchScreen(SteeringScreen, MapActions):
         self.query_one("#parameters-text", Static).update(text)
 
     def _show_map(self, state: DashboardState) -> None:
-        """Show the run in front at its decisive moment, as soon as its trace is read."""
+        """Show the run in front from above."""
         front, above = self._front(), self.query_one(RunMap)
         detail = state.detail_of(front.trial.run) if front is not None else None
         if front is None or detail is None:
             above.show(None)
             above.explain("" if front is not None else "No run has a result yet.")
             return
-        version = recording_version(detail)
-        seen = state.recording_of(front.trial.run)
-        if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
-            self._opened, self._damage = version, ""
-            self._open(seen.path, version)
-        elif isinstance(seen, UnavailableTrace):
-            self._refuse_play(seen.why)
-        elif version is None:
-            self._refuse_play("a run can be played when it is over")
-        if self._playback is not None and self._playback[0] == version:
-            above.explain("")
-            above.show(self._playback[1].view(self._moment))
-        else:
-            view, why = top_view_of(state, detail, None)
-            damage = self._damage if self._opened == version else ""
-            above.explain(damage or why)
-            above.show(view)
-
-    @work(thread=True, exclusive=True)
-    def _open(self, path: Path, version: RecordingVersion) -> None:
-        """Read a whole trace outside the thread that draws, then show it."""
-        from daemon.trace import TraceError
-
-        try:
-            playback = self.dashboard.read_playback(path, version.verdicts)
-        except TraceError as error:
-            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
-            self.app.call_from_thread(self._broken, version, f"{why}: {path}")
-            return
-        self.app.call_from_thread(self._ready, version, playback)
-
-    def _broken(self, version: RecordingVersion, why: str) -> None:
-        if version != self._opened:
-            return  # another recording is in front by now
-        self._damage = why
-        self._refuse_play(why)
-        self.update_from_state()
-
-    def _ready(self, version: RecordingVersion, playback: Playback) -> None:
-        """Show the run at its decisive moment; play it if that is what was asked for."""
-        if version != self._opened:
-            return  # another recording is in front by now
-        trial = next((t for one in self._notable if (t := one.trial).run == version.run), None)
-        verdict = trial.verdict if trial is not None else None
-        moment = verdict.evidence.time if verdict is not None else None
-        self._playback = (version, playback)
-        self._moment = playback.within(playback.end if moment is None else moment)
-        self.update_from_state()
-        if self._to_play == version.run:
-            self._to_play = ""
-            self._play(playback)
-
-    def _refuse_play(self, why: str) -> None:
-        """Say why the run in front cannot be played, if that was asked for."""
-        if self._to_play:
-            self._to_play = ""
-            self.dashboard.problem(why)
-
-    def _play(self, playback: Playback) -> None:
-        from scenario_tui.dashboard.screens.replay import ReplayScreen
-
-        self.app.push_screen(ReplayScreen(playback, playback.within(self._moment - _LEAD)))
+        view, why = top_view_of(state, detail, None)
+        above.explain(why)
+        above.show(view)
 
     def on_data_table_row_highlighted(self) -> None:
-        """Show the run the cursor came to; an earlier one is not played any more."""
-        self._to_play = ""
+        """Show the run the cursor came to."""
         self._show_point()
         self.query_changed()
 
@@ -321,25 +237,6 @@ class SearchScreen(SteeringScreen, MapActions):
         if front is not None:
             self.dashboard.open_run(front.trial.run)
 
-    def action_play(self) -> None:
-        """Play the run in front from just before its decisive moment."""
-        front = self._looked_at()
-        if front is None:
-            return
-        if self._playback is not None and self._playback[0] == self._version_in_front():
-            self._play(self._playback[1])
-            return
-        if self._damage:
-            self._opened = None  # what could not be read may be readable by now
-        self._to_play = front.trial.run
-        self.notify(f"reading {front.trial.run}", markup=False, timeout=2)
-        self.query_changed()
-
-    def _version_in_front(self) -> RecordingVersion | None:
-        front, state = self._front(), self.dashboard.daemon_state
-        detail = state.detail_of(front.trial.run) if front is not None else None
-        return recording_version(detail) if detail is not None else None
-
     def action_rerun(self) -> None:
         """Copy the command that executes the run in front again."""
         front = self._looked_at()
@@ -357,15 +254,9 @@ class SearchScreen(SteeringScreen, MapActions):
             row = (table.cursor_row + step) % len(self._notable)
             table.move_cursor(row=row, animate=False)
 
-    def action_view(self, step: int) -> None:
-        """Show the next part of the screen, or the one before."""
-        self._part = (self._part + step) % len(self.VIEWS)
-        self._show_part()
-        self.call_after_refresh(self.on_resize)
-
-    def _show_part(self) -> None:
-        others = {f"-{name}" for name in self.VIEWS}
-        self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
+    def view_changed(self) -> None:
+        """Draw everything for the part that came."""
+        self.on_resize()
 
 
 def _cells(one: NotableTrial) -> Row:

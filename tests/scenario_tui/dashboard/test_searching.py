@@ -6,16 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale
 from daemon.model.status import ChangeEvent
 from daemon.model.trials import read_trial
-from daemon.trace import TraceError
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.playback_process import read_playback
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
-from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
@@ -28,10 +24,9 @@ from scenario_tui.dashboard.widgets.search_curve import (
     value_limits,
 )
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text, range_bar
-from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.capabilities import TerminalLimits
 from tests.daemon.batch.harness import eventually
-from tests.scenario_tui.dashboard.driven import choose_from_palette, notices, until
+from tests.scenario_tui.dashboard.driven import choose_from_palette, notices
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.searching import (
     NEAREST,
@@ -44,7 +39,6 @@ from tests.scenario_tui.dashboard.searching import (
     proposal_row,
 )
 from tests.scenario_tui.fake import CAMPAIGN
-from tests.scenario_tui.recorded import HIT, record_run
 
 BEST = 37
 """The run with the smallest margin."""
@@ -162,121 +156,6 @@ async def test_a_key_lists_the_runs_of_the_search():
         assert f"campaigns › {SEARCH}" in shown(pilot)
 
 
-async def test_the_map_stands_at_the_decisive_moment_and_plays_from_before_it(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setattr(ReplayScreen, "tick", lambda screen: None)
-    fake = SearchingDaemon.finished()
-    fake.record(tmp_path, f"{SEARCH}.{BEST}")
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
-        await press(pilot, "p")
-        assert isinstance(pilot.app.screen, ReplayScreen)
-        assert pilot.app.screen.transport.time == pytest.approx(HIT - 3.0)
-
-
-async def test_a_run_whose_map_is_not_seen_is_read_when_it_is_to_be_played(tmp_path):
-    fake = SearchingDaemon.finished()
-    fake.record(tmp_path, f"{SEARCH}.{BEST}")
-    async with opened(fake, (80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        assert not any(call[0] == "run" for call in fake.calls)
-        await press(pilot, "p")
-        await until(pilot, lambda: isinstance(pilot.app.screen, ReplayScreen))
-
-
-async def test_a_trace_that_could_not_be_read_once_is_tried_again_and_blocks_no_other(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setattr(ReplayScreen, "tick", lambda screen: None)
-    fake = SearchingDaemon.finished()
-    broken = [True]
-
-    def read(path, verdicts):
-        if broken[0] and str(BEST) in path.name:
-            raise TraceError(path, "the process that reads it ended", "open the run again")
-        return read_playback(path, verdicts)
-
-    for run in (f"{SEARCH}.{BEST}", f"{SEARCH}.34"):
-        fake.record(tmp_path, run)
-    async with make_dashboard(fake, read_playback=read).run_test(size=(120, 40)) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        await until(pilot, lambda: "the process that reads it ended" in shown(pilot))
-        await press(pilot, "p")
-        await until(pilot, lambda: "the process that reads it ended" in notices(pilot))
-        await press(pilot, "n")
-        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
-        await press(pilot, "N")
-        await until(pilot, lambda: "the process that reads it ended" in shown(pilot))
-        broken[0] = False
-        await press(pilot, "p")
-        await until(pilot, lambda: isinstance(pilot.app.screen, ReplayScreen))
-
-
-async def test_a_recording_that_comes_while_the_screen_is_resized_is_taken(tmp_path):
-    fake = SearchingDaemon.finished()
-    fake.record(tmp_path, f"{SEARCH}.{BEST}")
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        held = []
-        monitored = SearchScreen._ready
-        SearchScreen._ready = lambda *given: held.append(given)
-        try:
-            await press(pilot, "enter")
-            await until(pilot, lambda: held)
-        finally:
-            SearchScreen._ready = monitored
-        screen = pilot.app.screen
-        screen.on_resize()
-        screen._ready(*held[0][1:])
-        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
-
-
-async def test_a_run_to_be_played_is_given_up_for_the_next_one_in_front(tmp_path):
-    fake = SearchingDaemon.finished()
-    fake.record(tmp_path, f"{SEARCH}.34")
-    fake.record(tmp_path, f"{SEARCH}.{BEST}")
-    fake.proposed = tuple(
-        replace(row, run=replace(row.run, state=RunState.RUNNING))
-        if row.run.id == f"{SEARCH}.{BEST}"
-        else row
-        for row in fake.proposed
-    )
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "p", "n")
-        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
-        assert isinstance(pilot.app.screen, SearchScreen)
-
-
-async def test_a_search_shows_the_new_recording_of_a_run_executed_again(tmp_path):
-    fake = SearchingDaemon.finished()
-    run = f"{SEARCH}.{BEST}"
-    path = fake.record(tmp_path, run)
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        await until(pilot, lambda: "✱" in shown(pilot).partition("✱ contact")[0])
-        record_run(path, speed=0.1)
-        (_, result, _) = fake.results[0]
-        again = replace(result, trace=replace(result.trace, sha256="2" * 64))
-        fake.results = ((run, again, str(path)),)
-        map_view = pilot.app.screen.query_one(TopView)
-        await until(pilot, lambda: map_view._view.robot_pose.x == pytest.approx(1.6))
-
-
-async def test_why_a_run_cannot_be_played_is_said():
-    async with opened(SearchingDaemon.finished(), (80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "p")
-        assert "No trace of this run was kept." in notices(pilot)
-        assert isinstance(pilot.app.screen, SearchScreen)
-
-
 async def test_it_is_live():
     fake = SearchingDaemon.running(20)
     async with opened(fake) as pilot:
@@ -300,7 +179,7 @@ async def test_a_search_before_its_first_result_and_one_that_could_not_go_on():
         await settle(pilot)
         await press(pilot, "enter")
         assert "▶ 0/60 explore  0 fail" in shown(pilot)
-        await press(pilot, "p", "x", "n")
+        await press(pilot, "enter", "x", "n")
         assert "no run of this search has a result yet" in notices(pilot)
         why = "campaign.yaml:3: there is no layer doors_moving"
         fake.found = (make_search((), "failed", note=why),)
