@@ -8,6 +8,7 @@ after the commit; what is published (events, snapshots, hints) may be lost.
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import time
@@ -35,7 +36,15 @@ from daemon.batch.paths import (
     socket_path,
 )
 from daemon.batch.security import Credentials, DaemonCredentials, access_control, denial_text
-from daemon.model.messages import ASK, LARGEST_SUBMISSION, OWNER, ErrorKind, ErrorReply
+from daemon.model.messages import (
+    ASK,
+    LARGEST_SUBMISSION,
+    OWNER,
+    PROTOCOL,
+    ErrorKind,
+    ErrorReply,
+)
+from daemon.model.spec import own_version
 from daemon.model.verbs import Verb
 from grammars.text import codec
 
@@ -51,6 +60,7 @@ Zenoh's own 10 s, in 9.8 s).
 _LARGEST_MESSAGE: Final = 2 * LARGEST_SUBMISSION
 """Bytes; larger ones are dropped unread. Up to that, what is too large is refused with a reason."""
 
+_LONGEST_VERSION: Final = 200
 _PATIENCE: Final = 0.5
 """Seconds to ask again when nobody answers: a restarting daemon needs a moment.
 
@@ -162,6 +172,21 @@ def _last_words(error: zenoh.ZError) -> str:
     return str(error).split(" at /")[0].strip()
 
 
+@functools.cache
+def speaker() -> bytes:
+    """Return the version of this process and of its messages, attached to each of them."""
+    return f"{own_version()}, protocol {PROTOCOL}".encode()
+
+
+def version_problem(attachment: zenoh.ZBytes | None, who: str) -> str:
+    """Say which versions we and the sender of a message have; empty when they are equal."""
+    theirs = b"an older version" if attachment is None else attachment.to_bytes()
+    if theirs == speaker():
+        return ""
+    words = theirs[:_LONGEST_VERSION].decode(errors="replace")
+    return f"versions differ: {who} has {words}, this is {speaker().decode()}"
+
+
 def error_reply(words: str, error: object) -> ErrorReply:
     """Return the reply that says in ``words`` what came of a request that raised ``error``."""
     match error:
@@ -221,12 +246,13 @@ def ask(
         for reply in session.get(
             f"{ASK}/{key_name(credentials)}/{verb}",
             payload=payload,
+            attachment=speaker(),
             timeout=timeout,
             # The usual one holds replies back until the last has come, and there is only one.
             consolidation=zenoh.ConsolidationMode.NONE,
         ):
             if reply.ok is not None:
-                return _validated_answer(verb.answer, reply.ok.payload.to_bytes())
+                return _validated_answer(verb.answer, reply.ok)
             words = b"" if reply.err is None else reply.err.payload.to_bytes()
             raise _error_reply(words, endpoint, timeout)
         if time.monotonic() > deadline:
@@ -252,13 +278,15 @@ def _no_answer_error(
     )
 
 
-def _validated_answer(kind: type[A], payload: bytes) -> A:
+def _validated_answer(kind: type[A], answer: zenoh.Sample) -> A:
     try:
-        return codec.from_json(kind, payload)
+        return codec.from_json(kind, answer.payload.to_bytes())
     except ValueError as error:
         # On one line: of several people are shown the last, which is pydantic's address.
         words = " ".join(str(error).split())
-        raise Refused(f"the daemon's answer is not understood, versions differ? {words}") from error
+        versions = version_problem(answer.attachment, "the daemon")
+        problem = "the daemon's answer is not understood"
+        raise Refused("; ".join(filter(None, (problem, versions, words)))) from error
 
 
 def _error_reply(payload: bytes, endpoint: str, timeout: float) -> DaemonError:

@@ -16,6 +16,8 @@ from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
 from daemon.model.status import PREFIX, Preparation
 from daemon.model.text_fields import IdText, Sha256Text, ShortText, WorkerId
 
+PROTOCOL: Final = 2
+"""Raise it when a message changes so that others do not understand it any more."""
 ASK: Final = f"{PREFIX}/ask"
 """Questions are asked at ``ASK/<name>/<verb>``, under the name of the requester's key."""
 EVENTS: Final = f"{PREFIX}/event"

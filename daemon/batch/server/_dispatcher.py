@@ -102,7 +102,7 @@ class RequestDispatcher:
         with query:
             try:
                 if isinstance(value, bytes):
-                    query.reply(query.key_expr, value)
+                    query.reply(query.key_expr, value, attachment=bus.speaker())
                 else:
                     words = self._error_text(query, value)
                     query.reply_err(codec.to_json(bus.error_reply(words, value)))
@@ -113,9 +113,10 @@ class RequestDispatcher:
         if not isinstance(value, DaemonError):
             self.log.write("failure", key=str(query.key_expr), problem=repr(value))
             return f"the daemon failed: {value!r}"[:_LONGEST_PROBLEM]
-        key = str(query.key_expr)[:_LONGEST_KEY]
-        self.log.write("refused", key=key, problem=str(value)[:400])
-        return str(value)[:_LONGEST_PROBLEM]
+        versions = bus.version_problem(query.attachment, "whoever asks")
+        words = "; ".join(filter(None, (str(value)[:_LONGEST_PROBLEM], versions)))
+        self.log.write("refused", key=str(query.key_expr)[:_LONGEST_KEY], problem=words[:400])
+        return words
 
 
 def _refuse(query: zenoh.Query, words: str, problem: object) -> None:
@@ -125,7 +126,7 @@ def _refuse(query: zenoh.Query, words: str, problem: object) -> None:
 
 def _refuse_unknown(query: zenoh.Query) -> object:
     key = str(query.key_expr)[:_LONGEST_KEY]
-    raise Refused(f"this daemon does not know how to {key}: versions differ?")
+    raise Refused(f"this daemon does not know how to {key}")
 
 
 def _payload(verb: AnyVerb, query: zenoh.Query) -> bytes:

@@ -8,8 +8,8 @@ import pytest
 
 from daemon.batch import bus
 from daemon.batch.client import Client
-from daemon.batch.errors import DaemonError, Unreachable
-from daemon.model.messages import EVENTS
+from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.model.messages import ASK, EVENTS
 from daemon.model.status import ChangeEvent
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at, eventually, free_endpoint
@@ -137,3 +137,38 @@ def test_subscriptions_that_were_closed_are_not_kept(tmp_path):
         del closed
         gc.collect()
         assert left() is None
+
+
+@pytest.mark.parametrize("theirs", [b"scenario-tui 99, engine 99, protocol 99", b"scenario-tui 0"])
+def test_what_another_version_asks_and_is_refused_says_which_versions_there_are(
+    tmp_path, monkeypatch, theirs
+):
+    own = bus.speaker().decode()
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        with pytest.raises(Refused, match=r"^there is no run c\.0$"):
+            client.run("c.0")
+        monkeypatch.setattr(bus, "speaker", lambda: theirs)
+        words = f"versions differ: whoever asks has {theirs.decode()}, this is {own}"
+        with pytest.raises(Refused, match=words):
+            client.run("c.0")
+        assert words in daemon.noted("refused")[-1]["problem"]
+
+
+@pytest.mark.parametrize(
+    ("attached", "said"),
+    [
+        (b"scenario-tui 99, engine 99, protocol 99", "the daemon has scenario-tui 99, engine 99"),
+        (None, "the daemon has an older version"),
+    ],
+)
+def test_an_answer_of_another_version_that_is_not_understood_says_which_it_is(attached, said):
+    endpoint = free_endpoint()
+
+    def answer(query):
+        with query:
+            query.reply(query.key_expr, b'{"grown": 1}', attachment=attached)
+
+    with bus.open_router((endpoint,)) as router, Client.open(endpoint) as client:
+        router.declare_queryable(f"{ASK}/*/*", answer)
+        with pytest.raises(Refused, match=f"is not understood; versions differ: {said}"):
+            client.overview()

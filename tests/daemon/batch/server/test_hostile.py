@@ -88,7 +88,8 @@ class Target:
         return codec.from_json(ErrorReply, words).problem
 
     def send(self, verb, body):
-        replies = list(self.session.get(f"{ASK}/{OWNER}/{verb}", payload=body, timeout=60.0))
+        key, version = f"{ASK}/{OWNER}/{verb}", bus.speaker()
+        replies = list(self.session.get(key, payload=body, attachment=version, timeout=60.0))
         assert len(replies) == 1, (verb, body[:200])
         reply = replies[0]
         if reply.err is not None:
