@@ -10,35 +10,13 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 if TYPE_CHECKING:
     from daemon.model.proposals import ProposalRow
     from daemon.model.spec import Snapshot
-    from daemon.model.status import LiveSnapshot, RunRow
+    from daemon.model.status import LiveSnapshot
     from daemon.model.verbs import DaemonClient
-
-_RUNS_PER_QUERY: Final = 500
-"""Runs asked for at once when all of them are wanted."""
 
 LIVE_PATIENCE: Final = 0.5
 """Seconds for a run to say how far it is: it does so several times a second while it is watched."""
 
 ClientOpener: TypeAlias = "Callable[[], AbstractContextManager[DaemonClient]]"
-
-
-def all_runs(
-    daemon: DaemonClient, campaign: str, *, state: str = "", outcome: str = "", text: str = ""
-) -> tuple[RunRow, ...]:
-    """Return every run of a campaign the filter admits, page by page, in order."""
-    rows: list[RunRow] = []
-    while True:
-        page = daemon.runs(
-            campaign,
-            state=state,
-            outcome=outcome,
-            text=text,
-            offset=len(rows),
-            limit=_RUNS_PER_QUERY,
-        )
-        rows.extend(page.rows)
-        if not page.rows or len(rows) >= page.total:
-            return tuple(rows)
 
 
 def newer_proposals(

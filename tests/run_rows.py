@@ -1,5 +1,7 @@
 """Rows of runs that never ran, with results."""
 
+from dataclasses import replace
+
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import RunRow
@@ -27,3 +29,8 @@ def run_row(id="c.0", scenario="S1", sut="pilot", repeat=0, result=None, **more)
               "unit": "", "simulated": 0.0, "wall": 0.0, "trace": ""} | values | more  # fmt: skip
     number = int(index) if index.isdecimal() else 0
     return RunRow(id, campaign, number, scenario, sut, repeat, result=result, **values)
+
+
+def with_result(row, **changes):
+    """The same run with another result."""
+    return replace(row, result=replace(row.result, **changes))

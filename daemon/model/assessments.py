@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from daemon.model.run_state import UNFINISHED_STATES
-from daemon.model.spec import Timing
+from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.verdicts import Outcome, Verdict
 
 PolicyRule: TypeAlias = Literal["all", "rate", "mean"]
@@ -15,7 +14,7 @@ ExpectedVerdict: TypeAlias = Literal["pass", "fail", "mixed", "any"]
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">"]
 ReferenceStatistic: TypeAlias = Literal["mean", "median", "min", "max", "rate"]
 
-MISSING_STATES: Final = (*UNFINISHED_STATES, "lost", "cancelled")
+MISSING_STATES: Final = (*UNFINISHED_STATES, RunState.LOST, RunState.CANCELLED)
 """States of runs without a result, in the order in which one of them is said of several runs."""
 _ENDED_STATES: Final = ("done", "lost")
 
@@ -143,50 +142,12 @@ class AssessmentRules:
     references: tuple[ReferenceValue, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class RunRecord:
-    """One run and what came out; ``outcome`` is ``None`` while, or when, there is no result.
-
-    ``state`` is a word of :class:`daemon.model.status.RunState`; ``ended`` one of
-    :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace
-    on the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
-    ``cached`` is the earlier run this result was taken from. Of a system under test that is not
-    ``repeatable`` the same run gives something else each time. ``machine`` is what executed it.
+def state_of(states: Iterable[str]) -> str:
+    """Return how runs in these states stand that are said to be one thing: the first of
+    ``MISSING_STATES`` that one of them is in, ``done`` when all have a result.
     """
-
-    id: str
-    scenario: str
-    sut: str
-    repeat: int
-    digest: str
-    outcome: Outcome | None
-    verdicts: tuple[Verdict, ...] = ()
-    ended: str = ""
-    timing: Timing | None = None
-    trace: str | None = None
-    note: str = ""
-    state: str = "done"
-    seed: int = 0
-    cached: str = ""
-    repeatable: bool = True
-    machine: str = ""
-
-    @property
-    def unfinished(self) -> bool:
-        """Whether the run waits or runs: nothing can be said of it yet."""
-        return self.state in UNFINISHED_STATES
-
-    def verdict(self, oracle: str) -> Verdict | None:
-        """Return the verdict of an oracle, ``None`` when it did not judge this run."""
-        return next((v for v in self.verdicts if v.oracle == oracle), None)
-
-
-def state_of(records: Iterable[RunRecord]) -> str:
-    """Return how runs stand that are said to be one thing: the first of ``MISSING_STATES`` that one
-    of them is in, ``done`` when all have a result.
-    """
-    states = {record.state for record in records}
-    return next((state for state in MISSING_STATES if state in states), "done")
+    found = set(states)
+    return next((state for state in MISSING_STATES if state in found), "done")
 
 
 @dataclass(frozen=True, slots=True)

@@ -160,15 +160,6 @@ class RunQuery:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordQuery:
-    """A page of the runs of a campaign with their verdicts, in order."""
-
-    campaign: IdText
-    offset: NonNegativeInt = 0
-    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
-
-
-@dataclass(frozen=True, slots=True)
 class RetryRequest:
     """Queue runs again: those lost, cancelled, or with one of these outcomes."""
 

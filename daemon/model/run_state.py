@@ -20,5 +20,5 @@ class RunState(StrEnum):
     CANCELLED = "cancelled"
 
 
-UNFINISHED_STATES: Final = ("running", "queued")
+UNFINISHED_STATES: Final = (RunState.RUNNING, RunState.QUEUED)
 """States of runs that may still have a result."""

@@ -155,16 +155,16 @@ class RunRow:
     sut: str
     repeat: int
     state: RunState
-    attempt: int
-    worker: str
-    outcome: Outcome | None
-    oracle: str
-    margin: float | None
-    unit: str
-    simulated: float
-    limit: float
-    wall: float
-    trace: str
+    attempt: int = 0
+    worker: str = ""
+    outcome: Outcome | None = None
+    oracle: str = ""
+    margin: float | None = None
+    unit: str = ""
+    simulated: float = 0.0
+    limit: float = 0.0
+    wall: float = 0.0
+    trace: str = ""
     reason: str = ""
     cached: str = ""
     repeatable: bool = True
@@ -203,6 +203,10 @@ class RunRow:
         """Everything there is to say of it: by its result, and by the ledger."""
         return join_notes(self.result.note if self.result is not None else "", self.reason)
 
+    def verdict(self, oracle: str) -> Verdict | None:
+        """Return the verdict of an oracle, ``None`` when it did not judge this run."""
+        return next((v for v in self.verdicts if v.oracle == oracle), None)
+
 
 @dataclass(frozen=True, slots=True)
 class RunPage:
@@ -214,11 +218,10 @@ class RunPage:
 
 @dataclass(frozen=True, slots=True)
 class RunDetail:
-    """Everything the daemon knows about one run."""
+    """Everything the daemon knows about one run, its result included."""
 
     row: RunRow
     spec: RunSpec
-    result: RunResult | None
 
 
 class PreparationPhase(StrEnum):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAlias, TypeVar
 
-from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.assessments import AssessmentRules
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import (
     LARGEST_EXTENSION,
@@ -36,7 +36,6 @@ from daemon.model.messages import (
     LedgerAcknowledgement,
     PriorityRequest,
     PutRequest,
-    RecordQuery,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
@@ -58,6 +57,7 @@ from daemon.model.status import (
     LiveSnapshot,
     RunDetail,
     RunPage,
+    RunRow,
     SubmissionReceipt,
     WorkerRow,
 )
@@ -135,15 +135,12 @@ CAMPAIGNS: Final = Verb("campaigns", CampaignQuery, tuple[CampaignRow, ...],
     "A page of at most 1000 campaigns, the newest first.", VIEWING)
 RUNS: Final = Verb("runs", RunQuery, RunPage,
     "A page of at most 1000 runs; ``text`` is looked for in label, oracle, reason and id.",
-    VIEWING)
+    VIEWING, slow=True)
 RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.", VIEWING)
 DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
     "What a campaign declares about its results: policy, comparisons, expectations.", VIEWING)
 ORIGIN: Final = Verb("origin", IdRequest, CampaignOrigin,
     "Which file a campaign was written in, and at which commit.", VIEWING)
-RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
-    "A page of the runs of a campaign with their verdicts, in order; empty after the last.",
-    VIEWING, slow=True)
 WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
     "The workers that are here, and those that are away and have leases.", VIEWING)
 DISK: Final = Verb("disk", Empty, DiskUsage,
@@ -237,7 +234,8 @@ class Closeable(Protocol):
         """Stop listening."""
 
 
-_RECORDS_PER_PAGE: Final = 500
+_RUNS_PER_PAGE: Final = 500
+"""Runs asked for at once when all of them are wanted."""
 
 
 class DaemonClient(ABC):
@@ -303,15 +301,31 @@ class DaemonClient(ABC):
             raise ValueError(f"the scene {digest} is damaged")
         return scene
 
-    def records(self, campaign: str) -> tuple[RunRecord, ...]:
-        """Every run of a campaign with its verdicts, in order: what assessments are made of."""
-        found: list[RunRecord] = []
+    def all_runs(
+        self,
+        campaign: str,
+        *,
+        state: str = "",
+        outcome: str = "",
+        text: str = "",
+        results: bool = False,
+    ) -> tuple[RunRow, ...]:
+        """Return every run of a campaign the filter admits, page by page, in order."""
+        rows: list[RunRow] = []
         while True:
-            page = self.ask(RECORDS, RecordQuery(campaign, len(found), _RECORDS_PER_PAGE))
+            page = self.runs(
+                campaign,
+                state=state,
+                outcome=outcome,
+                text=text,
+                offset=len(rows),
+                limit=_RUNS_PER_PAGE,
+                results=results,
+            )
+            rows.extend(page.rows)
             # One that is shorter than asked for is not the last: bytes are limited, too.
-            if not page:
-                return tuple(found)
-            found.extend(page)
+            if not page.rows or len(rows) >= page.total:
+                return tuple(rows)
 
     def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
         """Queue runs again; returns how many.
@@ -335,7 +349,7 @@ class DaemonClient(ABC):
         """Every run of a search from a position on, in order, with what it gave."""
         found: list[ProposalRow] = []
         while True:
-            query = ProposalQuery(campaign, offset + len(found), _RECORDS_PER_PAGE)
+            query = ProposalQuery(campaign, offset + len(found), _RUNS_PER_PAGE)
             page = self.ask(PROPOSALS, query)
             # One that is shorter than asked for is not the last: bytes are limited, too.
             if not page:

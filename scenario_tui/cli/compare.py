@@ -83,7 +83,6 @@ def is_results_file(name: str) -> bool:
 
 def load_judged(name: str, ask: ClientOpener) -> JudgedCampaign:
     """Return the campaign or the file of results of that name."""
-    from daemon.judging.assessment import JudgedCampaign
     from scenario_tui.cli.results import read_results
     from scenario_tui.cli.target import find_campaign
 
@@ -91,7 +90,7 @@ def load_judged(name: str, ask: ClientOpener) -> JudgedCampaign:
         return read_results(Path(name))
     with ask() as daemon:
         row = find_campaign(daemon, name)
-        return JudgedCampaign(row.id, daemon.declared(row.id), daemon.records(row.id))
+        return _ask_judged(daemon, row)
 
 
 def compare_with_baseline(
@@ -122,7 +121,7 @@ def compare_with_baseline(
     if before is None:
         say(f"no earlier campaign {results.row.name} was as expected: nothing to compare with yet")
         return None
-    after = JudgedCampaign(results.row.id, results.declared, results.records)
+    after = JudgedCampaign(results.row.id, results.declared, results.rows)
     return compare_campaigns(before, after, allowed)
 
 
@@ -139,7 +138,7 @@ def _load_baseline(name: str, row: CampaignRow, ask: ClientOpener | None) -> Jud
 
 def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None:
     """Return the newest campaign of that name, submitted before, with everything as expected."""
-    from daemon.judging.assessment import JudgedCampaign, assess
+    from daemon.judging.assessment import assess
 
     rows = daemon.campaign_page(name=row.name)
     ids = [candidate.id for candidate in rows]
@@ -148,10 +147,16 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
     for candidate in older:
         # Judged anew each time: green is what the rules of that campaign say, nobody stores it.
         if candidate.finished:
-            declared, records = daemon.declared(candidate.id), daemon.records(candidate.id)
-            if assess(declared, records).exit_code == ExitCode.EXPECTED:
-                return JudgedCampaign(candidate.id, declared, records)
+            judged = _ask_judged(daemon, candidate)
+            if assess(judged.declared, judged.records).exit_code == ExitCode.EXPECTED:
+                return judged
     return None
+
+
+def _ask_judged(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign:
+    from daemon.judging.assessment import JudgedCampaign
+
+    return JudgedCampaign(row.id, daemon.declared(row.id), daemon.all_runs(row.id, results=True))
 
 
 def final_code(results: CampaignResults, between: CampaignDifference | None) -> int:

@@ -15,12 +15,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
 from daemon.batch.paths import StatePaths, endpoint_text
-from daemon.model.assessments import RunRecord
 from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
 from grammars.text.words import count_noun
@@ -35,7 +34,6 @@ from scenario_tui.text.results import CampaignResults, gather_results
 if TYPE_CHECKING:
     from daemon.model.submission import Submission
 
-RunOrRecord = TypeVar("RunOrRecord", RunRow, RunRecord)
 _MAX_TROUBLE: Final = 20.0
 """Seconds without a worker, or with a full disk, after which nobody is going to help."""
 
@@ -73,11 +71,7 @@ def run_here(
         row = watch(opened, submission.campaign, endurance=_MAX_TROUBLE)
         with opened() as daemon:
             found = gather_results(daemon, row)
-    results = replace(
-        found,
-        rows=tuple(_with_moved_trace(run, target) for run in found.rows),
-        records=tuple(_with_moved_trace(record, target) for record in found.records),
-    )
+    results = replace(found, rows=tuple(_with_moved_trace(run, target) for run in found.rows))
     if not as_json:
         print_summary(_naming_traces(results), took=time.perf_counter() - started)
         kept = sum(1 for run in results.rows if run.trace)
@@ -115,7 +109,7 @@ def _move_traces(state: Path, target: Path, campaign: str) -> int:
     return len(traces)
 
 
-def _with_moved_trace(run: RunOrRecord, target: Path) -> RunOrRecord:
+def _with_moved_trace(run: RunRow, target: Path) -> RunRow:
     return replace(run, trace=str(target / Path(run.trace).name)) if run.trace else run
 
 

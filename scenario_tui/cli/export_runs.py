@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from daemon.batch.stores import TraceReference
-    from daemon.model.status import RunDetail
+    from daemon.model.status import RunRow
     from scenario_tui.cli.target import DaemonTarget
 
 RECORDED_KINDS: Final = ("picture", "traces")
@@ -87,16 +87,15 @@ def _fetch(
     # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
     wanted: list[tuple[TraceReference, Path]] = []
-    executed: dict[str, RunDetail] = {}
+    executed: dict[str, RunRow] = {}
     missing: dict[str, str] = {}
     brought: list[Brought] = []
     with target.open() as daemon:
-        for run in recorded_runs(daemon, subject, "SOURCE"):
-            row = run.row
+        for row in recorded_runs(daemon, subject, "SOURCE"):
             try:
                 name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)
-                wanted.append((trace_reference(run), folder / name))
-                executed[row.id] = run
+                wanted.append((trace_reference(row), folder / name))
+                executed[row.id] = row
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
         with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
@@ -118,23 +117,23 @@ def _fetch(
     raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
 
 
-def _with_wall_clock(run: RunDetail, original: Path, path: Path, where: WallClock) -> Brought:
+def _with_wall_clock(run: RunRow, original: Path, path: Path, where: WallClock) -> Brought:
     """Write the copy of a trace that says when its run began, beside where it would have gone."""
     from daemon.batch.errors import TraceUnavailable
     from daemon.batch.stores import file_sha256
     from daemon.trace import copy_with_wall_clock
 
     if run.result is None or not run.result.timing.started:
-        raise TraceUnavailable(f"{run.row.id}: nobody kept when it began; run it again to know")
+        raise TraceUnavailable(f"{run.id}: nobody kept when it began; run it again to know")
     copy = path.with_name(f"{path.stem}.wall.mcap")
     copy_with_wall_clock(
         original,
         copy,
         run.result.timing.started,
-        worker=run.row.worker,
+        worker=run.worker,
         stamps=where is WallClock.STAMPS,
     )
-    return Brought(run.row.id, str(copy), copy.stat().st_size, file_sha256(copy))
+    return Brought(run.id, str(copy), copy.stat().st_size, file_sha256(copy))
 
 
 class PictureOutput(Output, schema="picture"):

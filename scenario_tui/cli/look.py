@@ -71,7 +71,6 @@ def results(
     from scenario_tui.cli.results import emit_results, print_summary
     from scenario_tui.cli.search_report import ask_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-    from scenario_tui.client import all_runs
     from scenario_tui.text.results import gather_results
 
     target = DaemonTarget(connect, state)
@@ -81,14 +80,14 @@ def results(
         if row.search and not listed:
             _refuse_baseline(baseline)
             answer = ask_search(daemon, row.id, runs=as_json)
-            rows = all_runs(daemon, row.id) if runs else ()
+            rows = daemon.all_runs(row.id) if runs else ()
             _show_search(answer, rows, exit_status=exit_status, as_json=as_json)
             return
         found = gather_results(daemon, row)
         # Filters choose what is listed; the verdict is always about all runs.
         rows = found.rows
         if listed:
-            rows = all_runs(daemon, row.id, outcome=outcome, text=text)
+            rows = daemon.all_runs(row.id, outcome=outcome, text=text)
     between = compare_with_baseline(found, baseline, worse_by, target.open)
     if as_json:
         emit_results(replace(found, rows=rows), comparison=between)

@@ -16,7 +16,6 @@ from grammars.text.words import count_noun
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import open_progress, say
 from scenario_tui.cli.target import DaemonTarget, RunSource, find_campaign, find_run
-from scenario_tui.client import all_runs
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
@@ -190,7 +189,7 @@ def _as_daemon_sees(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
     return campaign
 
 
-def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunDetail, ...]:
+def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunRow, ...]:
     """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
 
     Wrong usage of the parameter ``hint``, with the reason, when there is none with a result (yet).
@@ -205,16 +204,17 @@ def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunDetail
             raise
         raise Refused(f"{name} is no file and no run: {error}") from error
     if isinstance(found, RunDetail):
-        if found.result is None:
+        if found.row.result is None:
             campaign = daemon.campaign(found.row.campaign)
             message = why_no_trace(found.row, campaign, daemon.runs)
             raise typer.BadParameter(message, param_hint=hint)
-        return (found,)
-    rows = [row for row in all_runs(daemon, found.id) if row.outcome is not None]
+        return (found.row,)
+    rows = daemon.all_runs(found.id, results=True)
+    rows = tuple(row for row in rows if row.result is not None)
     if not rows:
         raise typer.BadParameter(without_traces_text(found), param_hint=hint)
     _say_progress(found, len(rows))
-    return tuple(daemon.run(row.id) for row in rows)
+    return rows
 
 
 @contextmanager
@@ -252,9 +252,9 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
                 runs = recorded_runs(daemon, name, hint)
             except Refused as error:
                 raise typer.BadParameter(str(error), param_hint=hint) from error
-            for run in runs:
+            for row in runs:
                 try:
-                    traces[run.row.id] = trace_reference(run)
+                    traces[row.id] = trace_reference(row)
                 except TraceUnavailable as error:
                     # One trace that is gone must not keep the others of a campaign.
                     say(str(error))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -212,31 +211,21 @@ def _submitted_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
 
 
 def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
-    from daemon.analysis.report import campaign_input
-    from daemon.batch.errors import TraceUnavailable
+    from daemon.analysis.report import campaign_input, local_record
     from daemon.batch.stores import local_copy
-    from daemon.batch.stores import trace_reference as recorded_trace
     from scenario_tui.cli.named_traces import transfer_progress
     from scenario_tui.cli.target import find_campaign
 
     with target.open() as daemon:
         row = find_campaign(daemon, campaign)
-        records = list(daemon.records(row.id))
-        runs = [daemon.run(record.id) for record in records]
+        runs = daemon.all_runs(row.id, results=True)
+        specs = [daemon.run(run.id).spec for run in runs]
         size = sum(run.result.trace.size for run in runs if run.result is not None)
         with transfer_progress(size) as advance:
-            for position, run in enumerate(runs):
-                # Known to be gone: the report says so without asking again.
-                if records[position].trace is None:
-                    continue
-                try:
-                    path = local_copy(recorded_trace(run), daemon, progress=advance)
-                    records[position] = replace(records[position], trace=str(path))
-                except TraceUnavailable as error:
-                    note = f"{records[position].note} {error}".strip()
-                    records[position] = replace(records[position], trace=None, note=note)
+            copy = partial(local_copy, source=daemon, progress=advance)
+            # Known to be gone: the report says so without asking again.
+            records = [local_record(run, copy) if run.trace else run for run in runs]
         said = (daemon.declared(row.id), daemon.origin(row.id))
-    specs = [run.spec for run in runs]
     return campaign_input(row, target.endpoint, said, records, specs)
 
 

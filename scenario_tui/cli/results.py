@@ -13,7 +13,7 @@ from rich.text import Text
 
 from daemon.judging.assessment import CampaignDifference, JudgedCampaign
 from daemon.judging.statistics import at_least, cut_percentage
-from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerdict, RunRecord
+from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerdict
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where
@@ -46,7 +46,6 @@ class ResultsOutput(Output, schema="results"):
     declared: AssessmentRules
     assessment: Assessment
     runs: tuple[RunRow, ...]
-    records: tuple[RunRecord, ...]
     comparison: CampaignDifference | None
 
 
@@ -57,7 +56,6 @@ def emit_results(results: CampaignResults, comparison: CampaignDifference | None
         results.declared,
         results.assessment,
         results.rows,
-        results.records,
         comparison,
     ).emit()
 
@@ -70,8 +68,8 @@ def read_results(path: Path) -> JudgedCampaign:
         if body["schema"] != schema_identifier(ResultsOutput.schema):
             raise ValueError(f"it holds {body['schema']}")
         declared = codec.from_plain(AssessmentRules, body["declared"])
-        records = codec.from_plain(tuple[RunRecord, ...], body["records"])
-        return JudgedCampaign(str(body["campaign"]["id"]), declared, records)
+        runs = codec.from_plain(tuple[RunRow, ...], body["runs"])
+        return JudgedCampaign(str(body["campaign"]["id"]), declared, runs)
     except OSError as error:
         message = f"cannot be read: {error.strerror}"
         raise InputError(Diagnostic(where, message)) from error

@@ -112,7 +112,7 @@ def run(
     if junit is not None:
         from daemon.analysis.report import write_junit
 
-        write_junit(found.row.name, found.assessment, found.records, junit)
+        write_junit(found.row.name, found.assessment, found.rows, junit)
     between = compare_with_baseline(found, baseline, worse_by, None)
     if as_json:
         emit_results(found, comparison=between)

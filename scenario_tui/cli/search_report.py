@@ -98,7 +98,7 @@ def daemon_material(
         row,
         proposals,
         daemon.proposals(base) if base else (),
-        _traces(row, lambda run: local_copy(trace_reference(daemon.run(run)), daemon)),
+        _traces(row, lambda run: local_copy(trace_reference(daemon.run(run).row), daemon)),
     )
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.model.run_state import UNFINISHED_STATES
 from grammars.model.geometry import Pose2
 
 if TYPE_CHECKING:
@@ -34,9 +33,10 @@ class RecordingVersion:
 
 def recording_version(detail: RunDetail) -> RecordingVersion | None:
     """Return the version of the recording of a run, ``None`` while it has no result."""
-    if detail.result is None or detail.row.state in UNFINISHED_STATES:
+    row = detail.row
+    if row.result is None or not row.settled:
         return None
-    return RecordingVersion(detail.row.id, detail.result.trace.sha256, detail.result.verdicts)
+    return RecordingVersion(row.id, row.result.trace.sha256, row.verdicts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +68,11 @@ def local_trace(detail: RunDetail, source: DaemonClient | None = None) -> Path |
     machine may have another file under the same path, so that the digest decides.
     """
     run, path = detail.row.id, Path(detail.row.trace)
-    if detail.row.state in UNFINISHED_STATES:
+    if not detail.row.settled:
         return UnavailableTrace(
             run, f"This run is {detail.row.state}: its trace is there when it is over."
         )
-    if detail.result is None:
+    if detail.row.result is None:
         what = f"This run was {detail.row.state}: there is nothing to look at."
         return UnavailableTrace(run, f"{what}\n\nr queues it again.")
     if not detail.row.trace:
@@ -91,8 +91,8 @@ def _matches(detail: RunDetail) -> bool:
     """Whether the file at the place of a trace is that trace."""
     from daemon.batch.stores import matches_digest
 
-    assert detail.result is not None
-    trace = detail.result.trace
+    assert detail.row.result is not None
+    trace = detail.row.result.trace
     return matches_digest(Path(detail.row.trace), trace.size, trace.sha256)
 
 
@@ -100,7 +100,7 @@ def _fetch_trace(detail: RunDetail, source: DaemonClient) -> Path | UnavailableT
     from daemon.batch.stores import local_copy, trace_reference
 
     try:
-        return local_copy(trace_reference(detail), source)
+        return local_copy(trace_reference(detail.row), source)
     except DaemonError as error:
         return UnavailableTrace(detail.row.id, f"Its trace cannot be brought here: {error}")
 
@@ -110,7 +110,7 @@ def can_fetch_trace(detail: RunDetail, source: DaemonClient) -> bool:
     from daemon.batch.stores import is_url
 
     row = detail.row
-    if detail.result is None or not row.trace:
+    if row.result is None or not row.trace:
         return False
     if is_url(row.trace):
         return True
@@ -118,7 +118,7 @@ def can_fetch_trace(detail: RunDetail, source: DaemonClient) -> bool:
         return False
     # Only the daemon knows whether it can: asked for the first part, it says so.
     try:
-        source.get(detail.result.trace.sha256, 0, row.id)
+        source.get(row.result.trace.sha256, 0, row.id)
     except Refused:
         return False
     return True

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.model.run_state import UNFINISHED_STATES, RunState
+from daemon.model.run_state import RunState
 from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.recorded_traces import (
     TraceSummary,
@@ -125,15 +125,15 @@ class RunWatch:
         self, daemon: DaemonClient, detail: RunDetail | None
     ) -> TraceSummary | UnavailableTrace | None:
         """Return what the trace of a run says that is over, or why it says nothing."""
-        if detail is None or detail.row.state in UNFINISHED_STATES:
+        if detail is None or not detail.row.settled:
             return None
         # With the digest: a run that is executed again leaves another trace at the same path.
-        digest = detail.result.trace.sha256 if detail.result is not None else ""
+        digest = detail.row.result.trace.sha256 if detail.row.result is not None else ""
         key = (detail.row.id, detail.row.trace, digest)
         if self._recording is None or self._recording[0] != key or self._may_succeed_now():
             self._again = False
             if can_fetch_trace(detail, daemon):
-                size = 0.0 if detail.result is None else detail.result.trace.size / 1e6
+                size = 0.0 if detail.row.result is None else detail.row.result.trace.size / 1e6
                 seen = UnavailableTrace(detail.row.id, f"Bringing its trace here, {size:.1f} MB …")
                 self._recording, self._fetching = (key, seen), True
                 # A thread for each: a large trace over a slow line must not keep the next one, of

@@ -101,7 +101,7 @@ def cell_text(
 
 def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str:
     """Return ``4/5``, how many of its runs pass; with room also a glyph for each."""
-    records = results.records_of(cell)
+    records = results.runs_of(cell)
     passed = sum(record.outcome is Outcome.PASS for record in records)
     share = f"{passed}/{len(records)}"
     if not alone or not 1 < len(records) <= _MANY:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from scenario_tui.client import all_runs
 from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
 
 if TYPE_CHECKING:
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
         AssessmentRules,
         CellAssessment,
         CellVerdict,
-        RunRecord,
     )
     from daemon.model.status import CampaignRow, RunRow
     from daemon.model.verbs import DaemonClient
@@ -50,17 +48,16 @@ _CONCLUSIONS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class CampaignResults:
-    """Everything known about a campaign; ``records`` are those of ``rows``, in order."""
+    """Everything known about a campaign; ``rows`` are its runs with their results, in order."""
 
     row: CampaignRow
     rows: tuple[RunRow, ...]
-    records: tuple[RunRecord, ...]
     declared: AssessmentRules
     assessment: Assessment
-    _by_id: Mapping[str, RunRecord] = field(init=False, repr=False, compare=False)
+    _by_id: Mapping[str, RunRow] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_by_id", {record.id: record for record in self.records})
+        object.__setattr__(self, "_by_id", {row.id: row for row in self.rows})
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -72,7 +69,7 @@ class CampaignResults:
         """Systems under test of which the same run gives something else each time."""
         return tuple(dict.fromkeys(row.sut for row in self.rows if not row.repeatable))
 
-    def records_of(self, cell: CellAssessment) -> tuple[RunRecord, ...]:
+    def runs_of(self, cell: CellAssessment) -> tuple[RunRow, ...]:
         """Return the runs of a cell."""
         return tuple(self._by_id[run] for run in cell.runs)
 
@@ -104,17 +101,16 @@ def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
     """Ask for everything about a campaign and judge it."""
     from daemon.judging.assessment import assess
 
-    records, declared = daemon.records(row.id), daemon.declared(row.id)
-    rows = all_runs(daemon, row.id)
-    return CampaignResults(row, rows, records, declared, assess(declared, records))
+    rows, declared = daemon.all_runs(row.id, results=True), daemon.declared(row.id)
+    return CampaignResults(row, rows, declared, assess(declared, rows))
 
 
 def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
-    """Ask for what decides whether a campaign is as expected, and no more."""
+    """Ask whether a campaign is as expected."""
     from daemon.judging.assessment import assess
 
-    # Without the rows: only the campaign in front needs them, and this is asked of all others.
-    return conclude(assess(daemon.declared(row.id), daemon.records(row.id)), finished=row.finished)
+    rows = daemon.all_runs(row.id, results=True)
+    return conclude(assess(daemon.declared(row.id), rows), finished=row.finished)
 
 
 def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:

@@ -171,8 +171,8 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
     if row.reason not in ("", row.state):
         text.append(f"{row.reason.strip()}\n", style=styles["inconclusive"])
     text.append("\n")
-    if detail.result is not None:
-        _verdicts(text, detail.result, styles)
+    if detail.row.result is not None:
+        _verdicts(text, detail.row.result, styles)
     else:
         _oracles(text, detail, styles)
     append_facts(text, detail, styles)
@@ -217,7 +217,7 @@ def _map_text(settings: MapSettings) -> str:
 
 def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLES) -> None:
     """Add what the run was and what became of it."""
-    row, spec, result = detail.row, detail.spec, detail.result
+    row, spec, result = detail.row, detail.spec, detail.row.result
     repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
     found = [
         ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {brief_seed(spec.seed)}"),

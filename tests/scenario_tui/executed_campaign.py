@@ -15,7 +15,6 @@ from daemon.batch.errors import Refused
 from daemon.campaign import expand, load_campaign
 from daemon.judging.oracles import judge_so_far, least_margin
 from daemon.judging.running import RunningJudge
-from daemon.model.assessments import RunRecord
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import FilePart
 from daemon.model.run_state import RunState
@@ -190,10 +189,14 @@ class ExecutedDaemon(FakeDaemon):
             rows = tuple(sorted(rows, key=lambda row: row.campaign, reverse=not query.descending))
         return replace(page, rows=rows[query.offset : query.offset + query.limit])
 
+    def _with_result(self, row):
+        spec = self.specs[row.id]
+        return replace(row, digest=spec.digest, seed=spec.seed, result=self.result_of(row))
+
     def _run(self, request):
         for row in self.rows:
             if row.id == request.id:
-                return RunDetail(row, self.specs[row.id], self.result_of(row))
+                return RunDetail(self._with_result(row), self.specs[row.id])
         raise Refused(f"there is no run {request.id}")
 
     def _get(self, request):
@@ -204,20 +207,6 @@ class ExecutedDaemon(FakeDaemon):
 
     def _declared(self, _):
         return self.declares
-
-    def _records(self, query):
-        found = [self._record(row) for row in self.rows if row.campaign == query.campaign]
-        return tuple(found[query.offset : query.offset + query.limit])
-
-    def _record(self, row):
-        spec, result = self.specs[row.id], self.result_of(row)
-        found = RunRecord(
-            row.id, row.scenario, row.sut, row.repeat, spec.digest, row.outcome,
-            state=str(row.state), seed=spec.seed, trace=row.trace or None,
-        )  # fmt: skip
-        if result is None:
-            return found
-        return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
 
 
 def _name(row):

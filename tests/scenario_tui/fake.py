@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 
 from daemon.batch.errors import Refused, Unreachable
-from daemon.model.assessments import AssessmentRules, RepeatPolicy, RunRecord
+from daemon.model.assessments import AssessmentRules, RepeatPolicy
 from daemon.model.live_judgement import (
     DoorMotion,
     LiveJudgement,
@@ -187,18 +187,6 @@ def make_result(row):
     )
 
 
-def make_record(row):
-    found = RunRecord(
-        row.id, row.scenario, row.sut, row.repeat, f"{row.index:064d}", row.outcome,
-        state=str(row.state), note=row.reason, seed=2024 + row.repeat, cached=row.cached,
-        trace=row.trace or None,
-    )  # fmt: skip
-    result = make_result(row)
-    if result is None:
-        return found
-    return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
-
-
 def make_live(index=7, time=60.0, waiting=""):
     """A run on its way; at its start, with what it is ``waiting`` for, if there is anything."""
     pose = Pose2(1.0 + time / 20.0, 2.0, 0.1)
@@ -374,9 +362,12 @@ class FakeDaemon(DaemonClient):
         return tuple(DeletedCampaign(name, 4, 3, 3 * 2**20) for name in request.campaigns)
 
     def _runs(self, query):
+        rows = self.rows
+        if query.results and not any(row.campaign == query.campaign for row in rows):
+            rows = NIGHTLY
         found = [
             row
-            for row in self.rows
+            for row in rows
             if query.campaign in ("", row.campaign)
             and query.scenario in ("", row.scenario)
             and query.sut in ("", row.sut)
@@ -385,12 +376,19 @@ class FakeDaemon(DaemonClient):
             and query.text.lower() in f"{row.scenario}/{row.sut}/{row.repeat} {row.oracle}".lower()
         ]
         found.sort(key=lambda r: _sortable(getattr(r, query.sort)), reverse=query.descending)
-        return RunPage(tuple(found[query.offset : query.offset + query.limit]), len(found))
+        page = found[query.offset : query.offset + query.limit]
+        if query.results:
+            page = [self._with_result(row) for row in page]
+        return RunPage(tuple(page), len(found))
+
+    def _with_result(self, row):
+        found = {"digest": f"{row.index:064d}", "seed": 2024 + row.repeat}
+        return replace(row, result=make_result(row), **found)
 
     def _run(self, request):
         for row in self.rows:
             if row.id == request.id:
-                return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
+                return RunDetail(self._with_result(row), make_spec(row, make_scene().digest))
         raise Refused(f"there is no run {request.id}")
 
     def _get(self, request):
@@ -404,11 +402,6 @@ class FakeDaemon(DaemonClient):
 
     def _origin(self, _):
         return CampaignOrigin()
-
-    def _records(self, query):
-        found = [row for row in self.rows if row.campaign == query.campaign] or list(NIGHTLY)
-        page = [row for row in found if row.campaign == query.campaign][query.offset :]
-        return tuple(make_record(row) for row in page[: query.limit])
 
     def _workers(self, _):
         return (

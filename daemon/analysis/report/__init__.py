@@ -10,6 +10,7 @@ from daemon.analysis.report._input import (
     campaign_input,
     folder_input,
     ledger_input,
+    local_record,
     open_ledger,
     write_campaign_note,
 )
@@ -54,6 +55,7 @@ __all__ = [
     "format_quantity",
     "headline",
     "ledger_input",
+    "local_record",
     "mean_and_deviation",
     "open_ledger",
     "oracle_limit",

@@ -41,7 +41,7 @@ def draw_building(data: ReportData) -> BuildingPicture | None:
     for digest, _ in scenes.most_common(1):
         traces: dict[str, Path] = {}
         for run in data.runs:
-            if run.tracks.scene == digest and run.record.trace is not None:
+            if run.tracks.scene == digest and run.record.trace:
                 traces.setdefault(run.record.scenario, Path(run.record.trace))
         try:
             return _draw(tuple(traces.values()), len(scenes))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, cast
 
 from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
 from daemon.analysis.parallel_map import parallel_map
@@ -16,9 +16,10 @@ from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.judging.assessment import assess
 from daemon.judging.oracles import SignalSampler
-from daemon.model.assessments import Assessment, RunRecord
-from daemon.model.spec import Timing
-from daemon.trace import TraceError, read_trace
+from daemon.model.assessments import Assessment
+from daemon.model.spec import RunEnding, RunResult, Timing, TraceInfo
+from daemon.model.status import RunRow
+from daemon.trace import Trace, TraceError, read_trace
 from grammars.model.behaviour import Trigger
 
 _SAMPLES: Final = 36_000
@@ -33,7 +34,7 @@ ProgressWrapper: TypeAlias = Callable[[Iterable["ReportRun"], int], Iterable["Re
 class ReportRun:
     """A run, judged, and what its trace says; ``versions`` are of what can change it, by name."""
 
-    record: RunRecord
+    record: RunRow
     tracks: RunTracks
     coverage: RunCoverage | None = None
     versions: tuple[tuple[str, str], ...] = ()
@@ -61,7 +62,9 @@ def read_report_data(
     buffer = safety_buffer(chosen.oracles, chosen.footprints)
     points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(chosen.records), 1)))
     oracles.warm_up()
-    task = partial(_read_run, buffer=buffer, watches=chosen.watches, points=points)
+    task = partial(
+        _read_run, buffer=buffer, watches=chosen.watches, points=points, machine=chosen.machine
+    )
     found: Iterable[ReportRun] = parallel_map(
         task, chosen.records, doing="that reads traces", processes=processes
     )
@@ -72,9 +75,14 @@ def read_report_data(
 
 
 def _read_run(
-    record: RunRecord, *, buffer: SafetyBuffer, watches: tuple[Trigger, ...], points: int
+    record: RunRow,
+    *,
+    buffer: SafetyBuffer,
+    watches: tuple[Trigger, ...],
+    points: int,
+    machine: str,
 ) -> ReportRun:
-    if record.trace is None:
+    if not record.trace:
         return ReportRun(record, RunTracks(record.id, problem=record.note or "there is no trace"))
     try:
         trace = read_trace(Path(record.trace), scans=True)
@@ -83,18 +91,26 @@ def _read_run(
     # A clock that jumps or a NaN: nothing in the trace can be trusted, verdicts say so themselves.
     invalid = oracles.trace_problems(trace)
     sampler = None if invalid else SignalSampler(trace)
-    if record.outcome is None and record.state == "done":
-        verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
-        record = replace(
-            record,
-            outcome=oracles.overall_outcome(trace, verdicts),
-            verdicts=verdicts,
-            ended=trace.ended or "",
-            timing=Timing(0.0, 0.0, trace.valid_until),
-            note=trace.note,
-        )
+    if record.result is None and record.state == "done":
+        result = _judge(record, trace, sampler, machine)
+        record = replace(record, outcome=result.outcome, result=result)
     if sampler is None:
         return ReportRun(record, RunTracks(record.id, problem="; ".join(invalid)))
     covered = run_coverage(trace)
     tracks = extract_tracks(record.id, trace, sampler, buffer, watches, points)
     return ReportRun(record, tracks, covered, tuple(trace.versions.items()))
+
+
+def _judge(record: RunRow, trace: Trace, sampler: SignalSampler | None, machine: str) -> RunResult:
+    verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
+    ended = cast(RunEnding, trace.ended or "")  # a recording that was cut off has no end
+    return RunResult(
+        record.digest,
+        oracles.overall_outcome(trace, verdicts),
+        verdicts,
+        ended,
+        TraceInfo("", 0, 0),
+        Timing(0.0, 0.0, trace.valid_until),
+        trace.note,
+        machine=machine,
+    )

@@ -14,7 +14,8 @@ from typing import Final
 from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._references import compared_references
 from daemon.analysis.report._tracks import MEASURES, RunTracks
-from daemon.model.assessments import ReferenceValue, RunRecord
+from daemon.model.assessments import ReferenceValue
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from grammars.text.extras import load_extra
 
@@ -67,7 +68,7 @@ def _measure_rows(tracks: RunTracks) -> Iterator[Row]:
             yield ("measure", measure.name, value, measure.unit, "", None, "")
 
 
-def _verdict_rows(record: RunRecord) -> Iterator[Row]:
+def _verdict_rows(record: RunRow) -> Iterator[Row]:
     for verdict in record.verdicts:
         seen = verdict.evidence
         measure = verdict.outcome is Outcome.MEASURE

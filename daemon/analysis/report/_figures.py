@@ -41,7 +41,8 @@ from daemon.analysis.report._tracks import (
     extract_tracks,
 )
 from daemon.judging.assessment import base_name
-from daemon.model.assessments import DELAY, CellVerdict, RunRecord
+from daemon.model.assessments import DELAY, CellVerdict
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from daemon.trace import TraceError, read_scene
 from grammars.model.scene import Scene
@@ -157,7 +158,7 @@ def _moments(data: ReportData) -> Iterator[_FigureTask]:
         if worst is None:
             continue
         run, seen = runs[worst.run], worst.verdict.evidence
-        if run.record.trace is None or not len(run.tracks.time):
+        if not run.record.trace or not len(run.tracks.time):
             continue
         # What never happened is decided where the run ends.
         time = float(run.tracks.time[-1]) if seen.time is None else seen.time
@@ -273,7 +274,7 @@ def _worst_localisation(data: ReportData, scenes: dict[str, Scene]) -> Iterator[
             yield from _worst_run(data, scenes, group)
 
 
-def _asks_for_error(record: RunRecord) -> bool:
+def _asks_for_error(record: RunRow) -> bool:
     return oracle_limit((verdict.text for verdict in record.verdicts), "loc.error") is not None
 
 
@@ -282,7 +283,7 @@ def _worst_run(
 ) -> Iterator[_FigureTask]:
     worst = max(known, key=lambda run: run.tracks.measures["error max"])
     scene = scenes.get(worst.tracks.scene)
-    if scene is None or worst.record.trace is None:
+    if scene is None or not worst.record.trace:
         return
     of = f"{worst.record.scenario} with {worst.record.sut}, repeat {worst.record.repeat}"
     limit = oracle_limit(data.input.oracles, "loc.error")
@@ -300,11 +301,11 @@ def _worst_run(
 
 
 def _draw_detailed(
-    record: RunRecord, buffer: SafetyBuffer, draw: Callable[..., Sheet]
+    record: RunRow, buffer: SafetyBuffer, draw: Callable[..., Sheet]
 ) -> Sheet | None:
     """Draw a run from more samples than are kept of every run; ``None`` if its trace is gone."""
     try:
-        sampler = sampled_trace(Path(str(record.trace)))
+        sampler = sampled_trace(Path(record.trace))
     except TraceError:
         return None
     return draw(run=extract_tracks(record.id, sampler.trace, sampler, buffer, (), _DETAILED))
@@ -362,7 +363,7 @@ def _run_pairs(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
         shown = tuple(
             (
                 run.record.scenario,
-                Path(str(run.record.trace)),
+                Path(run.record.trace),
                 tuple(e.time for e in run.tracks.encounters),
             )
             for run in pair
@@ -372,7 +373,7 @@ def _run_pairs(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
             ReportFigure("run-pair", names, sut, f"{sut}, repeat {pair[0].record.repeat}"),
             f"Speed and turning speed in a run of {names} with {sut}",
             partial(plot_run_pair, runs=shown, frame=shared.limits),
-            str(pair[0].record.trace),
+            pair[0].record.trace,
         )
 
 

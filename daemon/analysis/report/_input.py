@@ -5,7 +5,7 @@ Loaded by commands that never draw: nothing here may import numpy, matplotlib or
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,11 +14,12 @@ from typing import Final
 from daemon.batch.errors import PlaceUnusable, Refused, TraceUnavailable
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import is_url, local_copy
-from daemon.model.assessments import AssessmentRules, RunRecord
-from daemon.model.messages import LARGEST_PAGE, RecordQuery
+from daemon.batch.stores import TraceReference, is_url, local_copy, trace_reference
+from daemon.model.assessments import AssessmentRules
+from daemon.model.messages import LARGEST_PAGE, RunQuery
+from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec, UnixTime
-from daemon.model.status import CampaignOrigin, CampaignRow
+from daemon.model.status import CampaignOrigin, CampaignRow, RunRow
 from daemon.model.submission import Submission
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
@@ -34,7 +35,7 @@ class ReportInput:
     ``oracles`` are the texts of all oracles, ``watches`` the triggers of all scenarios and
     ``footprints`` those of all robots, each once. ``unread`` are files that are no usable traces,
     with the reason. ``submitted_at`` and ``finished_at`` are seconds since the epoch, ``None``
-    where nobody noted them.
+    where nobody noted them. ``machine`` executed the runs that have no result yet.
     """
 
     id: str
@@ -42,7 +43,7 @@ class ReportInput:
     about: str
     where: str
     declared: AssessmentRules
-    records: tuple[RunRecord, ...]
+    records: tuple[RunRow, ...]
     oracles: tuple[str, ...] = ()
     watches: tuple[Trigger, ...] = ()
     unread: tuple[tuple[str, str], ...] = ()
@@ -50,6 +51,7 @@ class ReportInput:
     origin: CampaignOrigin = field(default_factory=CampaignOrigin)
     submitted_at: float | None = None
     finished_at: float | None = None
+    machine: str = ""
 
 
 NOTE: Final = "campaign.json"
@@ -87,35 +89,36 @@ def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
 
 def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> ReportInput:
     """Return a campaign of a state directory with all its runs, also those without a result."""
-    records: list[RunRecord] = []
-    while True:
-        # One that is shorter than asked for is not the last: bytes are limited, too.
-        page = reader.records(RecordQuery(row.id, len(records), LARGEST_PAGE))
-        if not page:
-            break
+    records: list[RunRow] = []
+    while page := reader.runs(
+        RunQuery(row.id, offset=len(records), limit=LARGEST_PAGE, results=True)
+    ).rows:
         records += page
     # A record holds verdicts, not what was specified: oracles and triggers are in the latter.
     specs = [reader.run(record.id).spec for record in records]
-    records = [_local_record(reader, record) for record in records]
+    records = [
+        local_record(record, local_copy) if is_url(record.trace) else record for record in records
+    ]
     said = (reader.declared(row.id), reader.origin(row.id))
     return campaign_input(row, str(paths.state), said, records, specs)
 
 
-def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
-    """Return a record whose trace is a file of this machine, also when it lies in a store."""
-    if record.trace is None or not is_url(record.trace):
-        return record
+def local_record(record: RunRow, copy: Callable[[TraceReference], Path]) -> RunRow:
+    """Return a record whose trace is a file of this machine, as ``copy`` makes one.
+
+    One that cannot be had is left out, with the reason.
+    """
     try:
-        return replace(record, trace=str(local_copy(reader.trace_reference(record.id))))
+        return replace(record, trace=str(copy(trace_reference(record))))
     except TraceUnavailable as error:
-        return replace(record, trace=None, note=f"{record.note} {error}".strip())
+        return replace(record, trace="", reason=f"{record.reason} {error}".strip())
 
 
 def campaign_input(
     row: CampaignRow,
     where: str,
     said: tuple[AssessmentRules, CampaignOrigin],
-    records: Sequence[RunRecord],
+    records: Sequence[RunRow],
     specs: Sequence[RunSpec],
 ) -> ReportInput:
     """Return a campaign with its runs in order, whose traces are files of this machine.
@@ -171,7 +174,7 @@ def folder_input(folder: Path) -> ReportInput:
     Raises :class:`daemon.batch.errors.Refused` when there are none, or none that can be read.
     """
     traces = sorted(folder.rglob("*.mcap"))
-    records: list[RunRecord] = []
+    records: list[RunRow] = []
     specs: list[RunSpec] = []
     unread: list[tuple[str, str]] = []
     for trace in traces:
@@ -183,16 +186,18 @@ def folder_input(folder: Path) -> ReportInput:
             continue
         specs.append(spec)
         records.append(
-            RunRecord(
+            RunRow(
                 id=trace.relative_to(folder).as_posix(),
+                campaign="",
+                index=len(records),
                 scenario=spec.scenario,
                 sut=spec.sut.name,
                 repeat=spec.repeat,
-                digest=spec.digest,
-                outcome=None,
+                state=RunState.DONE,
                 trace=str(trace),
-                seed=spec.seed,
                 repeatable=spec.sut.repeatable,
+                digest=spec.digest,
+                seed=spec.seed,
             )
         )
     if not records:
@@ -205,10 +210,11 @@ def folder_input(folder: Path) -> ReportInput:
         note.about,
         str(folder),
         note.declared,
-        tuple(replace(record, machine=note.machine) for record in records),
+        tuple(records),
         unread=tuple(unread),
         origin=note.origin,
         submitted_at=note.submitted_at,
+        machine=note.machine,
     )
     return _add_specs(chosen, specs)
 

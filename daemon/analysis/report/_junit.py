@@ -18,8 +18,8 @@ from daemon.model.assessments import (
     CellAssessment,
     CellVerdict,
     ComparisonVerdict,
-    RunRecord,
 )
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from grammars.text.files import write_atomically
 from templates.naming import xml_text
@@ -42,9 +42,7 @@ class _Case:
     output: str = ""
 
 
-def write_junit(
-    name: str, assessment: Assessment, records: Sequence[RunRecord], path: Path
-) -> None:
+def write_junit(name: str, assessment: Assessment, records: Sequence[RunRow], path: Path) -> None:
     """Write what :func:`daemon.judging.assessment.assess` made of the runs of a campaign.
 
     FAIL is a failure, ERROR an error, INCONCLUSIVE an error of type ``inconclusive``, or of that of
@@ -73,7 +71,7 @@ def write_junit(
 
 
 def _cell_suite(
-    campaign: str, cell: CellAssessment, runs: Mapping[str, RunRecord]
+    campaign: str, cell: CellAssessment, runs: Mapping[str, RunRow]
 ) -> ElementTree.Element:
     place = f"{campaign}.{cell.scenario}.{cell.sut}"
     records = [runs[run] for run in cell.runs if run in runs]
@@ -88,9 +86,9 @@ def _cell_suite(
     return _suite(f"{cell.scenario}/{cell.sut}", cases, seconds, about)
 
 
-def _time(records: Iterable[RunRecord]) -> tuple[float, str]:
+def _time(records: Iterable[RunRow]) -> tuple[float, str]:
     """Return the seconds of runs and which clock they are of."""
-    known = [record.timing for record in records if record.timing is not None]
+    known = [record.result.timing for record in records if record.result is not None]
     wall = sum(timing.wall for timing in known)
     # Traces say what they simulated, not what that took.
     if wall > 0.0:
@@ -141,7 +139,7 @@ def _case_element(case: _Case, seconds: float) -> ElementTree.Element:
     return element
 
 
-def _oracle_case(oracle: CellVerdict, place: str, records: Iterable[RunRecord]) -> _Case:
+def _oracle_case(oracle: CellVerdict, place: str, records: Iterable[RunRow]) -> _Case:
     lines = [
         f"{record.id}: {verdict.outcome}  {evidence_text(verdict)}"
         for record in records

@@ -184,7 +184,7 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
         verb = "is" if count == 1 else "are"
         return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
     # Neither as expected nor unexpected: say what is missing, the most basic first.
-    state = state_of(run.record for run in runs)
+    state = state_of(run.record.state for run in runs)
     if state in UNFINISHED_STATES or state == "cancelled":
         counts = Counter(run.record.state for run in runs)
         missing = ", ".join(f"{counts[one]} {one}" for one in MISSING_STATES if counts[one])
@@ -217,7 +217,7 @@ def _facts(
     data: ReportData, scenarios: Sequence[str], suts: Sequence[str]
 ) -> tuple[tuple[str, str], ...]:
     records = [run.record for run in data.runs]
-    simulated = sum(record.timing.simulated for record in records if record.timing)
+    simulated = sum(record.result.timing.simulated for record in records if record.result)
     # In this order whatever comes first, so that two reports can be laid side by side.
     counts = dict.fromkeys(("pass", "fail", "inconclusive", "error", "without a result"), 0)
     for record in records:

@@ -32,8 +32,9 @@ def _facts(data: ReportData) -> Iterator[tuple[str, str]]:
     yield "campaign file", _file(chosen.origin)
     yield "version control", _commit(chosen.origin)
     yield "seed", "" if chosen.origin.seed is None else str(chosen.origin.seed)
-    machines = Counter(run.record.machine for run in data.runs if run.record.machine)
-    yield "machine", _kinds(machines, sum(bool(run.record.timing) for run in data.runs))
+    results = [run.record.result for run in data.runs if run.record.result is not None]
+    machines = Counter(result.machine for result in results if result.machine)
+    yield "machine", _kinds(machines, len(results))
     reused = sum(bool(run.record.cached) for run in data.runs)
     yield "used again", f"{count_noun(reused, 'result')} of earlier campaigns" if reused else ""
     versions = Counter(_versions(run.versions) for run in data.runs if run.versions)

@@ -26,7 +26,6 @@ from daemon.batch.ledger._queries import (
 from daemon.batch.ledger._results import (
     read_declared,
     read_origin,
-    read_records,
     require_era,
     require_lease,
 )
@@ -40,11 +39,10 @@ from daemon.batch.ledger._time_left import (
 )
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
-from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import (
     LARGEST_PAGE_BYTES,
     CampaignQuery,
-    RecordQuery,
     RunQuery,
 )
 from daemon.model.proposals import ProposalQuery, ProposalRow
@@ -211,15 +209,11 @@ class LedgerReader:
 
     def run(self, name: str) -> RunDetail:
         """Everything about one run."""
-        row = next(select_runs(self._db, "WHERE id = ? AND state <> ?", (name, RESERVE)), None)
+        where = "WHERE id = ? AND state <> ?"
+        row = next(select_runs(self._db, where, (name, RESERVE), results=True), None)
         if row is None:
             raise Refused(f"there is no run {name}")
-        result = self._db.execute("SELECT body FROM result WHERE run = ?", (name,)).fetchone()
-        return RunDetail(
-            run_row(self._db, row, self._paths),
-            read_spec(self._db, name),
-            None if result is None else read_result(result[0]),
-        )
+        return RunDetail(run_row(self._db, row, self._paths), read_spec(self._db, name))
 
     def declared(self, campaign: str) -> AssessmentRules:
         """What a campaign declares about its results."""
@@ -228,21 +222,6 @@ class LedgerReader:
     def origin(self, campaign: str) -> CampaignOrigin:
         """Return the file and the commit that a campaign was written in."""
         return read_origin(self._db, campaign)
-
-    def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
-        """A page of the runs of a campaign as assessments want them, in order.
-
-        It has fewer than asked for when they have many bytes; after the last it is empty.
-        """
-        read_declared(self._db, query.campaign)
-        return read_records(
-            self._db,
-            query.campaign,
-            self._paths,
-            offset=query.offset,
-            limit=query.limit,
-            room=LARGEST_PAGE_BYTES,
-        )
 
     def forecast(self, runs: Sequence[PlannedRun]) -> Forecast:
         """Return which of these runs have results, and how long each takes."""

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import secrets
 import sqlite3
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
 from daemon.batch.ledger._entry import RESERVE
-from daemon.batch.ledger._queries import find_trace, missing_trace_text, read_result
-from daemon.batch.paths import StatePaths
+from daemon.batch.ledger._queries import read_result, run_row, select_runs
 from daemon.judging.assessment import undecided_cells
-from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import is_digest
 from daemon.model.messages import Completion, Rejection
 from daemon.model.spec import LARGEST_RESULT
-from daemon.model.status import CampaignOrigin
+from daemon.model.status import CampaignOrigin, RunRow
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
-
-_COLUMNS: Final = (
-    "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
-    " trace_at, repeatable, body"
-)
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
@@ -40,65 +33,6 @@ def read_origin(db: sqlite3.Connection, campaign: str) -> CampaignOrigin:
     read_declared(db, campaign)
     row = db.execute("SELECT origin FROM campaign WHERE id = ?", (campaign,)).fetchone()
     return codec.from_json(CampaignOrigin, row[0]) if row and row[0] else CampaignOrigin()
-
-
-def read_records(
-    db: sqlite3.Connection,
-    campaign: str,
-    paths: StatePaths | None = None,
-    *,
-    offset: int = 0,
-    limit: int = -1,
-    room: float = math.inf,
-) -> tuple[RunRecord, ...]:
-    """Return the runs of a campaign in order, with results where there are any.
-
-    Their traces are looked for below ``paths``, or not at all: that costs a look at the disk each.
-    No more are returned when their results have ``room`` bytes together, but one at least.
-    """
-    rows = db.execute(
-        f"SELECT {_COLUMNS} FROM run LEFT JOIN result ON result.run = run.id"
-        " WHERE campaign = ? AND state <> ? ORDER BY position LIMIT ? OFFSET ?",
-        (campaign, RESERVE, limit, offset),
-    )
-    found = []
-    for row in rows:
-        if room <= 0:
-            break
-        found.append(_run_record(db, tuple(row), paths))
-        room -= len(row[-1] or b"")
-    return tuple(found)
-
-
-def _run_record(
-    db: sqlite3.Connection, row: tuple[Any, ...], paths: StatePaths | None
-) -> RunRecord:
-    *known, trace, url, repeatable, body = row
-    run, scenario, sut, repeat, digest, state, reason, seed, cached = known
-    result = None if body is None else read_result(body)
-    path, gone = "", ""
-    if result and paths:
-        path = find_trace(db, paths, trace, cached, url)
-        gone = "" if path else missing_trace_text(cached)
-    notes = (result.note if result else "", reason, gone)
-    return RunRecord(
-        id=run,
-        scenario=scenario,
-        sut=sut,
-        repeat=repeat,
-        digest=digest,
-        outcome=result.outcome if result else None,
-        verdicts=result.verdicts if result else (),
-        ended=result.ended if result else "",
-        timing=result.timing if result else None,
-        trace=path or None,
-        note="; ".join(note for note in notes if note),
-        state=state,
-        seed=int(seed),  # text in the table: 64 bits without a sign do not fit SQLite's integers
-        cached=cached,
-        repeatable=bool(repeatable),
-        machine=result.machine if result else "",
-    )
 
 
 # Only of systems that repeat themselves: a result of another one is one of many it might give.
@@ -280,7 +214,7 @@ def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
     waiting = "SELECT total(runs) FROM tally WHERE campaign = ? AND state = ?"
     if not db.execute(waiting, (campaign, RESERVE)).fetchone()[0]:
         return 0
-    declared, records = read_declared(db, campaign), read_records(db, campaign)
+    declared, records = read_declared(db, campaign), _read_runs(db, campaign)
     queued = 0
     for scenario, sut in undecided_cells(declared, records):
         so_far = sum((r.scenario, r.sut) == (scenario, sut) for r in records)
@@ -292,6 +226,12 @@ def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
         ).rowcount
     db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (queued, campaign))
     return queued
+
+
+def _read_runs(db: sqlite3.Connection, campaign: str) -> tuple[RunRow, ...]:
+    where = "WHERE campaign = ? AND state <> ? ORDER BY position"
+    rows = select_runs(db, where, (campaign, RESERVE), results=True)
+    return tuple(run_row(db, row) for row in rows)
 
 
 def _next_look(looks: Sequence[int], so_far: int) -> int:

@@ -22,7 +22,7 @@ from daemon.batch.server._submissions import read_submission
 from daemon.batch.server._uploads import Uploads
 from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import Marker, is_url, read_part
-from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import is_id
 from daemon.model.messages import (
     CampaignQuery,
@@ -39,7 +39,6 @@ from daemon.model.messages import (
     LedgerAnswer,
     PriorityRequest,
     PutRequest,
-    RecordQuery,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
@@ -196,9 +195,6 @@ class Handlers(SearchHandlers):
 
     def origin(self, ledger: LedgerReader, request: IdRequest) -> CampaignOrigin:
         return ledger.origin(request.id)
-
-    def records(self, ledger: LedgerReader, query: RecordQuery) -> tuple[RunRecord, ...]:
-        return ledger.records(query)
 
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
         return self.registry.rows()

@@ -17,7 +17,7 @@ import platformdirs
 from daemon.batch.errors import TraceUnavailable, Unavailable
 from daemon.batch.stores._store import copy_between, is_url
 from daemon.model.messages import PART, FilePart
-from daemon.model.status import RunDetail
+from daemon.model.status import RunRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.files import move_durably
 
@@ -139,14 +139,13 @@ class TraceReference:
     size: int
 
 
-def trace_reference(detail: RunDetail) -> TraceReference:
+def trace_reference(row: RunRow) -> TraceReference:
     """Return the trace of a run; raises :class:`TraceUnavailable` when there is none (any more)."""
-    row, result = detail.row, detail.result
-    if result is None:
+    if row.result is None:
         raise TraceUnavailable(f"{row.id} has no trace: it is {row.state}")
     if not row.trace:
         raise TraceUnavailable(f"{row.id} has no trace: {row.reason or 'it is gone'}")
-    return TraceReference(row.id, row.trace, result.trace.sha256, result.trace.size)
+    return TraceReference(row.id, row.trace, row.result.trace.sha256, row.result.trace.size)
 
 
 def local_copy(

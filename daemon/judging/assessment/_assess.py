@@ -31,11 +31,11 @@ from daemon.model.assessments import (
     CellAssessment,
     CellVerdict,
     ComparisonVerdict,
-    RunRecord,
     ScenarioComparison,
     UnexpectedVerdict,
     state_of,
 )
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.diagnostics import InputError, Where
 
@@ -50,7 +50,7 @@ class _ComparedSide:
 
 
 def comparison_verdicts(
-    comparison: ScenarioComparison, records: Sequence[RunRecord], declared: AssessmentRules
+    comparison: ScenarioComparison, records: Sequence[RunRow], declared: AssessmentRules
 ) -> list[ComparisonVerdict]:
     """Return the comparison for every system under test that ran both scenarios, in order."""
     sides = (comparison.left, comparison.right)
@@ -68,7 +68,7 @@ def comparison_verdicts(
 def _cell(
     comparison: ScenarioComparison,
     sut: str,
-    records: Sequence[RunRecord],
+    records: Sequence[RunRow],
     declared: AssessmentRules,
 ) -> ComparisonVerdict:
     left, right = (
@@ -105,13 +105,13 @@ def _cell(
         met=status is ExpectationStatus.MET,
         why=why,
         contradicted=status is ExpectationStatus.CONTRADICTED,
-        state=state_of(compared),
+        state=state_of(r.state for r in compared),
         interval=(both.low, both.high) if both else None,
     )
 
 
 def _compared_side(
-    comparison: ScenarioComparison, scenario: str, records: Sequence[RunRecord]
+    comparison: ScenarioComparison, scenario: str, records: Sequence[RunRow]
 ) -> _ComparedSide:
     values: dict[PairKey, float] = {}
     left_out = 0
@@ -127,7 +127,7 @@ def _compared_side(
     return _ComparedSide(values, left_out)
 
 
-def _value(comparison: ScenarioComparison, record: RunRecord) -> float | None:
+def _value(comparison: ScenarioComparison, record: RunRow) -> float | None:
     if comparison.quantity != DELAY:
         return measured_value(record, comparison.quantity)
     if not mission_completed(record):
@@ -135,7 +135,7 @@ def _value(comparison: ScenarioComparison, record: RunRecord) -> float | None:
     return measured_value(record, comparison.measure) if comparison.measure else duration(record)
 
 
-def mission_completed(record: RunRecord) -> bool:
+def mission_completed(record: RunRow) -> bool:
     """Whether the mission was ended: only then the time it took says anything about a delay."""
     arrived = all(v.outcome is Outcome.PASS for v in record.verdicts if _asks_for_arrival(v.text))
     return record.ended == "finished" and arrived
@@ -171,9 +171,7 @@ def _verdict(
     return verdict, note
 
 
-def _left_out_text(
-    comparison: ScenarioComparison, left_out: int, records: Sequence[RunRecord]
-) -> str:
+def _left_out_text(comparison: ScenarioComparison, left_out: int, records: Sequence[RunRow]) -> str:
     """Return which of the compared runs have no value and why, empty when all have one."""
     missing = Counter(record.state for record in records if record.state in MISSING_STATES)
     parts = [f"{_runs(missing[state])} {state}" for state in MISSING_STATES if missing[state]]
@@ -203,7 +201,7 @@ def _runs(count: int) -> str:
 AS_EXPECTED, UNEXPECTED, INFRASTRUCTURE, UNDECIDED = 0, 1, 3, 4  # 2 is bad input
 
 
-def assess(declared: AssessmentRules, records: Iterable[RunRecord]) -> Assessment:
+def assess(declared: AssessmentRules, records: Iterable[RunRow]) -> Assessment:
     """Judge the runs of a campaign by what the campaign declares.
 
     Pure: the same declaration and the same records give the same assessment, whoever asks. Runs
@@ -228,7 +226,7 @@ def _is_contradicted(verdict: CellVerdict | ComparisonVerdict) -> bool:
 
 
 def undecided_cells(
-    declared: AssessmentRules, records: Iterable[RunRecord]
+    declared: AssessmentRules, records: Iterable[RunRow]
 ) -> tuple[tuple[str, str], ...]:
     """Return the cells, (scenario, SUT), whose oracles more repeats could still decide.
 
@@ -250,11 +248,11 @@ def _can_be_decided(oracle: CellVerdict) -> bool:
     return open_yet and not oracle.inconclusive
 
 
-def _cells(records: Iterable[RunRecord]) -> list[list[RunRecord]]:
+def _cells(records: Iterable[RunRow]) -> list[list[RunRow]]:
     return [sorted(group, key=lambda r: r.repeat) for group in group_by_cell(records).values()]
 
 
-def _assess_cell(records: Sequence[RunRecord], declared: AssessmentRules) -> CellAssessment:
+def _assess_cell(records: Sequence[RunRow], declared: AssessmentRules) -> CellAssessment:
     found = [v for r in records for v in trusted_verdicts(r)]
     # A trace that cannot be trusted gives errors for measures too; they are no oracles for that.
     measures = {v.oracle for v in found if v.outcome is Outcome.MEASURE}
@@ -267,24 +265,24 @@ def _assess_cell(records: Sequence[RunRecord], declared: AssessmentRules) -> Cel
         oracles=oracles,
         measures=cell_measures(records),
         runs=tuple(record.id for record in records),
-        state=state_of(records),
+        state=state_of(r.state for r in records),
     )
 
 
-def _worst_outcome(oracles: Sequence[CellVerdict], records: Sequence[RunRecord]) -> Outcome:
+def _worst_outcome(oracles: Sequence[CellVerdict], records: Sequence[RunRow]) -> Outcome:
     if oracles:
         return min((oracle.verdict for oracle in oracles), key=BY_GRAVITY.index)
     broken = any(_broken(record) for record in records)
     return Outcome.ERROR if broken else Outcome.INCONCLUSIVE
 
 
-def _broken(record: RunRecord) -> bool:
+def _broken(record: RunRow) -> bool:
     """Whether a run was not executed, or not so that it can be judged."""
     return record.state == "lost" or record.outcome is Outcome.ERROR
 
 
 def _exit_code(
-    records: Sequence[RunRecord],
+    records: Sequence[RunRow],
     cells: Sequence[CellAssessment],
     statuses: Collection[ExpectationStatus],
 ) -> int:
@@ -301,7 +299,7 @@ def _exit_code(
     return AS_EXPECTED
 
 
-def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRecord]) -> UnexpectedVerdict:
+def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRow]) -> UnexpectedVerdict:
     """Return what contradicts: the worst run, or the first that passes where it should not."""
     shown = oracle.worst
     run, repeat, verdict = (shown.run, shown.repeat, shown.verdict) if shown else ("", None, None)
@@ -329,7 +327,7 @@ def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRecord]) -> Un
 
 
 def _passing_runs(
-    oracle: CellVerdict, records: Sequence[RunRecord]
+    oracle: CellVerdict, records: Sequence[RunRow]
 ) -> Iterable[tuple[str, int, Verdict]]:
     for record in records:
         if (record.scenario, record.sut) == (oracle.scenario, oracle.sut):

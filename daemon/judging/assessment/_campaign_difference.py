@@ -25,7 +25,8 @@ from daemon.judging.statistics import (
     holm_adjusted,
     mean_difference,
 )
-from daemon.model.assessments import DURATION, Assessment, AssessmentRules, CellVerdict, RunRecord
+from daemon.model.assessments import DURATION, Assessment, AssessmentRules, CellVerdict
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 
 QuantityKind: TypeAlias = Literal["margin", "measure", "duration"]
@@ -38,7 +39,7 @@ class JudgedCampaign:
 
     name: str
     declared: AssessmentRules
-    records: tuple[RunRecord, ...]
+    records: tuple[RunRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,15 +137,15 @@ def compare_campaigns(
         shifts=_adjust_together(shifts),
         only_before=tuple(key for key in sides[0] if key not in sides[1]),
         only_after=tuple(key for key in sides[1] if key not in sides[0]),
-        unfinished_before=sum(record.unfinished for record in before.records),
-        unfinished_after=sum(record.unfinished for record in after.records),
+        unfinished_before=sum(not record.settled for record in before.records),
+        unfinished_after=sum(not record.settled for record in after.records),
     )
 
 
 def _verdicts(
     before: JudgedCampaign,
     after: JudgedCampaign,
-    sides: Sequence[Mapping[Cell, Sequence[RunRecord]]],
+    sides: Sequence[Mapping[Cell, Sequence[RunRow]]],
     shared: set[Cell],
 ) -> Iterable[VerdictChange]:
     old, new = (_oracles(assess(side.declared, side.records)) for side in (before, after))
@@ -171,10 +172,10 @@ def _verdicts(
         )
 
 
-def _is_open(found: CellVerdict | None, records: Sequence[RunRecord]) -> bool:
+def _is_open(found: CellVerdict | None, records: Sequence[RunRow]) -> bool:
     """Whether runs that go on may still decide what an oracle says of a cell."""
     undecided = found is None or found.verdict is Outcome.INCONCLUSIVE
-    return undecided and any(record.unfinished for record in records)
+    return undecided and any(not record.settled for record in records)
 
 
 def _oracles(assessment: Assessment) -> Mapping[tuple[str, str, str], CellVerdict]:
@@ -191,7 +192,7 @@ class _TestedChange:
 
 
 def _quantity_changes(
-    before: Sequence[RunRecord], after: Sequence[RunRecord], worse_by: float | None
+    before: Sequence[RunRow], after: Sequence[RunRow], worse_by: float | None
 ) -> Iterable[_TestedChange]:
     for name, (kind, unit) in _quantities((*after, *before)).items():
         old, new = (_values(side, name, kind) for side in (before, after))
@@ -199,7 +200,7 @@ def _quantity_changes(
             yield _test_change(after[0], name, kind, unit, old, new, worse_by)
 
 
-def _quantities(records: Iterable[RunRecord]) -> dict[str, tuple[QuantityKind, str]]:
+def _quantities(records: Iterable[RunRow]) -> dict[str, tuple[QuantityKind, str]]:
     found: dict[str, tuple[QuantityKind, str]] = {}
     for record in records:
         for verdict in record.verdicts:
@@ -213,7 +214,7 @@ def _quantities(records: Iterable[RunRecord]) -> dict[str, tuple[QuantityKind, s
 
 
 def _values(
-    records: Iterable[RunRecord], name: str, kind: QuantityKind
+    records: Iterable[RunRow], name: str, kind: QuantityKind
 ) -> dict[tuple[int, int], float]:
     values: dict[tuple[int, int], float] = {}
     for record in records:
@@ -223,7 +224,7 @@ def _values(
     return values
 
 
-def _margin(record: RunRecord, name: str) -> float | None:
+def _margin(record: RunRow, name: str) -> float | None:
     # An inconclusive margin is a bound, not a value; means of bounds say nothing.
     decided = (Outcome.PASS, Outcome.FAIL)
     found = (
@@ -233,7 +234,7 @@ def _margin(record: RunRecord, name: str) -> float | None:
 
 
 def _test_change(
-    record: RunRecord,
+    record: RunRow,
     name: str,
     kind: QuantityKind,
     unit: str,

@@ -26,10 +26,10 @@ from daemon.model.assessments import (
     Expectation,
     ExpectedVerdict,
     RepeatPolicy,
-    RunRecord,
     WorstRun,
     state_of,
 )
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 Cell: TypeAlias = tuple[str, str]
@@ -39,9 +39,9 @@ BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.
 """What is said first of a cell: a failure is a finding, an error may hide one."""
 
 
-def group_by_cell(records: Iterable[RunRecord]) -> dict[Cell, list[RunRecord]]:
+def group_by_cell(records: Iterable[RunRow]) -> dict[Cell, list[RunRow]]:
     """Return the runs of each cell, cells and runs in the order of their appearance."""
-    groups: dict[Cell, list[RunRecord]] = {}
+    groups: dict[Cell, list[RunRow]] = {}
     for record in records:
         groups.setdefault((record.scenario, record.sut), []).append(record)
     return groups
@@ -114,7 +114,7 @@ def status_of(cell: CellVerdict | ComparisonVerdict) -> ExpectationStatus:
     return expectation_status(cell.expected, cell.verdict, passed=passed, failed=failed, n=n)
 
 
-def measured_value(record: RunRecord, name: str) -> float | None:
+def measured_value(record: RunRow, name: str) -> float | None:
     """Return what the measure ``name`` found in a run, ``None`` when there is nothing to trust."""
     if record.outcome is None or record.ended == "crashed":
         return None
@@ -124,12 +124,12 @@ def measured_value(record: RunRecord, name: str) -> float | None:
     return verdict.evidence.value if verdict.outcome is Outcome.MEASURE else None
 
 
-def duration(record: RunRecord) -> float | None:
+def duration(record: RunRow) -> float | None:
     """Return the simulated time a run took [s]."""
-    return None if record.timing is None else record.timing.simulated
+    return None if record.result is None else record.result.timing.simulated
 
 
-def cell_measures(records: Sequence[RunRecord]) -> tuple[CellMeasure, ...]:
+def cell_measures(records: Sequence[RunRow]) -> tuple[CellMeasure, ...]:
     """Return every measure of one cell that has values, the duration last."""
     units: dict[str, str] = {}
     for record in records:
@@ -142,7 +142,7 @@ def cell_measures(records: Sequence[RunRecord]) -> tuple[CellMeasure, ...]:
     return tuple(cell for cell in cells if cell is not None)
 
 
-def _cell_measure(name: str, unit: str, records: Sequence[RunRecord]) -> CellMeasure | None:
+def _cell_measure(name: str, unit: str, records: Sequence[RunRow]) -> CellMeasure | None:
     found = [(r.repeat, value) for r in records if (value := measured_value(r, name)) is not None]
     if not found:
         return None
@@ -162,7 +162,7 @@ def _cell_measure(name: str, unit: str, records: Sequence[RunRecord]) -> CellMea
     )
 
 
-def trusted_verdicts(record: RunRecord) -> tuple[Verdict, ...]:
+def trusted_verdicts(record: RunRow) -> tuple[Verdict, ...]:
     """Return the verdicts of a run as they count: none is trusted when its system crashed."""
     if record.ended != "crashed":
         return record.verdicts
@@ -174,7 +174,7 @@ def _distrust(verdict: Verdict, note: str) -> Verdict:
     return Verdict(verdict.oracle, verdict.text, Outcome.ERROR, None, None, verdict.unit, evidence)
 
 
-def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRules) -> CellVerdict:
+def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules) -> CellVerdict:
     """Return what the oracle ``name`` says about the repeats of one cell."""
     found = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
     verdicts = [v for _, v in found]
@@ -187,7 +187,7 @@ def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRu
     status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
     confidence = confidence_of(policy)
     needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
-    waiting = sum(record.unfinished for record in records)
+    waiting = sum(not record.settled for record in records)
     statement = _statement(policy, passed, failed, n, needed)
     if waiting and verdict is Outcome.INCONCLUSIVE:
         # What so many repeats show is said when there are so many.
@@ -214,7 +214,7 @@ def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRu
         met=status is ExpectationStatus.MET,
         why=why,
         contradicted=status is ExpectationStatus.CONTRADICTED,
-        state=state_of(records),
+        state=state_of(record.state for record in records),
     )
 
 
@@ -288,7 +288,7 @@ def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: i
     return f"{text} ({looks} looks)" if looks > 1 else text
 
 
-def _worst_run(found: Sequence[tuple[RunRecord, Verdict]]) -> WorstRun | None:
+def _worst_run(found: Sequence[tuple[RunRow, Verdict]]) -> WorstRun | None:
     if not found:
         return None
     record, verdict = min(found, key=lambda pair: _severity(pair[1]))

@@ -194,5 +194,5 @@ def _playback(dashboard: BaseDashboard, run: str) -> Playback:
         found = local_trace(detail, daemon)
     if isinstance(found, UnavailableTrace):
         raise DaemonError(f"{run}: {found.why}")
-    assert detail.result is not None
-    return dashboard.read_playback(found, detail.result.verdicts)
+    assert detail.row.result is not None
+    return dashboard.read_playback(found, detail.row.result.verdicts)

@@ -200,7 +200,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
     def _words(self, detail: RunDetail) -> None:
         """Show verdicts once there are any, and the log."""
         track = self._unfinished.track
-        result, judgement = detail.result, track.judgement if track else None
+        result, judgement = detail.row.result, track.judgement if track else None
         so_far = judgement.verdicts if judgement else ()
         judged = result is not None or bool(so_far)
         if judged and not self.has_class("-judged"):

@@ -38,13 +38,13 @@ def log_text(
     """
     text = Text()
     if detail is not None:
-        for note in _notes(detail.row.reason, detail.result):
+        for note in _notes(detail.row.reason, detail.row.result):
             text.append(f"{note}\n", style=UNSURE)
         if detail.row.attempt > 1:
             text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
         if detail.row.cached:
             text.append(f"not executed again: the result is that of {detail.row.cached}\n")
-        if detail.result is None and judgement is None:
+        if detail.row.result is None and judgement is None:
             return text.append("Its log comes while it runs.\n", style=QUIET)
         append_facts(text, detail)
     if playback is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.run_state import UNFINISHED_STATES, RunState
+from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
 from scenario_tui.dashboard.live_timeline import (
     LiveTransport,
@@ -143,4 +143,4 @@ def is_running(detail: RunDetail) -> bool:
 
 def is_unfinished(detail: RunDetail) -> bool:
     """Whether the run is under way or waits to be."""
-    return detail.row.state in UNFINISHED_STATES
+    return not detail.row.settled

@@ -50,9 +50,9 @@ def parts(daemon):
 def whole(client, run):
     """The trace where the daemon says it lies, checked."""
     detail = client.run(run)
-    assert detail.result is not None
+    assert detail.row.result is not None
     path = Path(detail.row.trace)
-    assert hashlib.sha256(path.read_bytes()).hexdigest() == detail.result.trace.sha256
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == detail.row.result.trace.sha256
     return path
 
 
@@ -168,7 +168,7 @@ def test_hostile_uploads_are_refused_and_leave_nothing(remote, client):
 
 
 def test_traces_come_over_the_bus_into_the_cache_and_are_verified(remote, client, tmp_path):
-    trace = trace_reference(client.run("c.1"))
+    trace = trace_reference(client.run("c.1").row)
     assert local_copy(trace, client) == Path(trace.location)  # it lies here
     there = TraceReference(trace.run, "/nowhere/" + trace.location, trace.sha256, trace.size)
     seen = []
@@ -182,7 +182,7 @@ def test_traces_come_over_the_bus_into_the_cache_and_are_verified(remote, client
 
 
 def test_an_interrupted_download_goes_on_where_it_was(client, tmp_path):
-    trace = trace_reference(client.run("c.2"))
+    trace = trace_reference(client.run("c.2").row)
     data = Path(trace.location).read_bytes()
     (tmp_path / f".{trace.sha256}.part").write_bytes(data[:1_400_000])
     asked = []
@@ -199,7 +199,7 @@ def test_an_interrupted_download_goes_on_where_it_was(client, tmp_path):
 
 
 def test_what_arrives_damaged_is_never_a_trace(client, tmp_path):
-    trace = trace_reference(client.run("c.3"))
+    trace = trace_reference(client.run("c.3").row)
 
     class Noise:
         def get(self, sha256, offset, run):
@@ -221,7 +221,7 @@ def test_what_arrives_damaged_is_never_a_trace(client, tmp_path):
 
 
 def test_a_download_names_a_run_or_a_digest_and_never_a_path(client):
-    sha256 = trace_reference(client.run("c.0")).sha256
+    sha256 = trace_reference(client.run("c.0").row).sha256
     for run in ("../../ledger.db", "c", "/etc/passwd", "c.99"):
         with pytest.raises(Refused):
             client.get(sha256, 0, run)
@@ -242,7 +242,7 @@ def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path):
             eventually(lambda: finished(client, 2))
         eventually(lambda: not list((daemon.state / "traces").rglob("*.mcap")))
         for run in ("c.0", "c.1"):
-            trace = trace_reference(client.run(run))
+            trace = trace_reference(client.run(run).row)
             assert trace.location.startswith(f"{store}/c/S1.pilot.{run[-1]}.{trace.sha256[:16]}")
             copy = local_copy(trace, cache=tmp_path / "cache")
             assert hashlib.sha256(copy.read_bytes()).hexdigest() == trace.sha256

@@ -129,7 +129,7 @@ def test_what_is_not_repeatable_is_marked_where_it_is_named(scenario, fake):
 
 def test_results_default_to_the_newest_campaign(scenario, fake):
     scenario("results")
-    assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "", False) in fake.calls
+    assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "", True) in fake.calls
 
 
 def test_a_campaign_is_found_by_name_and_by_its_beginning(scenario):
@@ -184,17 +184,16 @@ def test_results_as_json_hold_every_run(scenario):
     assert body["schema"] == "scenario/results/1"
     assert len(body["runs"]) == 10
     assert body["runs"][5]["outcome"] == "fail"
-    assert body["records"][5]["verdicts"][0]["oracle"] == "no-contact"
+    assert body["runs"][5]["result"]["verdicts"][0]["oracle"] == "no-contact"
     assert body["assessment"]["exit_code"] == 1
     assert body["assessment"]["surprises"][0]["run"] == f"{CAMPAIGN}.6"
     assert body["declared"]["policy"]["n"] == 5
 
 
 def test_all_runs_are_gathered_page_by_page(fake):
-    from scenario_tui import client
 
     fake.rows = fake.rows * 60
-    assert len(client.all_runs(fake, CAMPAIGN)) == 600
+    assert len(fake.all_runs(CAMPAIGN)) == 600
     assert [call[7] for call in fake.calls if call[0] == "runs"] == [0, 500]
 
 

@@ -96,8 +96,8 @@ def test_what_has_a_result_is_not_run_again_unless_something_changed(finished, p
     ids = [run["id"] for run in first["runs"]]
     assert [run["cached"] for run in body["runs"]] == [*ids, ""]
     assert body["runs"][0]["trace"] == first["runs"][0]["trace"]
-    assert [record["verdicts"] for record in body["records"][:2]] == [
-        record["verdicts"] for record in first["records"]
+    assert [run["result"]["verdicts"] for run in body["runs"][:2]] == [
+        run["result"]["verdicts"] for run in first["runs"]
     ]
     assert all(shift["mean"] == 0.0 for shift in body["comparison"]["shifts"])
     assert done.returncode == body["assessment"]["exit_code"]

@@ -41,7 +41,7 @@ def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake):
 def test_a_run_is_named_by_campaign_and_number(scenario):
     body = json.loads(scenario("show", "first.6", "--json").out)
     assert body["run"]["row"]["id"] == f"{CAMPAIGN}.6"
-    assert body["run"]["result"]["outcome"] == "fail"
+    assert body["run"]["row"]["result"]["outcome"] == "fail"
 
 
 @pytest.mark.parametrize("wanted", ["first", "first.99", f"{CAMPAIGN}.99", "first.x"])

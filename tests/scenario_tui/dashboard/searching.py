@@ -232,6 +232,7 @@ class SearchingDaemon(FakeDaemon):
                 spec = make_spec(row, WORLD.digest)
                 kept = next((result for name, result, _ in self.results if name == run), None)
                 if kept is not None:
-                    return RunDetail(row, replace(make_run(), scenario=row.scenario), kept)
-                return RunDetail(row, spec, make_result(row))
+                    spec = replace(make_run(), scenario=row.scenario)
+                    return RunDetail(replace(row, result=kept), spec)
+                return RunDetail(replace(row, result=make_result(row)), spec)
         return super()._run(request)

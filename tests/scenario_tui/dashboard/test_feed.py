@@ -154,12 +154,12 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake,
     monkeypatch.setattr(feed_module, "_PATIENCE", 0.01)
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 0.005)
 
-    def records(campaign):
+    def all_runs(campaign, *, results):
         asked.set()
         silent.wait(60.0)
         raise OSError("the connection was closed")
 
-    monkeypatch.setattr(fake, "records", records)
+    monkeypatch.setattr(fake, "all_runs", all_runs)
     feed.start()
     assert asked.wait(60.0)
     fake.reachable = False
@@ -193,7 +193,8 @@ def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monke
     digest = hashlib.sha256(data).hexdigest()
     detail = fake.run(f"{CAMPAIGN}.0")
     info = TraceInfo(digest, len(data), 1)
-    detail = replace(detail, result=replace(detail.result, trace=info))
+    result = replace(detail.row.result, trace=info)
+    detail = replace(detail, row=replace(detail.row, result=result))
     monkeypatch.setattr(fake, "run", lambda run: detail)
     send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     feed.start()
@@ -209,8 +210,8 @@ def test_another_file_under_the_path_of_a_trace_is_not_shown(fake, feed, tmp_pat
     data = record_run(tmp_path / "there.mcap").read_bytes()
     digest = hashlib.sha256(data).hexdigest()
     detail = fake.run(f"{CAMPAIGN}.0")
-    result = replace(detail.result, trace=TraceInfo(digest, len(data), 1))
-    detail = replace(detail, row=replace(detail.row, trace=str(here)), result=result)
+    result = replace(detail.row.result, trace=TraceInfo(digest, len(data), 1))
+    detail = replace(detail, row=replace(detail.row, trace=str(here), result=result))
     monkeypatch.setattr(fake, "run", lambda run: detail)
     send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     feed.start()
@@ -227,7 +228,8 @@ def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_agai
     digest = hashlib.sha256(data).hexdigest()
     detail = fake.run(f"{CAMPAIGN}.0")
     info = TraceInfo(digest, len(data), 1)
-    detail = replace(detail, result=replace(detail.result, trace=info))
+    result = replace(detail.row.result, trace=info)
+    detail = replace(detail, row=replace(detail.row, result=result))
     broken = [True]
 
     def send():

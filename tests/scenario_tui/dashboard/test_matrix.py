@@ -170,8 +170,8 @@ def test_what_is_shown_is_judged_once_a_second_and_the_rest_less_often(judged):
 
 
 def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged):
-    # Four questions of 2 s each, the last for an empty page: after 8 s of work follow 24 s of rest.
-    moments = (0.0, 10.0, 30.0, 33.0)
+    # Two questions of 2 s each: after 4 s of work follow 12 s of rest.
+    moments = (0.0, 6.0, 15.0, 17.0)
     assert judged_at(judged, 2.0, moments, CAMPAIGN) == [True, False, False, True]
 
 

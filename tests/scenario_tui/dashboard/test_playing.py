@@ -40,7 +40,7 @@ async def test_p_plays_a_finished_run_and_q_comes_back(fake, tmp_path):
         assert screen.transport is not None
         assert screen.transport.time < screen.transport.end  # there is something left to play
         # Shown are the verdicts the run got, not new ones.
-        result = fake.run(f"{CAMPAIGN}.0").result
+        result = fake.run(f"{CAMPAIGN}.0").row.result
         assert result is not None
         assert pilot.app.screen.playback.verdicts == result.verdicts
         await press(pilot, "escape")

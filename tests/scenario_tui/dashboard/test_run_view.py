@@ -39,10 +39,11 @@ class Recorded(FakeDaemon):
 
     def run(self, run):
         detail = super().run(run)
-        if detail.row.index not in (5, 6) or detail.result is None:
+        if detail.row.index not in (5, 6) or detail.row.result is None:
             return detail
         note = "parameters without effect: a, b"
-        return replace(detail, result=replace(detail.result, verdicts=self._verdicts, note=note))
+        result = replace(detail.row.result, verdicts=self._verdicts, note=note)
+        return replace(detail, row=replace(detail.row, result=result))
 
 
 class Repeated(FakeDaemon):
@@ -78,9 +79,9 @@ class Repeated(FakeDaemon):
 
     def run(self, run):
         detail = super().run(run)
-        if detail.row.index != 5 or detail.result is None:
+        if detail.row.index != 5 or detail.row.result is None:
             return detail
-        return replace(detail, result=self._result)
+        return replace(detail, row=replace(detail.row, result=self._result))
 
 
 def shown(pilot):

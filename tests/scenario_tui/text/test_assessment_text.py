@@ -11,27 +11,22 @@ from daemon.model.assessments import (
     Expectation,
     ExpectedVerdict,
     RepeatPolicy,
-    RunRecord,
 )
 from daemon.model.run_state import RunState
-from daemon.model.spec import Timing
 from daemon.model.status import RunDetail
 from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.text.assessment_text import cell_notes
 from scenario_tui.text.results import conclude
 from scenario_tui.text.run_text import run_text
+from tests.run_rows import run_result, run_row
 from tests.scenario_tui.fake import make_row, make_spec
 
 UNFINISHED = ("queued", "running")
 
 
 def record(repeat, state, outcome=None):
-    verdicts = () if outcome is None else (Verdict("buffer", "", outcome, 0.1, 0.1, "m"),)
-    timing = None if outcome is None else Timing(1.0, 1.0, 9.0)
-    return RunRecord(
-        f"c.{repeat}", "S1", "pilot", repeat, str(repeat), outcome, verdicts,
-        "finished" if outcome else "", timing, state=state,
-    )  # fmt: skip
+    result = outcome and run_result(Verdict("buffer", "", outcome, 0.1, 0.1, "m"), outcome=outcome)
+    return run_row(f"c.{repeat}", repeat=repeat, result=result, state=RunState(state))
 
 
 def judged(*records, expected="pass", **policy):
@@ -120,7 +115,7 @@ def test_the_conclusion_is_about_what_was_judged(records, finished, words):
 def test_a_run_without_a_result_says_how_it_stands(changes, words):
     fresh = {"outcome": None, "oracle": "", "margin": None, "worker": "", "trace": ""}
     row = replace(make_row(0), **(fresh | changes))
-    said = run_text(RunDetail(row, make_spec(row, "0" * 64), None), None).plain
+    said = run_text(RunDetail(row, make_spec(row, "0" * 64)), None).plain
     for part in words:
         assert part in said
     assert "inconclusive" not in said

@@ -21,6 +21,7 @@ from daemon.model.assessments import Assessment, CellVerdict
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
 from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
+from tests.run_rows import with_result
 
 
 def test_the_table_has_every_measure_and_margin_in_full_precision(data, tmp_path):
@@ -163,7 +164,7 @@ def test_a_junit_file_is_valid_and_tells_times(data, tmp_path):
     timed = replace(
         data,
         runs=tuple(
-            replace(run, record=replace(run.record, timing=Timing(2.5, 2.0, 40.0)))
+            replace(run, record=with_result(run.record, timing=Timing(2.5, 2.0, 40.0)))
             for run in data.runs
         ),
     )
@@ -189,5 +190,5 @@ def test_of_traces_alone_the_time_is_what_they_simulated(data, tmp_path):
     assert suite is not None
     assert suite.find("properties/property[@name='time']").get("value") == "simulated"
     cell = data.assessment.cells[0]
-    simulated = [r.record.timing.simulated for r in data.runs if r.record.id in cell.runs]
+    simulated = [r.record.result.timing.simulated for r in data.runs if r.record.id in cell.runs]
     assert float(suite.get("time", "")) == pytest.approx(sum(simulated), abs=0.01)

@@ -31,6 +31,7 @@ from tests.daemon.analysis.report.recordings import (
     SUTS,
     WHY,
 )
+from tests.run_rows import with_result
 
 HTML = "{http://www.w3.org/1999/xhtml}"
 
@@ -276,7 +277,7 @@ def test_runs_that_left_nothing_are_told_and_drawn_without(data):
     empty = tuple(
         replace(
             run,
-            record=replace(run.record, outcome=None, verdicts=(), trace=None, state="lost"),
+            record=replace(run.record, outcome=None, result=None, trace="", state="lost"),
             tracks=replace(run.tracks, time=run.tracks.time[:0], measures={}, encounters=()),
         )
         for run in data.runs
@@ -329,7 +330,7 @@ def test_the_head_tells_where_the_numbers_are_from(data):
         data.input, origin=origin, submitted_at=1_800_000_000.0, finished_at=1_800_000_090.0
     )
     runs = tuple(
-        replace(run, record=replace(run.record, machine="Abacus, 2 cores")) for run in data.runs
+        replace(run, record=with_result(run.record, machine="Abacus, 2 cores")) for run in data.runs
     )
     head = words(section(parse(write_page(replace(data, input=chosen, runs=runs), ())), "answer"))
     assert "executed 2027-01-15, 08:00 to 08:01 UTC" in head

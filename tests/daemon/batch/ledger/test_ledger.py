@@ -70,7 +70,7 @@ def test_rows_show_the_deciding_oracle(ledger):
     assert (first.oracle, first.margin, first.unit) == ("near", 0.1, "m")
     assert (second.oracle, second.margin, second.outcome) == ("hits", -1.0, Outcome.FAIL)
     assert (second.trace, second.reason) == ("", "its trace is gone")
-    assert reader.run("c.1").result == results[1]
+    assert reader.run("c.1").row.result == results[1]
 
 
 def _with(result, verdicts, outcome):

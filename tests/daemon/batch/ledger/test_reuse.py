@@ -28,7 +28,6 @@ from daemon.model.ids import trace_name
 from daemon.model.messages import (
     Completion,
     LedgerAnswer,
-    RecordQuery,
     ReleaseRequest,
     RetryRequest,
     RunQuery,
@@ -74,7 +73,7 @@ class Ledger:
         return self.reader.runs(RunQuery(campaign)).rows
 
     def records(self, campaign):
-        return self.reader.records(RecordQuery(campaign, limit=1000))
+        return self.reader.runs(RunQuery(campaign, limit=1000, results=True)).rows
 
     def row(self, campaign):
         return next(row for row in self.reader.campaigns() if row.id == campaign)
@@ -145,7 +144,7 @@ def test_only_runs_without_a_result_are_executed(ledger):
     rows = ledger.rows("second")
     assert [row.cached for row in rows] == ["first.0", "first.1", ""]
     assert [row.outcome for row in rows] == [Outcome.PASS] * 3
-    assert ledger.reader.run("second.0").result == ledger.reader.run("first.0").result
+    assert ledger.reader.run("second.0").row.result == ledger.reader.run("first.0").row.result
     assert ledger.row("second").finished_at is not None
 
 
@@ -153,7 +152,7 @@ def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger):
     ledger.submit("first", *specs(1))
     ledger.work()
     ledger.submit("second", *specs(1))
-    digest = ledger.reader.run("first.0").result.digest
+    digest = ledger.reader.run("first.0").row.result.digest
     url = "s3://bucket/first/S1.mcap"
     name = trace_name("first", "S1", "pilot", 0)
     assert not ledger.book.record_move(name, "0" * 64, url)
@@ -220,7 +219,7 @@ def test_a_result_stays_when_its_trace_is_deleted_and_says_so(ledger):
     (row,), (record,) = ledger.rows("second"), ledger.records("second")
     assert (row.state, row.outcome, row.trace) == (RunState.DONE, Outcome.PASS, "")
     assert row.reason == record.note == "the trace of first.0 is gone"
-    assert record.trace is None
+    assert record.trace == ""
     ledger.book.retry(RetryRequest("second", ("all",)), NOW)
     assert ledger.work() == 1
     (row,) = ledger.rows("second")
@@ -310,15 +309,16 @@ def test_a_campaign_keeps_where_it_was_written_the_first_time(ledger):
         ledger.reader.origin("x")
 
 
-def test_records_say_what_rows_do_not(ledger):
+def test_rows_have_results_where_they_are_asked_for(ledger):
     ledger.submit("c", *specs(3))
     ledger.work(lambda spec: make_result(spec, margin=spec.repeat))
     ledger.book.submit(submission_of("d", *specs(1)), NOW)
-    last = ledger.reader.records(RecordQuery("c", offset=2, limit=9))
+    last = ledger.reader.runs(RunQuery("c", offset=2, limit=9, results=True)).rows
     assert [(r.id, r.seed, r.verdicts[0].margin) for r in last] == [("c.2", 2, 2.0)]
-    assert last[0].timing is not None
+    assert last[0].result.timing.simulated > 0.0
+    assert ledger.rows("c")[2].result is None
     (waiting,) = ledger.records("d")
-    assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
+    assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", "")
 
 
 def external(spec):

@@ -7,13 +7,13 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
+from daemon.model import verbs
 from daemon.model.messages import (
     Completion,
-    RecordQuery,
     RunQuery,
 )
 from daemon.model.spec import LARGEST_RESULT
-from daemon.model.verbs import RECORDS, DaemonClient
+from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Evidence
 from tests.daemon.batch.samples import make_result, make_submission
 
@@ -47,7 +47,7 @@ def test_a_result_of_too_many_bytes_is_refused(db, reader):
     completion = Completion("w", grant.run, grant.attempt, grant.token, result)
     with pytest.raises(Refused, match=f"at most {LARGEST_RESULT} are kept"):
         book.complete(completion, NOW)
-    assert reader.run(grant.run).result is None
+    assert reader.run(grant.run).row.result is None
 
 
 @pytest.fixture
@@ -67,16 +67,16 @@ class LedgerClient(DaemonClient):
         self._reader = reader
 
     def ask(self, verb, request):
-        assert verb is RECORDS
-        return self._reader.records(request)
+        assert verb is verbs.RUNS
+        return self._reader.runs(request)
 
     submit = events = watch = None
 
 
 @pytest.mark.usefixtures("large_results")
 def test_a_client_goes_on_after_a_page_that_is_shorter_than_asked(reader):
-    assert 0 < len(reader.records(RecordQuery("c", limit=1000))) < RUNS
-    records = LedgerClient(reader).records("c")
+    assert 0 < len(reader.runs(RunQuery("c", limit=1000, results=True)).rows) < RUNS
+    records = LedgerClient(reader).all_runs("c", results=True)
     assert [record.id for record in records] == [f"c.{number}" for number in range(RUNS)]
 
 

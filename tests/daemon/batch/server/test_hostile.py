@@ -36,7 +36,6 @@ from daemon.model.messages import (
     LedgerAnswer,
     PriorityRequest,
     PutRequest,
-    RecordQuery,
     ReleaseRequest,
     RenewRequest,
     RetryRequest,
@@ -204,7 +203,6 @@ def valid(target):
         verbs.RUN: IdRequest("camp.0"),
         verbs.DECLARED: IdRequest("camp"),
         verbs.ORIGIN: IdRequest("camp"),
-        verbs.RECORDS: RecordQuery("camp"),
         verbs.GET: GetRequest(INFO.sha256, 0, target.done.run),
         verbs.PUT: PutRequest("0" * 64, 4, 0, b"", ref, lease.era),
         verbs.SUBMIT: make_submission("new", 2),
@@ -283,7 +281,7 @@ def dumped(document):
     return json.dumps(document).encode()
 
 
-ANSWERED = (verbs.CAMPAIGNS, verbs.RUNS, verbs.RECORDS, verbs.SEARCHES)
+ANSWERED = (verbs.CAMPAIGNS, verbs.RUNS, verbs.SEARCHES)
 """Questions about what is not there that have an empty answer."""
 WITH_FIELDS = [verb for verb in VERBS.values() if verb.request is not Empty]
 
@@ -303,7 +301,6 @@ def test_numbers_out_of_range_are_refused(target):
         (verbs.CAMPAIGNS, "limit"),
         (verbs.RUNS, "offset"),
         (verbs.RUNS, "limit"),
-        (verbs.RECORDS, "limit"),
         (verbs.PROPOSALS, "offset"),
         (verbs.PROPOSALS, "limit"),
         (verbs.GET, "offset"),

@@ -57,7 +57,7 @@ def test_runs_come_back_with_results_and_traces(client):
     eventually(lambda: done(client, "plain"))
     for row in client.runs("plain").rows:
         assert (row.state, row.outcome, row.attempt) == (RunState.DONE, Outcome.FAIL, 1)
-        result = client.run(row.id).result
+        result = client.run(row.id).row.result
         assert result is not None
         assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
 
@@ -238,7 +238,7 @@ def test_a_real_run_leaves_the_same_bytes_as_here(dask, campaigns, tmp_path):
             here = execute(spec, demo.scenes[0], trace_path=tmp_path / "here.mcap")
             eventually(lambda: done(client, "c"))
         (row,) = client.runs("c").rows
-        there = client.run("c.0").result
+        there = client.run("c.0").row.result
         assert there is not None
         assert there.digest == here.digest
         assert Path(row.trace).read_bytes() == (tmp_path / "here.mcap").read_bytes()

@@ -198,7 +198,7 @@ def test_a_large_result_passes_a_slow_line(tmp_path):
         eventually(lambda: finished(client, 1))
         (row,) = client.runs("c").rows
         assert (row.state, row.attempt) == (RunState.DONE, 1)
-        result = client.run(row.id).result
+        result = client.run(row.id).row.result
         assert len(result.verdicts[0].evidence.note) == 230_000
         # The worker has its acknowledgement.
         eventually(lambda: not spooled(tmp_path))

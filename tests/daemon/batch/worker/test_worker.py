@@ -53,7 +53,7 @@ def test_runs_come_back_with_results_and_traces(client):
     eventually(lambda: done(client, "plain"))
     for row in client.runs("plain").rows:
         assert (row.state, row.outcome, row.attempt) == (RunState.DONE, Outcome.FAIL, 1)
-        result = client.run(row.id).result
+        result = client.run(row.id).row.result
         assert result is not None
         assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
 
@@ -124,7 +124,7 @@ def test_an_exception_is_never_a_verdict(client):
     (row,) = client.runs("raises").rows
     assert row.state is RunState.LOST
     assert "RuntimeError: no such door" in row.reason
-    assert client.run(row.id).result is None
+    assert client.run(row.id).row.result is None
 
 
 def test_a_run_whose_system_is_not_installed_waits_for_another_worker(client, daemon):
@@ -185,7 +185,7 @@ def test_a_repetition_confirms_the_result_or_raises_an_alarm(client):
     client.submit(make_submission("same", 1))
     client.submit(make_submission("noisy", 1, noise=1))
     eventually(lambda: done(client, "same") and done(client, "noisy"))
-    before = [client.run(name).result for name in ("same.0", "noisy.0")]
+    before = [client.run(name).row.result for name in ("same.0", "noisy.0")]
     events = []
     with client.events(lambda event: events.append(f"{event.kind} {event.id}")):
         client.retry("same", only="pass")
@@ -193,7 +193,7 @@ def test_a_repetition_confirms_the_result_or_raises_an_alarm(client):
         eventually(lambda: done(client, "same") and done(client, "noisy"))
         eventually(lambda: "alarm noisy.0" in events)
     assert "alarm same.0" not in events
-    assert [client.run(name).result for name in ("same.0", "noisy.0")] == before
+    assert [client.run(name).row.result for name in ("same.0", "noisy.0")] == before
     assert client.run("same.0").row.attempt == 2
     assert "nondeterministic" in client.run("noisy.0").row.reason
     kept = before[1]

@@ -1,8 +1,8 @@
 """Records of runs that never ran, for tests of how they are judged together."""
 
-from daemon.model.assessments import RunRecord
-from daemon.model.spec import Timing
+from daemon.model.run_state import RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from tests.run_rows import run_result, run_row
 
 
 def verdict(margin, oracle="clear", text="always(...)"):
@@ -20,18 +20,17 @@ def measure(value, name="buffer-time", unit="s"):
     return Verdict(name, "time(...)", Outcome.MEASURE, None, None, unit, seen)
 
 
-def record(repeat, *verdicts, scenario="S1", sut="a2s", took=60.0, **other):
+def record(
+    repeat, *verdicts, scenario="S1", sut="a2s", took=60.0, ended="finished", note="",
+    outcome=None, **other,
+):  # fmt: skip
     """A run with a result."""
     found = [v.outcome for v in verdicts]
-    worst = Outcome.FAIL if Outcome.FAIL in found else Outcome.PASS
-    values = {
-        "outcome": worst,
-        "ended": "finished",
-        "timing": Timing(1.0, 1.0, took),
-        "seed": repeat,
-    } | other
+    worst = outcome or (Outcome.FAIL if Outcome.FAIL in found else Outcome.PASS)
+    result = run_result(*verdicts, outcome=worst, ended=ended, simulated=took, note=note)
     name = f"c.{scenario}-{sut}-{repeat}"
-    return RunRecord(name, scenario, sut, repeat, name, verdicts=verdicts, **values)
+    values = {"seed": repeat, "digest": name} | other
+    return run_row(name, scenario, sut, repeat, result, **values)
 
 
 def cell(margins, **other):
@@ -49,4 +48,4 @@ def timed(scenario, times, **other):
 
 def lost(repeat, state="lost"):
     """A run without a result."""
-    return RunRecord(f"c.{repeat}", "S1", "a2s", repeat, "d", None, state=state)
+    return run_row(f"c.{repeat}", "S1", "a2s", repeat, state=RunState(state))

@@ -282,14 +282,13 @@ def test_only_runs_that_have_a_value_are_measured():
     runs = (
         record(0, measure(2.0), verdict(1.0, "far"), ended="crashed"),
         record(1, verdict(1.0, "far")),
-        record(2, measure(4.0), timing=None),
+        record(2, measure(4.0)),
         lost(3),
-        record(4, measure(5.0), outcome=None),
     )
     found = {
         m.oracle: (m.repeats, m.values) for m in assess(AssessmentRules(), runs).cells[0].measures
     }
-    assert found == {"buffer-time": ((2,), (4.0,)), "duration": ((1,), (60.0,))}
+    assert found == {"buffer-time": ((2,), (4.0,)), "duration": ((1, 2), (60.0, 60.0))}
     # A measure of this name takes the place of the one that every run has.
     own = record(0, measure(7.0, "duration", "1"), took=60.0)
     (only_one,) = assess(AssessmentRules(), (own,)).cells[0].measures

@@ -11,6 +11,7 @@ from daemon.judging.assessment import (
 from daemon.model.assessments import AssessmentRules
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.judging.assessment.records import cell, measure, record, verdict
+from tests.run_rows import with_result
 
 
 def judged(name, *records):
@@ -86,8 +87,8 @@ def test_one_of_many_is_no_finding():
             for i in range(4)
         ]  # fmt: skip
 
-    alone = between([replace(r, verdicts=r.verdicts[-1:]) for r in runs(0.0)],
-                    [replace(r, verdicts=r.verdicts[-1:]) for r in runs(0.1)])  # fmt: skip
+    alone = between([with_result(r, verdicts=r.verdicts[-1:]) for r in runs(0.0)],
+                    [with_result(r, verdicts=r.verdicts[-1:]) for r in runs(0.1)])  # fmt: skip
     single, many = shift(alone, "o0"), shift(between(runs(0.0), runs(0.1)), "o0")
     assert single.p is not None
     assert many.p is not None

@@ -12,6 +12,7 @@ from daemon.model.assessments import (
 )
 from daemon.model.verdicts import Outcome
 from tests.daemon.judging.assessment.records import measure, record, timed, verdict
+from tests.run_rows import with_result
 
 
 def delay(limit=30.0, op="<=", quantity="delay"):
@@ -48,7 +49,7 @@ def test_without_pairs_the_means_are_compared():
 
 
 def test_a_robot_that_never_arrives_has_no_short_delay():
-    stuck = replace(timed("A", [0, 0, 120])[2], ended="limit")
+    stuck = with_result(timed("A", [0, 0, 120])[2], ended="limit")
     left = (*timed("A", [108, 109]), stuck)
     found = compared(delay(), left, timed("B", [100, 100, 100]))
     assert (found.verdict, found.left_out, found.n) == (Outcome.INCONCLUSIVE, 1, 2)
@@ -171,7 +172,7 @@ def test_the_delay_of_a_leg_is_that_of_the_measure_that_times_it():
     ]
     assert compared(leg, tuple(runs)).differences == (8.0, 8.0)
     # A leg that was timed in a run that ended before its mission did is no delay.
-    runs[1] = replace(runs[1], ended="limit")
+    runs[1] = with_result(runs[1], ended="limit")
     assert compared(leg, tuple(runs)).left_out == 1
 
 
