@@ -16,7 +16,6 @@ from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, find_credentials, strip_control_characters
 from daemon.batch.stores import upload
 from daemon.model.attachments import user_files_folder
-from daemon.model.live_checks import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, unpack_judgement
 from daemon.model.messages import (
     EVENTS,
@@ -39,6 +38,8 @@ _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
 _WATCHED_KEPT: Final = 4
 _JUDGED_KEPT: Final = 1
+_LARGEST_SNAPSHOT: Final = 2**16
+"""Bytes of JSON; a building with hundreds of joints takes some thousands."""
 _SLOW_TIMEOUT: Final = 600.0
 """Seconds to wait for the answer to a slow verb."""
 
@@ -47,8 +48,14 @@ def _from_json(kind: type[T]) -> Callable[[bytes], T]:
     return lambda payload: codec.from_json(kind, payload)
 
 
-def _read_snapshot(payload: bytes) -> LiveSnapshot:
-    return read_snapshot(strip_control_characters(payload))
+def read_snapshot(payload: bytes) -> LiveSnapshot:
+    """Read a snapshot of a run; raises ``ValueError`` for what no run tells.
+
+    Workers, and anybody in a cluster, may publish whatever they like under the names of runs.
+    """
+    if len(payload) > _LARGEST_SNAPSHOT:
+        raise ValueError(f"a snapshot of more than {_LARGEST_SNAPSHOT} bytes")
+    return codec.from_json(LiveSnapshot, strip_control_characters(payload))
 
 
 def _read_judgement(payload: bytes) -> LiveJudgement:
@@ -214,7 +221,7 @@ class Client(DaemonClient):
         changes = _from_json(ChangeEvent)
         feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, changes, on_event))
         if on_live is not None:
-            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, _read_snapshot, on_live))
+            feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, read_snapshot, on_live))
         return subscription
 
     def watch(
@@ -230,7 +237,7 @@ class Client(DaemonClient):
         subscription = Subscription(self._subscriptions.discard)
         self._subscriptions.add(subscription)
         feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
-        seen = _of_run(run, _read_snapshot)
+        seen = _of_run(run, read_snapshot)
         feeds.append(_Feed(self._session, key, _WATCHED_KEPT, seen, on_live))
         if on_judged is not None:
             judged = _of_run(run, _read_judgement)

@@ -8,12 +8,14 @@ watcher who comes late, costs nothing. Times are simulated seconds.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Final
 
-from daemon.model.live_checks import LARGEST_VALUE, check_times
-from daemon.model.verdicts import Verdict, shorten_evidence
+from pydantic import Field
+
+from daemon.model.text_fields import MOST_SIMULATED, Moment, SignalValue
+from daemon.model.verdicts import Verdict
 from grammars.model.mission import MOST_WAYPOINTS
 from grammars.text import codec
 
@@ -22,6 +24,8 @@ LARGEST_JUDGEMENT: Final = 2**20
 _FASTEST: Final = 1
 _MOST_ENTRIES: Final = 4096
 """Doors' motions, lines of a log, limits or parts of a signal: each is drawn on its own."""
+
+_SignalParts = Annotated[tuple[SignalValue | None, ...], Field(max_length=_MOST_ENTRIES)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +40,12 @@ class LiveSignal:
 
     name: str
     unit: str
-    start: float
-    end: float
-    low: tuple[float | None, ...]
-    high: tuple[float | None, ...]
-    limits: tuple[float, ...] = ()
-    against: tuple[tuple[float, float], ...] = ()
+    start: Moment
+    end: Moment
+    low: _SignalParts
+    high: _SignalParts
+    limits: Annotated[tuple[SignalValue, ...], Field(max_length=_MOST_ENTRIES)] = ()
+    against: tuple[tuple[Moment, Moment], ...] = ()
     readers: tuple[str, ...] = ()
 
 
@@ -64,7 +68,7 @@ class ProvisionalVerdict:
 class LogLine:
     """A line of the log of a run, at a moment of simulated time [s]; ``level`` as in ROS."""
 
-    time: float
+    time: Moment
     source: str
     text: str
     level: str = "info"
@@ -74,7 +78,7 @@ class LogLine:
 class DoorMotion:
     """A joint that leaves (``opens``) or comes back to (not ``opens``) how it is drawn, shut."""
 
-    time: float
+    time: Moment
     joint: str
     opens: bool
 
@@ -89,45 +93,34 @@ class LiveJudgement:
     """
 
     run: str
-    time: float
+    time: Moment
     signals: tuple[LiveSignal, ...]
     verdicts: tuple[ProvisionalVerdict, ...]
-    doors: tuple[DoorMotion, ...]
-    reached: tuple[float, ...]
-    log: tuple[LogLine, ...]
-    log_before: int = 0
+    doors: Annotated[tuple[DoorMotion, ...], Field(max_length=_MOST_ENTRIES)]
+    reached: Annotated[tuple[Moment, ...], Field(max_length=MOST_WAYPOINTS)]
+    log: Annotated[tuple[LogLine, ...], Field(max_length=_MOST_ENTRIES)]
+    log_before: Annotated[int, Field(ge=0, le=2**53)] = 0
 
 
 def pack_judgement(judgement: LiveJudgement) -> bytes:
     """Return a judgement as it travels: JSON, compressed to about a fifth.
 
-    What makes it too long to be read is left out: long evidence first, then verdicts, then the
-    rest. The last line of its log says so.
+    Of one that is too long to be read only a line of its log is left, which says so.
     """
-    text = b""
-    for told in _shorter_and_shorter(judgement):
-        text = codec.to_json(told)
-        if len(text) <= LARGEST_JUDGEMENT:
-            break
+    text = codec.to_json(judgement)
+    if len(text) > LARGEST_JUDGEMENT:
+        count, time = len(judgement.verdicts), judgement.time
+        words = f"{count} verdicts and their signals are too long to be told before the end"
+        line = LogLine(time, "oracles", words, "warn")
+        text = codec.to_json(LiveJudgement(judgement.run, time, (), (), (), (), (line,)))
     return zlib.compress(text, _FASTEST)
-
-
-def _shorter_and_shorter(judgement: LiveJudgement) -> Iterator[LiveJudgement]:
-    yield judgement
-    verdicts = tuple(
-        replace(one, verdict=shorten_evidence(one.verdict)) for one in judgement.verdicts
-    )
-    yield replace(judgement, verdicts=verdicts)
-    words = f"{len(verdicts)} verdicts are too long to be told so far: they come at the end"
-    missing = LogLine(judgement.time, "oracles", words, "warn")
-    yield replace(judgement, verdicts=(), log=(*judgement.log, missing))
-    yield LiveJudgement(judgement.run, judgement.time, (), (), (), (), (missing,))
 
 
 def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> LiveJudgement:
     """Read what :func:`pack_judgement` made; raises ``ValueError`` for anything else.
 
-    The JSON is read as ``clean`` returns it.
+    The JSON is read as ``clean`` returns it. What no run is told by is refused as a whole: it is
+    drawn, whoever has sent it.
     """
     inflater = zlib.decompressobj()
     try:
@@ -137,39 +130,13 @@ def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> Li
     if not inflater.eof:
         raise ValueError(f"cut, or of more than {LARGEST_JUDGEMENT} bytes")
     judgement = codec.from_json(LiveJudgement, clean(text))
-    _check_judgement(judgement)
-    return judgement
-
-
-def _check_judgement(judgement: LiveJudgement) -> None:
-    """Raise ``ValueError`` for what no run is told by: it is drawn, whoever has sent it."""
-    evidence = (one.verdict.evidence.time for one in judgement.verdicts)
-    check_times((judgement.time, *judgement.reached))
-    check_times(motion.time for motion in judgement.doors)
-    check_times(line.time for line in judgement.log)
-    check_times(time for time in evidence if time is not None)
-    for told, most in (
-        (judgement.reached, MOST_WAYPOINTS),
-        (judgement.doors, _MOST_ENTRIES),
-        (judgement.log, _MOST_ENTRIES),
-    ):
-        if len(told) > most:
-            raise ValueError(f"{len(told)} entries, at most {most} are told")
-    if not 0 <= judgement.log_before <= 2**53:
-        raise ValueError(f"{judgement.log_before} lines before the log")
+    for one in judgement.verdicts:
+        if abs(one.verdict.evidence.time or 0.0) > MOST_SIMULATED:
+            raise ValueError(f"evidence of a moment at {one.verdict.evidence.time:g} s")
     for signal in judgement.signals:
-        _check_signal(signal)
-
-
-def _check_signal(signal: LiveSignal) -> None:
-    parts = len(signal.low)
-    if parts != len(signal.high) or signal.end < signal.start:
-        raise ValueError(f"{signal.name[:80]}: least and greatest values do not go together")
-    check_times((signal.start, signal.end))
-    check_times(moment for span in signal.against for moment in span)
-    # No two stretches are less than a part apart.
-    if len(signal.against) > parts + 1 or max(parts, len(signal.limits)) > _MOST_ENTRIES:
-        raise ValueError("a signal of more parts than are told")
-    known = (value for value in (*signal.low, *signal.high, *signal.limits) if value is not None)
-    if any(abs(value) > LARGEST_VALUE for value in known):
-        raise ValueError(f"a signal beyond {LARGEST_VALUE:g}")
+        # No two stretches are less than a part apart.
+        parts = len(signal.low)
+        many = len(signal.against) > parts + 1
+        if parts != len(signal.high) or signal.end < signal.start or many:
+            raise ValueError(f"{signal.name[:80]}: the parts of the signal do not go together")
+    return judgement

@@ -44,8 +44,6 @@ PART: Final = 256 * 2**10
 """Bytes of a file that travel at a time."""
 LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
-MOST_SIMULATED: Final = 1e9
-"""Seconds that a run may be said to have simulated."""
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from daemon.model.attachments import attached_digests
+from daemon.model.text_fields import Centimetres, Moment, SignalValue, WaypointCount
 from daemon.model.verdicts import (
     LONGEST_EVIDENCE,
     Outcome,
@@ -152,17 +153,17 @@ class Snapshot:
     the one with the least margin so far.
     """
 
-    time: float
-    limit: float
+    time: Moment
+    limit: Moment
     pose: Pose2
     estimate: Pose2 | None
-    reached: int
-    waypoints: int
+    reached: WaypointCount
+    waypoints: WaypointCount
     joints: tuple[float, ...]
-    spread: tuple[float, float, float] | None = None
-    returns: tuple[int, ...] = ()
-    plan: tuple[int, ...] = ()
-    contacts: tuple[int, ...] = ()
+    spread: tuple[SignalValue, SignalValue, SignalValue] | None = None
+    returns: tuple[Centimetres, ...] = ()
+    plan: tuple[Centimetres, ...] = ()
+    contacts: tuple[Centimetres, ...] = ()
     waiting: str = ""
     margin: float | None = None
     unit: str = ""

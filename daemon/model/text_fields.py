@@ -1,15 +1,27 @@
-"""Texts of values that travel, with what each may hold: they come from the network.
+"""Ranges of values that travel: they come from the network, and are drawn where they arrive.
 
 Apart from the messages of the bus, for who reads campaign files needs no message.
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field
+
+MOST_SIMULATED: Final = 1e9
+"""Seconds that a run may be said to have simulated."""
+FARTHEST_POINT: Final = 10**9
+"""Centimetres from the origin of a map in either direction."""
+LARGEST_VALUE: Final = 1e100
+"""Of a signal or a covariance: what is calculated with larger ones is infinite."""
 
 IdText = Annotated[str, Field(max_length=128)]
 WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 ShortText = Annotated[str, Field(max_length=400)]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Moment = Annotated[float, Field(ge=-MOST_SIMULATED, le=MOST_SIMULATED)]
+"""Simulated seconds."""
+SignalValue = Annotated[float, Field(ge=-LARGEST_VALUE, le=LARGEST_VALUE)]
+Centimetres = Annotated[int, Field(ge=-FARTHEST_POINT, le=FARTHEST_POINT)]
+WaypointCount = Annotated[int, Field(ge=0, le=10**6)]

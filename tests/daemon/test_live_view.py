@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from daemon.batch.client import read_snapshot
 from daemon.campaign import expand, load_campaign
-from daemon.model.live_checks import read_snapshot
 from daemon.model.live_view import (
     MOST_PLAN_POINTS,
     MOST_RETURNS,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from textual.containers import VerticalScroll
 
-from daemon.model.live_checks import read_snapshot
+from daemon.batch.client import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
 from daemon.model.run_state import RunState
