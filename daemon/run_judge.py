@@ -26,10 +26,10 @@ from grammars.text.terminal_text import printable
 
 JudgingWanted = Literal["nothing", "margin", "everything"]
 
-_PERIODS: Final = {"margin": 2.0, "everything": 1.0}
-"""Seconds of the wall's clock between two judgements, at least."""
-_SHARES: Final = {"margin": 0.05, "everything": 0.1}
-"""Share of the run's time that judging takes in the long run, at most."""
+_PERIOD: Final = 1.0
+"""Seconds of the wall's clock between two judgements, at least; for a margin alone twice that."""
+_SHARE: Final = 0.1
+"""Share of the run's time that judging takes in the long run, at most; half of it for a margin."""
 _LONGEST_REASON: Final = 200
 
 
@@ -53,10 +53,8 @@ class WatchedRun:
         self._judge = RunningJudge()
         self._failed = False
         self._now = 0.0
-        # Until when earlier judgements are paid for, at the share of those that tell everything.
-        self._next = self._rested = 0.0
-        self._early = False
-        self._known: set[JudgingWanted] = set()
+        # When the next judgement of a kind may begin; none is due later that was never made.
+        self._due: dict[JudgingWanted, float] = {}
         self._told: LiveJudgement | None = None
         self._wanted: JudgingWanted = "nothing"
         self._least: Verdict | None = None
@@ -73,43 +71,23 @@ class WatchedRun:
         self._on_progress(snapshot)
         began, self._wanted = wanted != self._wanted, wanted
         self._now = snapshot.time
-        if began and wanted == "everything" and self._failed and self._told is not None:
-            self._tell(self._told)
-        if wanted == "nothing" or self._failed:
-            return
         now = time.perf_counter()
-        if now >= self._rested:
-            self._early = False
-        if began:
-            # Who opens a run does not wait for the rest of a period in which less was wanted.
-            self._next = self._rested
-        if now >= self._next:
+        if wanted != "nothing" and not self._failed and now >= self._due.get(wanted, now):
             self._look_in_turn(wanted, now)
-        elif began and wanted == "everything":
-            self._open(now)
-
-    def _open(self, now: float) -> None:
-        """Judge for somebody who opens the run before earlier judgements are paid for.
-
-        Done once until all is paid, so that opening and leaving a run does not slow it down.
-        Meanwhile the last judgement is told again.
-        """
-        if not self._early:
-            self._early = True
-            self._look_in_turn("everything", now)
-        elif self._told is not None:
+        elif began and wanted == "everything" and self._told is not None:
+            # Who opens a run before earlier judgements are paid for sees the last one.
             self._tell(self._told)
 
     def _look_in_turn(self, wanted: JudgingWanted, now: float) -> None:
+        # The first of a kind loads what it needs and reads what is recorded so far: that comes
+        # once, and says nothing of how long the next one takes.
+        first = wanted not in self._due
         self._look(wanted)
-        took = time.perf_counter() - now
-        if wanted not in self._known:
-            # The first of a kind loads what it needs and reads what is recorded so far: that comes
-            # once, and says nothing of how long the next one takes.
-            self._known.add(wanted)
-            took = 0.0
-        self._rested = max(self._rested, now) + took / _SHARES["everything"]
-        self._next = max(self._rested, now + max(_PERIODS[wanted], took / _SHARES[wanted]))
+        took = 0.0 if first else time.perf_counter() - now
+        rest = max(_PERIOD, took / _SHARE)
+        self._due["margin"] = now + 2.0 * rest
+        if wanted == "everything":
+            self._due[wanted] = now + rest
 
     def finish(self, ended: str, note: str) -> None:
         """Tell the last judgement, that of the run as it ended, if anybody still watches."""
