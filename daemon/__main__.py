@@ -17,7 +17,7 @@ from daemon.batch.errors import (
     DaemonError,
     WorkerBroken,
 )
-from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits
+from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits
 from grammars.text.terminal_text import printable_streams
 
 _SETTINGS: Final = {"lease": float, "attempts": int, "patience": float}
@@ -46,7 +46,6 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--listen", default="")
     serve.add_argument("--insecure", action="store_true")
     serve.add_argument("--traces", default="")
-    serve.add_argument("--searcher", default=DEFAULT_SEARCHER)
     serve.add_argument("--quota", default=os.environ.get(QUOTA_VARIABLE, ""))
     # Their defaults are those of DaemonSettings, which only a daemon loads (Zenoh, the ledger).
     for name, kind in _SETTINGS.items():
@@ -86,7 +85,6 @@ def _serve(options: argparse.Namespace) -> None:
         slots=options.slots,
         settings=DaemonSettings(store=options.traces, quota=quota, **chosen),
         executor=options.executor,
-        searcher=options.searcher,
         limits=RunLimits(options.wall, options.memory, options.nice),
         tether=options.tether,
     )

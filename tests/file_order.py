@@ -17,7 +17,7 @@ LONG = (
     "daemon/batch/worker/test_other_ledgers.py",
     "daemon/batch/worker/test_unusable_spool.py",
     "daemon/batch/worker/test_inputs_on_their_way.py",
-    "daemon/search/test_coordinator.py",
+    "daemon/search/test_client.py",
     "scenario_tui/cli/test_run_limits.py",
     "daemon/batch/test_cuts.py",
     "scenario_tui/terminal/test_first_hour.py",

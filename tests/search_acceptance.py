@@ -12,10 +12,10 @@ while it lasts: the runs that methods share are executed once.
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import resource
 import shutil
-import signal
 import sys
 import tempfile
 import time
@@ -24,18 +24,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
+from daemon.batch.client import Client
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.search_answer import SearchAnswer
 from daemon.run import execute
 from daemon.search import program
 from daemon.search.answers.found import write_found
+from daemon.search.client import SearchClient
 from daemon.search.methods import SearchMethod, make_method
-from daemon.search.preparation.composition import load_search_case
 from daemon.search.preparation.submission import prepare_search
 from daemon.search.program import run_search
 from grammars.text.diagnostics import InputError
 from tests.daemon.batch.harness import daemon_at, eventually
+from tests.daemon.search.cases import load_search_case
 from tests.daemon.search.local_runs import LocalRuns
 
 ROOT = Path(__file__).parents[1]
@@ -243,48 +245,53 @@ def _by_daemon(state, slots, runs, *, kill=False):
     def change(task):
         return replace(task, runs=runs, confirm=2, then=("nearest",))
 
-    submission, _ = prepare_search(CAMPAIGN, NAME, change=change)
+    submission, case, _ = prepare_search(CAMPAIGN, NAME, client="acceptance", change=change)
     campaign = submission.campaign
     with daemon_at(state, slots, executor=DEFAULT_EXECUTOR, patience=30.0) as daemon:
-        with daemon.client() as client:
-            client.submit_search(submission)
+        search = _begin(daemon, submission, case)
         kills = 0
         at = _KILL_EVERY
         while kill:
             _wait(daemon, campaign, at)
-            if _row_of(daemon, campaign).state != "running":
+            if _row_of(daemon, campaign).ended:
                 break
-            _kill(daemon, whole=kills % 2 == 1)
+            # The daemon and the client of its search in turns.
+            if kills % 2:
+                daemon.kill()
+                daemon.restart()
+            else:
+                search.kill()
+                search.join()
+                search = _begin(daemon, submission, case)
             kills, at = kills + 1, at + _KILL_EVERY
         _wait(daemon, campaign, 10**9)
+        search.join()
         if kill:
-            print(f"  killed {kills} times, coordinator and daemon in turns", flush=True)
+            print(f"  killed {kills} times, client and daemon in turns", flush=True)
         row = _row_of(daemon, campaign)
         assert row.state == "finished", row.note
         with daemon.client() as client:
             return [(one.proposal.position, one.run.digest) for one in client.proposals(campaign)]
 
 
-def _kill(daemon, *, whole):
-    """Kill the daemon and start it again, or what runs the program of its search."""
-    if whole:
-        daemon.kill()
-        daemon.restart()
-        return
-    pids = [line["pid"] for line in daemon.noted("search coordinator started")]
-    try:
-        os.kill(pids[-1], signal.SIGKILL)
-    except ProcessLookupError:
-        # It has ended by itself meanwhile.
-        return
-    eventually(lambda: len(daemon.noted("search coordinator started")) > len(pids), _PATIENCE)
+def _begin(daemon, submission, case):
+    """Begin a search, or go on with it, in a process that can be killed."""
+    process = multiprocessing.get_context("spawn").Process(
+        target=_run_client, args=(daemon.endpoint, submission, case)
+    )
+    process.start()
+    return process
+
+
+def _run_client(endpoint, submission, case):
+    client = Client.open(endpoint, timeout=30.0)
+    client.begin_search(submission)
+    SearchClient(client, submission, lambda runs: run_search(case, runs)).run()
 
 
 def _row_of(daemon, campaign):
     with daemon.client() as client:
-        row = client.search_row(campaign)
-    assert row is not None
-    return row
+        return client.search_row(campaign)
 
 
 def _wait(daemon, campaign, runs):
@@ -293,7 +300,7 @@ def _wait(daemon, campaign, runs):
 
         def reached():
             row = client.search_row(campaign)
-            return row is not None and (row.state != "running" or row.finished >= runs)
+            return row is not None and (row.ended or row.finished >= runs)
 
         eventually(reached, _PATIENCE)
 

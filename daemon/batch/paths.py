@@ -5,7 +5,6 @@ socket/daemon.sock
 scenes/<digest>.json  files/<digest>
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>.<token>/
-searches/<campaign>/
 aside/<name>.<8 hexadecimal digits>
 incoming/<run>.<token>.<digest>.mcap|part  incoming/<digest>.part
 marker.json
@@ -177,17 +176,6 @@ class StatePaths:
         return self.state / "incoming"
 
     @property
-    def searches(self) -> Path:
-        """The files that searches were submitted with, by campaign."""
-        return self.state / "searches"
-
-    def search(self, campaign: str) -> Path:
-        """Folder of the files of a search; raises ``ValueError`` when ``campaign`` is no id."""
-        if not is_id(campaign):
-            raise ValueError(f"{campaign!r} is not a campaign id")
-        return self.searches / campaign
-
-    @property
     def aside(self) -> Path:
         """Damaged inputs, and folders of attempts that cannot be removed."""
         return self.state / "aside"
@@ -214,13 +202,13 @@ class StatePaths:
 
     @property
     def search_log(self) -> Path:
-        """What the process wrote to standard error that makes proposals for searches."""
+        """What detached searches write."""
         return self.state / "search.log"
 
     @property
     def folders(self) -> tuple[Path, ...]:
         """All folders in which something is kept, itself first."""
-        kept = (self.scenes, self.files, self.traces, self.spool, self.incoming, self.searches)
+        kept = (self.scenes, self.files, self.traces, self.spool, self.incoming)
         return (self.state, *kept)
 
     def cache(self, identity: str) -> StatePaths:

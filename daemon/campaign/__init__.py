@@ -1,6 +1,5 @@
 """Campaign files: from layers by name to run specifications."""
 
-from daemon.campaign._bundle import bundle_campaign
 from daemon.campaign._campaign import Campaign, expand, noise_seed, repeat_seed, run_spec
 from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
@@ -60,7 +59,6 @@ __all__ = [
     "RefusedSutError",
     "ResolvedScenario",
     "SutFile",
-    "bundle_campaign",
     "campaign_origin",
     "campaign_text",
     "check",

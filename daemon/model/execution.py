@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import Final
 
 DEFAULT_EXECUTOR: Final = "daemon.run:execute"
-DEFAULT_SEARCHER: Final = "daemon.search.coordinator:run_program"
-"""What makes the proposals of a search, ``module:function``."""
 EXECUTOR_VARIABLE: Final = "SCENARIO_EXECUTOR"
 """Environment variable through which a worker tells its fork server ``module:function``."""
 PREPARATION_VARIABLE: Final = "SCENARIO_PREPARATION"

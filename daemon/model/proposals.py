@@ -15,7 +15,7 @@ from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
 from daemon.model.search import Point
 from daemon.model.status import RunRow
 from daemon.model.submission import Submission
-from daemon.model.text_fields import IdText
+from daemon.model.text_fields import IdText, ShortText
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
 """What a run is for: to find failures, to repeat one with other noise, to bring one nearer to the
@@ -50,6 +50,7 @@ class ExtendRequest:
     """
 
     campaign: IdText
+    client: ShortText
     proposals: Annotated[tuple[Proposal, ...], Field(min_length=1, max_length=1000)]
     runs: Submission
 

@@ -8,11 +8,12 @@ the parameter's unit, rounded to its step, or one of its choices. What is run fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
+from daemon.model.status import CampaignOrigin
 from daemon.model.text_fields import IdText, ShortText
 
 ANY: Final = "any"
@@ -30,10 +31,6 @@ MOST_WINDOW: Final = 1_000
 MOST_REPEATS: Final = 100
 LONGEST_SEARCH: Final = 30 * 86_400.0
 """Seconds of wall clock a search may be asked for."""
-LONGEST_PATH: Final = 1_000
-"""Characters of the path of a file of a search."""
-LARGEST_BUNDLE: Final = 32 * 2**20
-"""Bytes of all files of a search together."""
 
 SEARCH_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
 """Of a search: part of the names of its runs, of its id and of files."""
@@ -157,20 +154,12 @@ class SearchTask:
 
 
 @dataclass(frozen=True, slots=True)
-class BundledFile:
-    """A file that a campaign is made of; ``path`` is relative and leads nowhere else."""
-
-    path: Annotated[str, Field(max_length=LONGEST_PATH)]
-    data: str
-    """Its bytes in base64."""
-
-
-@dataclass(frozen=True, slots=True)
 class SearchSubmission:
-    """A search on its way to the daemon, with the files its proposals are composed of.
+    """A search that a client begins, or goes on with.
 
-    ``campaign`` is its id in the ledger, made of its content; ``file`` is the path of the campaign
-    file among ``files``. ``source`` is that file's text.
+    ``campaign`` is its id in the ledger, made of its content. ``source`` is the text of its
+    campaign file, ``file`` the path of that file as it was typed. ``client`` names the process
+    that makes the proposals, and is empty while none does.
     """
 
     campaign: IdText
@@ -178,6 +167,7 @@ class SearchSubmission:
     about: str
     source: str
     task: SearchTask
-    file: str
-    files: tuple[BundledFile, ...]
+    file: ShortText = ""
+    origin: CampaignOrigin = field(default_factory=CampaignOrigin)
     fresh: bool = False
+    client: ShortText = ""

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
 from daemon.model.proposals import Phase
-from daemon.model.search import BundledFile, PointValue, SearchTask
-from daemon.model.text_fields import IdText
+from daemon.model.search import PointValue, SearchTask
+from daemon.model.text_fields import IdText, ShortText
 from daemon.model.trials import Trial
 
 LONGEST_NOTE: Final = 2000
 """Characters of what is said of a search."""
-SearchState: TypeAlias = Literal["running", "finished", "cancelled", "failed"]
+SearchState: TypeAlias = Literal["running", "waiting", "finished", "cancelled", "failed"]
+"""A search that is ``waiting`` goes on when a client runs it again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +112,14 @@ class Influence:
 class ShrunkScenario:
     """The least of the nearest failure that still fails, told in lines, with its files.
 
-    ``files`` are those of a campaign that runs by itself, ``campaign.yaml`` among them. ``left``
-    names in a few words what is left.
+    ``files`` are those of a campaign that runs by itself in base64, by their paths,
+    ``campaign.yaml`` among them. ``left`` names in a few words what is left.
     """
 
     story: tuple[str, ...]
     minimal: bool
     runs: int
-    files: tuple[BundledFile, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
     left: str = ""
 
 
@@ -186,8 +188,9 @@ class SearchAnswer:
 class SearchRow:
     """A search and how it stands; ``note`` says what keeps it or why it failed.
 
-    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs. ``file`` is the
-    campaign file among its files.
+    ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs. ``file`` is
+    the path of its campaign file as it was typed, ``client`` the process that makes its proposals
+    just now.
     """
 
     campaign: str
@@ -201,21 +204,31 @@ class SearchRow:
     note: str = ""
     answer: SearchAnswer | None = None
     file: str = ""
+    client: str = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the search has come to its end, for whatever reason."""
+        return self.state not in ("running", "waiting")
 
 
 @dataclass(frozen=True, slots=True)
 class SearchQuery:
-    """Searches, the newest first; all of them, or one, or those that still run."""
+    """Searches, the newest first; all of them, or one, or those that have not ended."""
 
     campaign: IdText = ""
-    running: bool = False
+    unfinished: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class SearchProgress:
-    """What the coordinator says of a search: its phase, a note, the answer so far or in the end."""
+    """The state of a search as its client reports it: phase, note, the answer so far or at the end.
+
+    A client that leaves a search says that it is ``waiting``.
+    """
 
     campaign: IdText
+    client: ShortText
     phase: Phase
     note: Annotated[str, Field(max_length=LONGEST_NOTE)] = ""
     state: SearchState = "running"

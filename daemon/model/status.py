@@ -28,13 +28,11 @@ class TroubleCause(StrEnum):
     """The cause of a trouble, by which there is something to do about it.
 
     ``space``: the disk is full, or the quota is used up. ``worker``: a worker's surroundings.
-    ``search``: the process that makes proposals. ``input``: a scene or file is gone. ``other``:
-    only the logs can tell.
+    ``input``: a scene or file is gone. ``other``: only the logs can tell.
     """
 
     SPACE = "space"
     WORKER = "worker"
-    SEARCH = "search"
     INPUT = "input"
     OTHER = "other"
 
@@ -83,9 +81,10 @@ class CampaignRow:
     """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
 
     While it is ``paused`` no more runs start; those of higher ``priority`` start first. ``search``
-    says how a search stands (``running``, ``finished``, ``cancelled``, ``failed``) and is empty
-    for all other campaigns. More runs come while it is running. ``seconds_left`` is how long what
-    waits and runs probably takes, ``None`` while that is not known or nothing goes on.
+    says how a search stands (``running``, ``waiting`` for a client, ``finished``, ``cancelled``,
+    ``failed``) and is empty for all other campaigns. More runs come while it is running.
+    ``seconds_left`` is how long what waits and runs probably takes, ``None`` while that is not
+    known or nothing goes on.
     """
 
     id: str
@@ -120,7 +119,7 @@ class CampaignRow:
     @property
     def finished(self) -> bool:
         """Whether no run of the campaign is waiting or running, and none will come."""
-        return self.queued == 0 and self.running == 0 and self.search != "running"
+        return self.queued == self.running == 0 and self.search not in ("running", "waiting")
 
 
 @dataclass(frozen=True, slots=True)

@@ -171,9 +171,9 @@ PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
     STEERING, WRITER)
 SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
     "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
-SEARCH: Final = Verb("search", SearchSubmission, SubmissionReceipt,
-    "Take a search with its files; one that was cancelled or has failed goes on.",
-    STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="leave out files it does not need")
+SEARCH: Final = Verb("search", SearchSubmission, Empty,
+    "Take a search; one that is known goes on. One client at a time makes its proposals.",
+    STEERING, WRITER, LARGEST_REQUEST)
 SEARCHES: Final = Verb("searches", SearchQuery, tuple[SearchRow, ...],
     "At most 1000 searches, the newest first; the files of answers only where one is asked for.",
     VIEWING)
@@ -183,10 +183,7 @@ EXTEND: Final = Verb("extend", ExtendRequest, Count,
     "Add runs to a search; returns how many of them are new.",
     STEERING, WRITER, LARGEST_EXTENSION, slow=True, advice="send fewer at a time")
 PROGRESS: Final = Verb("progress", SearchProgress, Empty,
-    "Say how far a search is, and what it has found.",
-    STEERING, WRITER, LARGEST_EXTENSION, advice="leave out files")
-BUNDLE: Final = Verb("bundle", IdRequest, SearchSubmission,
-    "A search as it was submitted, with its files.", VIEWING, CARRIER, slow=True)
+    "Say how far a search is, and what it has found.", STEERING, WRITER, LARGEST_EXTENSION)
 WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
     "What a worker must know before it starts.", WORKING)
 LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
@@ -268,7 +265,6 @@ class DaemonClient(ABC):
     prioritise = _question(PRIORITISE)
     delete = _question(DELETE)
     shutdown = _question(SHUTDOWN)
-    bundle = _question(BUNDLE)
 
     def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first; or all of which runs wait or run.
@@ -336,9 +332,9 @@ class DaemonClient(ABC):
         words = tuple(word.strip() for word in only.split("|") if word.strip())
         return self.ask(RETRY, RetryRequest(campaign, words)).count
 
-    def searches(self, campaign: str = "", *, running: bool = False) -> tuple[SearchRow, ...]:
-        """Searches, the newest first; all of them, or one, or those that still run."""
-        return self.ask(SEARCHES, SearchQuery(campaign, running))
+    def searches(self, campaign: str = "", *, unfinished: bool = False) -> tuple[SearchRow, ...]:
+        """Searches, the newest first; all of them, or one, or those that have not ended."""
+        return self.ask(SEARCHES, SearchQuery(campaign, unfinished))
 
     def search_row(self, campaign: str) -> SearchRow | None:
         """The search of an id, if there is one, with all of its answer."""
@@ -356,13 +352,13 @@ class DaemonClient(ABC):
                 return tuple(found)
             found.extend(page)
 
-    def submit_search(self, submission: SearchSubmission) -> SubmissionReceipt:
-        """Hand over a search; the receipt says that it is safely in the ledger.
+    def begin_search(self, search: SearchSubmission) -> SearchRow:
+        """Begin a search, or go on with it; return how it stands then.
 
-        The same again is harmless: it changes nothing, or lets a search go on that was cancelled
-        or has failed.
+        It is the client's whose name it has: another one may make its proposals already.
         """
-        return self.ask(SEARCH, submission)
+        self.ask(SEARCH, search)
+        return self.searches(search.campaign)[0]
 
     @abstractmethod
     def submit(self, submission: Submission) -> SubmissionReceipt:

@@ -28,15 +28,14 @@ from daemon.search.answers.facts import (
     parameter_influence,
 )
 from daemon.search.answers.wording import failure_words, nearest_sentence, noise_words, quantity
+from daemon.search.execution.daemon_runs import DaemonRuns, SearchStoppedError
 from daemon.search.execution.point_runner import MEDIAN_OF, PointRunner
-from daemon.search.execution.runs import Case, Runs, SearchStoppedError
 from daemon.search.methods import SearchMethod, make_method
 from daemon.search.nearest import NEAREST_POINTS, find_nearest
+from daemon.search.preparation.composition import SearchCase
 from daemon.search.shrinking import shrink_failure
 from daemon.search.space import SearchSpace
 from grammars.text.words import count_noun
-
-__all__ = ["ERRORS_IN_A_ROW", "Case", "Runs", "SearchStoppedError", "run_search"]
 
 ERRORS_IN_A_ROW: Final = 5
 """So many errors one after another end a search: the next one would be another."""
@@ -47,7 +46,7 @@ _SETTLED_WINDOWS: Final = 3
 """Nothing better and nothing new for so many results, or windows of them if that is more."""
 
 
-def run_search(case: Case, runs: Runs) -> SearchAnswer:
+def run_search(case: SearchCase, runs: DaemonRuns) -> SearchAnswer:
     """Explore, confirm, bring near and shrink, and return the answer.
 
     Raises :class:`SearchStoppedError`, with the answer so far, when nothing more is executed.
@@ -104,8 +103,8 @@ class _StopRules:
 class _SearchProgram:
     """A search while it lasts."""
 
-    case: Case
-    runs: Runs
+    case: SearchCase
+    runs: DaemonRuns
     explored: list[Trial] = field(default_factory=list)
     later: LaterResults = field(default_factory=LaterResults)
     space: SearchSpace = field(init=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import tempfile
 from collections.abc import Collection, Sequence
@@ -24,10 +25,9 @@ from daemon.analysis.blame import (
     story_lines,
     unresolved_candidate,
 )
-from daemon.model.bundles import read_bundle
+from daemon.model.messages import LARGEST_EXTENSION
 from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
-from daemon.model.search import BundledFile
 from daemon.model.search_answer import ShrunkScenario
 from daemon.model.trials import Trial
 from daemon.search.execution.point_runner import PointRunner
@@ -55,7 +55,7 @@ def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
         return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
     story = story_lines(found.story, case.settings.like, several=len(case.added) > 1)
     left = left_words(found.story)
-    files: tuple[BundledFile, ...] = ()
+    files: dict[str, str] = {}
     try:
         files = _saved_files(case, found, runner)
     except (InputError, ValueError, OSError) as error:
@@ -82,13 +82,19 @@ def _some(names: Sequence[str], whole: int, noun: str) -> str:
     return f"{len(names)} of {count_noun(whole, noun)}{listed}"
 
 
-def _saved_files(
-    case: RunCase, found: BlameResult, runner: CandidateRunner
-) -> tuple[BundledFile, ...]:
+def _saved_files(case: RunCase, found: BlameResult, runner: CandidateRunner) -> dict[str, str]:
+    """Return the files of a campaign in base64, by their paths; an answer has room for so many."""
     with tempfile.TemporaryDirectory(prefix="scenario-shrink-") as parent:
         folder = Path(parent) / "minimal"
         save_campaign(case, found, folder, runner)
-        return read_bundle(folder)
+        paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+        size = sum(path.stat().st_size for path in paths)
+        if size > LARGEST_EXTENSION // 2:
+            raise ValueError(f"its files have {size >> 20} MiB")
+        return {
+            path.relative_to(folder).as_posix(): base64.b64encode(path.read_bytes()).decode()
+            for path in paths
+        }
 
 
 @dataclass(slots=True)

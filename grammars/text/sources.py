@@ -11,7 +11,6 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -28,77 +27,42 @@ _REASONS: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """What is kept of the files that are read, and where alone files are read."""
-
-    read: dict[Path, None] | None = None
-    only_in: Path | None = None
-
-    def reaches(self, path: Path) -> bool:
-        """Whether a file may be looked at."""
-        if self.only_in is None:
-            return True
-        try:
-            return path.resolve().is_relative_to(self.only_in)
-        except (OSError, ValueError, RuntimeError):
-            return False
-
-
-_EVERYTHING: Final = _Reading()
-_reading: ContextVar[_Reading] = ContextVar("reading", default=_EVERYTHING)
+_read: ContextVar[dict[Path, None] | None] = ContextVar("read", default=None)
+"""The files that are read, where somebody wants to know."""
 
 
 @contextmanager
 def recording_reads() -> Iterator[dict[Path, None]]:
     """Give the files that people named and that are read meanwhile by this thread, in order."""
     found: dict[Path, None] = {}
-    token = _reading.set(replace(_reading.get(), read=found))
+    token = _read.set(found)
     try:
         yield found
     finally:
-        _reading.reset(token)
-
-
-@contextmanager
-def reading_only_in(folder: Path | None) -> Iterator[None]:
-    """Let this thread meanwhile read no file that people name outside of a folder, by any way.
-
-    For what came from somebody else: to it, other files are not there. ``None`` leaves it as is.
-    """
-    only_in = _reading.get().only_in if folder is None else folder.resolve()
-    token = _reading.set(replace(_reading.get(), only_in=only_in))
-    try:
-        yield
-    finally:
-        _reading.reset(token)
+        _read.reset(token)
 
 
 @contextmanager
 def not_recording() -> Iterator[None]:
     """Read files meanwhile that say nothing about what is made: they are not recorded."""
-    token = _reading.set(replace(_reading.get(), read=None))
+    token = _read.set(None)
     try:
         yield
     finally:
-        _reading.reset(token)
+        _read.reset(token)
 
 
 def note_read(path: Path) -> None:
-    """Say that a file is going to be read; raises :class:`InputError` where it must not be."""
-    reading = _reading.get()
-    if not reading.reaches(path):
-        raise InputError.at(
-            Where(str(path)), "no such file", "it lies outside of what was handed on"
-        )
-    if reading.read is not None:
-        reading.read[path] = None
+    """Say that a file is going to be read."""
+    read = _read.get()
+    if read is not None:
+        read[path] = None
 
 
 def is_file(path: Path) -> bool:
     """Return whether there is an ordinary file of a name, however that name looks."""
     try:
-        return path.is_file() and _reading.get().reaches(path)
+        return path.is_file()
     except (OSError, ValueError):
         # Longer than the file system takes, or with a zero byte: no file has such a name.
         return False
@@ -107,7 +71,7 @@ def is_file(path: Path) -> bool:
 def is_folder(path: Path) -> bool:
     """Return whether there is a folder of a name, however that name looks."""
     try:
-        return path.is_dir() and _reading.get().reaches(path)
+        return path.is_dir()
     except (OSError, ValueError):
         return False
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from daemon.model.proposals import ProposalRow
     from daemon.model.search import SearchSubmission, SearchTask
     from daemon.model.search_answer import SearchRow
+    from daemon.model.verbs import DaemonClient
+    from daemon.search.client import SearchClient
+    from daemon.search.preparation.submission import PreparedSearch
+    from scenario_tui.cli.search_progress import SearchWatch
     from scenario_tui.cli.target import DaemonTarget
+
+_PATIENCE: Final = 30.0
+"""Seconds to wait for an answer of the daemon before it is asked again."""
+_LOOK_EVERY: Final = 0.2
 
 
 class SearchOutput(Output, schema="search"):
@@ -129,7 +137,7 @@ def search(
         ),
     ] = False,
     detach: Annotated[
-        bool, typer.Option("--detach", "-d", help="Hand it over and do not stay.")
+        bool, typer.Option("--detach", "-d", help="Let the search run in the background.")
     ] = False,
     out: Annotated[
         Path | None,
@@ -152,9 +160,10 @@ def search(
 ) -> None:
     """Search for values that make a scenario fail, and for the failure nearest to it.
 
-    The daemon searches and keeps what it finds; one is started on this machine if none answers.
-    Ctrl-C ends the watching only.
+    The search runs here and has its runs executed by the daemon; one is started on this machine if
+    none answers. After Ctrl-C the same command goes on where it was.
     """
+    from scenario_tui.cli.search_progress import SearchWatch
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
@@ -164,55 +173,64 @@ def search(
         with target.open() as daemon:
             SearchesOutput(daemon.searches()).show(as_json)
         return
-    changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
-               "--confirm": confirm, "--fresh": fresh or None, "NAME": name}  # fmt: skip
-    if _is_file(campaign):
-        from scenario_tui.cli.suggestions import refuse_missing_campaign
-
-        refuse_missing_campaign(Path(campaign))
-        change = _read_changes(budget, stop, method, seed, confirm)
-        found = _hand_over(Path(campaign), name, change, target, slots, fresh=fresh)
-    else:
+    if not _is_file(campaign):
+        changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
+                   "--confirm": confirm, "--fresh": fresh or None, "--detach": detach or None,
+                   "NAME": name}  # fmt: skip
         given = [option for option, value in changes.items() if value not in ("", None)]
         if given:
             message = "is for campaign files: a search that is there is shown as it was asked for"
             raise typer.BadParameter(message, param_hint=given[0])
-        found = _find_search(target, campaign)
+        watched = SearchWatch(_find_search(target, campaign))
+        raise typer.Exit(watch_search(target, watched, as_json, out=out, gazebo=gazebo))
+    file = Path(campaign)
+    change = _read_changes(budget, stop, method, seed, confirm)
+    prepared = _begin(file, name, change, target, slots, fresh=fresh)
+    submission = prepared.submission
     if detach:
-        from scenario_tui.cli.search_report import ask_search
-
         with target.open() as daemon:
-            search_output(*ask_search(daemon, found, runs=as_json)).show(as_json)
+            row = daemon.searches(submission.campaign)[0]
+        if not row.ended:
+            row = _detach(submission, target, out, gazebo=gazebo)
+        search_output(row, ()).show(as_json)
         return
-    raise typer.Exit(watch_search(target, found, as_json, out=out, gazebo=gazebo))
+    client = _client_of(prepared, target)
+    client.start()
+    watched = SearchWatch(submission.campaign, client)
+    raise typer.Exit(watch_search(target, watched, as_json, out=out, gazebo=gazebo, file=file))
 
 
 def watch_search(
     target: DaemonTarget,
-    campaign: str,
+    watched: SearchWatch,
     as_json: bool,
     *,
     out: Path | None,
     gazebo: bool,
+    file: Path | None = None,
 ) -> int:
     """Watch a search to its end, write its files, print its answer, return its exit code.
 
-    Ctrl-C ends the watching only.
+    ``file`` is its campaign file, if that is here. Ctrl-C ends the watching, and the search if it
+    runs here.
     """
     from scenario_tui.cli.progress import watch_work
     from scenario_tui.cli.search_files import write_search_files
-    from scenario_tui.cli.search_progress import SearchWatch
+    from scenario_tui.text.search_text import resuming_command
 
-    watched = SearchWatch(campaign)
+    campaign = watched.campaign
     try:
         row = watch_work(target.open, campaign, watched)
     except KeyboardInterrupt:
-        again, end = f"scenario search {campaign}", f"scenario cancel {campaign}"
-        say(f"\n{campaign} goes on; come back with `{again}`, end it with `{end}`")
+        again = f"scenario search {campaign}"
+        if watched.client is not None and watched.row is not None:
+            watched.client.leave()
+            again = resuming_command(watched.row)
+        say(f"\ngo on with `{again}`, end it with `scenario cancel {campaign}`")
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
         folder = out or Path("scenario-results") / "search" / campaign
-        written = write_search_files(daemon, row, watched.rows, folder, gazebo=gazebo)
+        written = write_search_files(daemon, row, watched.rows, folder, file, gazebo=gazebo)
     files = {kind: str(path) for kind, path in written.items()}
     search_output(row, watched.rows, files).show(as_json)
     return search_code(row)
@@ -231,17 +249,17 @@ def wait_for_search(
     if as_json:
         search_output(row, watched.rows).emit()
     say(f"{row.campaign}: {search_line(row)}")
-    return ExitCode.INCONCLUSIVE if row.state == "running" else search_code(row)
+    return search_code(row)
 
 
 def search_code(row: SearchRow) -> ExitCode:
     """Return the exit code of a search: 1 when something fails, 3 when it could not go on.
 
-    One that was cancelled, or whose runs all were inconclusive, is not decided.
+    One that has not ended, was cancelled, or whose runs all were inconclusive, is not decided.
     """
     from daemon.search.answers.sentences import search_word
 
-    return exit_code([search_word(row)])
+    return exit_code([search_word(row)]) if row.ended else ExitCode.INCONCLUSIVE
 
 
 def _is_file(word: str) -> bool:
@@ -276,7 +294,7 @@ def _read_changes(
     return change
 
 
-def _hand_over(
+def _begin(
     path: Path,
     name: str,
     change: Callable[[SearchTask], SearchTask],
@@ -284,22 +302,87 @@ def _hand_over(
     slots: int | None,
     *,
     fresh: bool,
-) -> str:
-    """Hand a search to the daemon, or let it go on; returns its id."""
+) -> PreparedSearch:
+    """Begin a search in the daemon, or go on with it, and say so."""
+    from daemon.batch.errors import Unreachable
+    from daemon.search.client import client_name
     from daemon.search.preparation.submission import prepare_search
     from scenario_tui.cli.execute import start_daemon_if_needed
     from scenario_tui.cli.progress import SUBMIT_PATIENCE, ask_patiently
+    from scenario_tui.cli.suggestions import refuse_missing_campaign
 
-    submission, warnings = prepare_search(path, name, change=change, fresh=fresh)
-    report_diagnostics(warnings)
-    start_daemon_if_needed(target, slots)
-    # Asked before: afterwards one that was cancelled runs again.
-    before = ask_patiently(
-        target, lambda daemon: daemon.search_row(submission.campaign), SUBMIT_PATIENCE
+    refuse_missing_campaign(path)
+
+    def find(id_: str) -> SearchRow | None:
+        try:
+            with target.open() as daemon:
+                return daemon.search_row(id_)
+        except Unreachable:
+            return None
+
+    prepared = prepare_search(
+        path, name, client=client_name(), change=change, find=find, fresh=fresh
     )
-    ask_patiently(target, lambda daemon: daemon.submit_search(submission), SUBMIT_PATIENCE)
+    submission = prepared.submission
+    report_diagnostics(prepared.warnings)
+    start_daemon_if_needed(target, slots)
+
+    def begin(daemon: DaemonClient) -> tuple[SearchRow | None, SearchRow]:
+        # Asked before: afterwards one that was cancelled goes on.
+        return daemon.search_row(submission.campaign), daemon.begin_search(submission)
+
+    before, after = ask_patiently(target, begin, SUBMIT_PATIENCE)
     say(_receipt_text(submission, before))
-    return submission.campaign
+    if after.client not in ("", submission.client):
+        say(f"{after.client} runs it: watching, and going on with it should that leave")
+    return prepared
+
+
+def _client_of(prepared: PreparedSearch, target: DaemonTarget) -> SearchClient:
+    """Return the client that runs a search in this process."""
+    from daemon.batch.client import Client
+    from daemon.search.client import SearchClient
+    from daemon.search.program import run_search
+
+    return SearchClient(
+        Client.open(target.endpoint, timeout=_PATIENCE),
+        prepared.submission,
+        lambda runs: run_search(prepared.case, runs),
+    )
+
+
+def _detach(
+    submission: SearchSubmission, target: DaemonTarget, out: Path | None, *, gazebo: bool
+) -> SearchRow:
+    """Let a process of its own run a search; return how it stands once that has begun."""
+    import subprocess
+    import time
+
+    from daemon.batch.errors import LaunchFailed
+    from daemon.batch.permissions import open_private_log
+    from daemon.model.execution import python_command
+
+    words = ["search", submission.file, submission.campaign, *target.words]
+    words += ["--out", str(out)] if out is not None else []
+    words += [] if gazebo else ["--no-gazebo"]
+    target.paths.make_folders()
+    with open_private_log(target.paths.search_log) as log:
+        process = subprocess.Popen(
+            python_command("-c", "from scenario_tui.cli import main; main()", *words),
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+    with target.open() as daemon:
+        while True:
+            ended = process.poll() is not None
+            row = daemon.searches(submission.campaign)[0]
+            if row.client or row.ended:
+                return row
+            if ended:
+                raise LaunchFailed(f"the search did not begin, see {target.paths.search_log}")
+            time.sleep(_LOOK_EVERY)
 
 
 def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str:
@@ -344,6 +427,6 @@ def search_output(
     """Return what to say of a search, without the contents of files."""
     answer = row.answer
     if answer is not None and answer.shrunk is not None:
-        shrunk = replace(answer.shrunk, files=())
+        shrunk = replace(answer.shrunk, files={})
         row = replace(row, answer=replace(answer, shrunk=shrunk))
     return SearchOutput(row, rows, dict(written or {}))

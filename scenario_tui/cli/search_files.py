@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import base64
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError
-from daemon.model.bundles import checked_bundle
-from daemon.search.answers.found import export_found, write_found
+from daemon.search.answers.found import (
+    copy_campaign,
+    export_found,
+    found_name,
+    write_found,
+)
 from grammars.text.diagnostics import InputError, Severity
 from scenario_tui.cli.output import report_diagnostics
 from scenario_tui.cli.search_report import daemon_material, write_search_page
 
 if TYPE_CHECKING:
     from daemon.model.proposals import ProposalRow
-    from daemon.model.search import BundledFile
     from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
 
@@ -32,29 +36,29 @@ def write_search_files(
     row: SearchRow,
     proposals: tuple[ProposalRow, ...],
     folder: Path,
+    campaign: Path | None,
     *,
     gazebo: bool = True,
 ) -> dict[str, Path]:
     """Write what there is about a search that has ended into a folder; return it by its kind.
 
-    ``found`` is the nearest failure as a campaign file. It stands where the searched one stood
-    among its layers, which are copied, so that the folder can be handed on. What was written there
-    before is replaced.
+    ``found`` is the nearest failure as a campaign file. It stands where the searched ``campaign``
+    stood among its layers, which are copied, so that the folder can be handed on; without that
+    file here it is the one that was written before, if any. Other files are replaced.
     """
     written: dict[str, Path] = {}
     answer = row.answer
     if answer is None:
         return written
-    if answer.found:
-        bundle = daemon.bundle(row.campaign)
-        place = _write_bundle(bundle.files, folder / _LAYERS, bundle.file)
-        found = write_found(answer, row.task.name, place.parent)
-        written["found"] = found
-        if gazebo and _export(found, folder / _GAZEBO):
+    if answer.found and campaign is not None:
+        beside = copy_campaign(campaign, folder / _LAYERS)
+        written["found"] = write_found(answer, row.task.name, beside)
+        if gazebo and _export(written["found"], folder / _GAZEBO):
             written["gazebo"] = folder / _GAZEBO
+    elif earlier := sorted((folder / _LAYERS).rglob(found_name(row.task.name))):
+        written["found"] = earlier[0]
     if answer.shrunk is not None and answer.shrunk.files:
-        files = answer.shrunk.files
-        written["smallest"] = _write_bundle(files, folder / _SMALLEST, "campaign.yaml")
+        written["smallest"] = _write_smallest(answer.shrunk.files, folder / _SMALLEST)
     named = {kind: str(path) for kind, path in written.items()}
     folder.mkdir(parents=True, exist_ok=True)
     material = daemon_material(daemon, row, proposals)
@@ -73,22 +77,18 @@ def _export(found: Path, folder: Path) -> bool:
     return True
 
 
-def _write_bundle(files: Sequence[BundledFile], folder: Path, file: str) -> Path:
-    """Write files below a folder in place of what was written there before; return one of them.
+def _write_smallest(files: Mapping[str, str], folder: Path) -> Path:
+    """Write the files of the least that fails, which are in base64; return its campaign file.
 
     Raises :class:`DaemonError` for paths that lead elsewhere: a daemon may be anybody's.
     """
-    try:
-        contents = checked_bundle(files)
-    except ValueError as error:
-        raise DaemonError(f"the daemon's files of the search are not written: {error}") from error
-    if file not in contents:
-        raise DaemonError(f"the daemon's files of the search have no {file}")
-    for path, data in contents.items():
-        target = folder.joinpath(*PurePosixPath(path).parts)
+    for name, data in files.items():
+        target = folder / name
+        if not target.resolve().is_relative_to(folder.resolve()):
+            raise DaemonError(f"the daemon's files of the search are not written: {name}")
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(data)
-    return folder.joinpath(*PurePosixPath(file).parts)
+        target.write_bytes(base64.b64decode(data))
+    return folder / "campaign.yaml"
 
 
 def file_commands(written: Mapping[str, str]) -> Iterator[tuple[str, str]]:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from daemon.model.proposals import Phase, ProposalRow
     from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
+    from daemon.search.client import SearchClient
 
 _BAR: Final = 16
 _CURVE: Final = 16
@@ -45,9 +46,10 @@ _CURVE: Final = 16
 
 @dataclass(slots=True)
 class SearchWatch:
-    """A search as it was seen last, and what has been told of it."""
+    """A search as it was seen last, and what has been told of it; ``client`` runs it here."""
 
     campaign: str
+    client: SearchClient | None = None
     row: SearchRow | None = None
     rows: tuple[ProposalRow, ...] = ()
     explored: tuple[Trial, ...] = ()
@@ -76,8 +78,10 @@ class SearchWatch:
 
     @property
     def finished(self) -> bool:
-        """Whether the search has ended."""
-        return self.row is not None and self.row.state != "running"
+        """Whether the search has ended, or waits for a client and has none here."""
+        if self.row is None or self.row.state == "running":
+            return False
+        return self.row.ended or self.client is None or not self.client.is_alive()
 
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
         """Return the line of the search, and one for each running run."""
@@ -124,7 +128,7 @@ class SearchWatch:
         return self.campaign_row.seconds_left if self.campaign_row is not None else None
 
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
-        if self.row is None and row.state != "running":
+        if self.row is None and row.ended:
             self.told_first = True  # it was over when somebody came: its answer tells
         first = first_failure(self.explored)
         if first is not None and not self.told_first:

@@ -19,7 +19,7 @@ _OTHER_COLUMNS: Final = 18
 
 
 class StatusOutput(Output, schema="status"):
-    """How everything stands; ``searches`` are those that run."""
+    """How everything stands; ``searches`` are those that have not ended."""
 
     endpoint: str
     overview: DaemonOverview
@@ -97,8 +97,8 @@ def status(connect: Connect = "", state: State = None, as_json: AsJson = False) 
         # A daemon whose disk is full has no more to say than that.
         with suppress(Unavailable):
             campaigns = daemon.campaigns()
-            if any(row.search == "running" for row in campaigns):
-                searches = daemon.searches(running=True)
+            if any(row.search in ("running", "waiting") for row in campaigns):
+                searches = daemon.searches(unfinished=True)
     StatusOutput(endpoint, overview, campaigns, workers, searches).show(as_json)
 
 

@@ -68,7 +68,7 @@ def _steer(
     words = ACTIONS[output.schema].outcome_text(
         found, runs, until=f"`scenario pause {found} --off`"
     )
-    if output is CancelOutput and row.search == "running":
+    if output is CancelOutput and row.search in ("running", "waiting"):
         # Between two of its runs there may be none to cancel.
         words += f", which has ended; `scenario search {found}` says what it found"
     say(words)

@@ -66,6 +66,12 @@ class DaemonTarget:
         return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
 
     @property
+    def words(self) -> tuple[str, ...]:
+        """The options that mean this daemon."""
+        state = ("--state", str(self.state)) if self.state is not None else ()
+        return (*(("--connect", self.connect) if self.connect else ()), *state)
+
+    @property
     def may_come_back(self) -> bool:
         """Whether there is a daemon that is only away: one that was named, or has left a ledger."""
         return self.named or self.paths.ledger.exists()

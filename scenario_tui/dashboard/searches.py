@@ -75,8 +75,8 @@ class KnownSearches:
         found: dict[str, SearchRow] = {}
         if stale:
             # Those that are over do not change any more: mostly there are more of them.
-            running = all(searches[name].search == "running" for name in stale)
-            found = {row.campaign: row for row in daemon.searches(running=running)}
+            going = all(searches[name].search in ("running", "waiting") for name in stale)
+            found = {row.campaign: row for row in daemon.searches(unfinished=going)}
         if stale or len(searches) < len(self.rows):
             known = {**self.rows, **found}
             self.rows = {name: known[name] for name in searches if name in known}
@@ -133,7 +133,7 @@ def notable_trials(search: SearchTrials) -> Iterator[NotableTrial]:
 
     task, answer, explored = search.row.task, search.row.answer, search.explored
     nearest = answer.nearest.result if answer is not None and answer.nearest else None
-    best = "best so far" if search.row.state == "running" else "best"
+    best = "best" if search.row.ended else "best so far"
     named = {
         "best": (best, smallest_margin(explored)),
         "first": ("first failure", first_failure(explored)),

@@ -20,7 +20,7 @@ def unfinished_text(row: CampaignRow) -> str:
     counts = {"running": row.running, "queued": row.queued}
     parts = [f"{counts[word]:,} {word}" for word in UNFINISHED_STATES if counts[word]]
     if not parts and not row.finished:
-        parts = ["the search goes on"]
+        parts = ["the search waits" if row.search == "waiting" else "the search goes on"]
     if parts and row.paused:
         parts.append("paused")
     if row.seconds_left is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -89,10 +90,16 @@ def proposal_lines(
     return lines
 
 
+def resuming_command(row: SearchRow) -> str:
+    """Return the command that goes on with a search, in the folder in which it was begun."""
+    return shlex.join(("scenario", "search", row.file, row.campaign))
+
+
 def search_line(row: SearchRow) -> str:
     """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
-    parts = [phase_words(row)]
-    answer, exploring = row.answer, row.state == "running" and row.phase == "explore"
+    waiting = row.state == "waiting"
+    parts = [f"waiting for `{resuming_command(row)}`" if waiting else phase_words(row)]
+    answer, exploring = row.answer, not row.ended and row.phase == "explore"
     if exploring:
         parts.append(f"{row.finished:,} of {count_noun(row.task.runs, 'run')}")
     else:
@@ -231,9 +238,10 @@ def _weight(correlation: float) -> float:
 
 def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:
     """Return what to type next about a search: commands and what they do."""
-    if row.state == "running":
+    if not row.ended:
+        watch = (f"scenario search {row.campaign}", "watch it")
         return (
-            (f"scenario search {row.campaign}", "watch it"),
+            watch if row.state == "running" else (resuming_command(row), "go on with it"),
             (f"scenario cancel {row.campaign}", "end it, what was found is kept"),
         )
     shown = row.answer.shown if row.answer is not None else None

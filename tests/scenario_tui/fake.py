@@ -23,7 +23,6 @@ from daemon.model.messages import (
 )
 from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
-from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import (
     MapSettings,
@@ -429,8 +428,7 @@ class FakeDaemon(DaemonClient):
         return tuple(
             row
             for row in self.found
-            if query.campaign in ("", row.campaign)
-            and not (query.running and row.state != "running")
+            if query.campaign in ("", row.campaign) and not (query.unfinished and row.ended)
         )
 
     def _search_of(self, campaign):
@@ -443,13 +441,8 @@ class FakeDaemon(DaemonClient):
         self._search_of(query.campaign)
         return self.proposed[query.offset : query.offset + query.limit]
 
-    def _bundle(self, request):
-        row = self._search_of(request.id)
-        return SearchSubmission(row.campaign, row.name, "", "", row.task, "campaign.yaml", ())
-
     def _search(self, submission):
-        known = any(row.campaign == submission.campaign for row in self.found)
-        return SubmissionReceipt(submission.campaign, len(self.proposed) if known else 0, known)
+        return Empty()
 
     def _extend(self, request):
         self._search_of(request.campaign)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from daemon.model.proposals import Proposal, ProposalRow
 from daemon.model.run_state import RunState
-from daemon.model.search import BundledFile, OracleScale, SearchParameter, SearchTask
+from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
     Finding,
@@ -112,7 +112,7 @@ def make_answer():
             ("minimal: kitchen_door (of 3 objects)",),
             minimal=True,
             runs=9,
-            files=(BundledFile("campaign.yaml", "Y2FtcGFpZ246IHNocnVuawo="),),
+            files={"campaign.yaml": "Y2FtcGFpZ246IHNocnVuawo="},
         ),
         findings=(
             Finding(
@@ -145,5 +145,7 @@ def make_search(state="finished", **changes):
         proposed=len(MARGINS),
         finished=len(MARGINS),
         answer=make_answer() if state == "finished" else None,
+        file="campaign.yaml",
+        client="lab-7" if state == "running" else "",
     )
     return replace(row, **changes)

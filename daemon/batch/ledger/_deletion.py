@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sqlite3
 from contextlib import suppress
 
@@ -31,8 +30,7 @@ def shorten_file(db: sqlite3.Connection) -> None:
 
 
 def remove_files(paths: StatePaths, campaign: str) -> None:
-    """Remove the files of a campaign that is gone: its traces, and those of a search."""
-    shutil.rmtree(paths.search(campaign), ignore_errors=True)
+    """Remove the traces of a campaign that is gone."""
     folder = paths.traces / campaign
     for trace in folder.glob("*.mcap"):
         trace.unlink(missing_ok=True)

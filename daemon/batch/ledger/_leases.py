@@ -101,9 +101,9 @@ class RunUpdates:
     def _close_if_finished(self, campaign: str, now: float) -> None:
         """Close a campaign of which nothing waits, unless cells need the repeats in reserve.
 
-        A search that goes on will have more runs.
+        A search that has not ended will have more runs.
         """
-        if search_state(self._db, campaign) == "running":
+        if search_state(self._db, campaign) == "waiting":
             return
         # Again and again: the results of new repeats may be in the ledger already, and then the
         # next look at the cells is due at once.

@@ -47,7 +47,6 @@ from daemon.model.messages import (
 )
 from daemon.model.proposals import ProposalQuery, ProposalRow
 from daemon.model.run_state import RunState
-from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
 from daemon.model.status import (
@@ -239,14 +238,6 @@ class LedgerReader:
         read_task(self._db, query.campaign)
         asked = RunQuery(query.campaign, offset=query.offset, limit=query.limit, results=True)
         return tuple(map(ProposalRow, read_proposals(self._db, query), self.runs(asked).rows))
-
-    def search_submission(self, campaign: str) -> SearchSubmission:
-        """A search as it was submitted, without its files; refuses when there is none."""
-        task, file = read_task(self._db, campaign)
-        name, about, source, fresh = self._db.execute(
-            "SELECT name, about, source, fresh FROM campaign WHERE id = ?", (campaign,)
-        ).fetchone()
-        return SearchSubmission(campaign, name, about, source, task, file, (), bool(fresh))
 
     def campaign_ids(self) -> frozenset[str]:
         """The ids of all campaigns."""

@@ -29,7 +29,6 @@ StrayKind: TypeAlias = Literal[
     "temporary file",
     "scene of no campaign",
     "file of no campaign",
-    "files of no search",
     "empty trace folder",
     "traces of a deleted campaign",
     "spool of a dead worker",
@@ -88,13 +87,10 @@ def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Needed:
-    """Digests of scenes and files that runs need, and campaigns: those that are not finished,
-    searches, those that were deleted.
-    """
+    """Digests of scenes and files that runs need, and campaigns: unfinished and deleted ones."""
 
     inputs: frozenset[str]
     unfinished: frozenset[str]
-    searches: frozenset[str]
     deleted: frozenset[str]
 
 
@@ -104,11 +100,10 @@ def _read_ledger(paths: StatePaths) -> _Needed:
         with closing(connect_reader(paths.ledger)) as db:
             needed = needed_inputs(db)
             unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
-            searches = db.execute("SELECT campaign FROM search").fetchall()
             deleted = db.execute(_DELETED).fetchall()
     except sqlite3.Error as error:
         raise DaemonError(f"{paths.ledger} does not say what is needed: {error}") from error
-    named = (frozenset(row[0] for row in rows) for rows in (unfinished, searches, deleted))
+    named = (frozenset(row[0] for row in rows) for rows in (unfinished, deleted))
     return _Needed(needed, *named)
 
 
@@ -122,9 +117,6 @@ def _candidates(paths: StatePaths, needed: _Needed) -> _Candidates:
     yield "scene of no campaign", scenes, _GRACE
     files = (p for p in paths.files.glob("*") if is_digest(p.name) and p.name not in needed.inputs)
     yield "file of no campaign", files, _GRACE
-    # One that is being submitted has a dot before its name.
-    searches = (p for p in _folders(paths.searches) if is_id(p.name))
-    yield "files of no search", (p for p in searches if p.name not in needed.searches), _GRACE
     traces = _folders(paths.traces)
     # The daemon died between the commit and their end.
     deleted = [folder for folder in traces if folder.name in needed.deleted]
@@ -140,7 +132,7 @@ def _candidates(paths: StatePaths, needed: _Needed) -> _Candidates:
 
 def _leavings(paths: StatePaths) -> _Candidates:
     """Yield what killed daemons and workers leave in a folder of theirs."""
-    kept = (paths.state, paths.scenes, paths.files, paths.searches, *_folders(paths.traces))
+    kept = (paths.state, paths.scenes, paths.files, *_folders(paths.traces))
     inside = (path for folder in (*kept, paths.traces) for path in folder.glob("*"))
     yield "temporary file", (p for p in inside if _TEMPORARY.fullmatch(p.name)), _GRACE
     spools = [folder for folder in _folders(paths.spool) if not is_locked(folder / "lock")]

@@ -130,7 +130,7 @@ def read_time_left(db: sqlite3.Connection, now: float, slots: int) -> TimeLeft:
         rest = max(_LEAST_REST * whole, whole - max(0.0, elapsed)) if state == "running" else whole
         work[campaign].priority = priority
         work[campaign].add(rest, rest / runs)
-    for row in read_searches(db, SearchQuery(running=True)):
+    for row in read_searches(db, SearchQuery(unfinished=True)):
         # Nothing shows how long the runs take that a search may still propose: as any.
         if row.campaign in work:
             work[row.campaign].add(max(0, row.task.runs - row.proposed) * (times.of() or 0.0), 0.0)

@@ -40,9 +40,20 @@ _RETRY: Final = (
 class LedgerWriter(SearchUpdates):
     """The write side of the ledger on one connection, used by one thread, in transactions.
 
-    A run is lost after ``attempts`` leases that ended badly.
-    Times given to the methods are wall clock seconds since the epoch.
+    A run is lost after ``attempts`` leases that ended badly. Times given to the methods are wall
+    clock seconds since the epoch; ``paths`` are those of the state directory.
     """
+
+    def __init__(
+        self,
+        connection: sqlite3.Connection,
+        *,
+        attempts: int = 3,
+        paths: StatePaths | None = None,
+    ) -> None:
+        super().__init__(connection, attempts=attempts)
+        self._paths = paths
+        self._deleted: list[str] = []
 
     @classmethod
     @contextmanager
@@ -167,7 +178,7 @@ class LedgerWriter(SearchUpdates):
     def cancel(self, campaign: str, now: float) -> int:
         """Cancel what is queued or running of a campaign; returns how many runs. A search ends."""
         self._require_campaign(campaign)
-        self._end_search(campaign, "cancelled", "", now)
+        self._cancel_search(campaign, now)
         count = self._db.execute(_CANCEL, (campaign,)).rowcount
         # A search may have nothing that waits or runs.
         if count or self._is_open(campaign):
@@ -207,15 +218,12 @@ class LedgerWriter(SearchUpdates):
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
 
         The result of a run that is not repeatable, or that the wall clock ended, is forgotten:
-        the next one takes its place. A search that was cancelled or has failed goes on, with what
-        was cancelled.
+        the next one takes its place. Only its client goes on with a search that has not finished.
         """
         campaign = request.campaign
         self._require_campaign(campaign)
         words = _retry_words(request.only)
-        queued = self._retry_search(campaign, words, now)
-        if queued is not None:
-            return queued
+        self._refuse_unfinished_search(campaign)
         rows = self._db.execute(
             "SELECT id, state, outcome, repeatable FROM run WHERE campaign = ?"
             " AND state IN ('done', 'lost', 'cancelled')",
@@ -241,7 +249,7 @@ class LedgerWriter(SearchUpdates):
         """
         for campaign in campaigns:
             self._require_campaign(campaign)
-            if search_state(self._db, campaign) == "running":
+            if search_state(self._db, campaign) == "waiting":
                 raise Refused(
                     f"{campaign} is a search that goes on: cancel it first"
                     f" (`scenario cancel {campaign}`)"
@@ -256,7 +264,7 @@ class LedgerWriter(SearchUpdates):
     def delete(self, campaigns: Sequence[str], now: float) -> None:
         """Remove campaigns for good, all or none; refuses as :meth:`deletable` does.
 
-        Their traces, and the files of searches, go after the commit.
+        Their traces go after the commit.
         """
         self.deletable(campaigns)
         assert self._paths is not None

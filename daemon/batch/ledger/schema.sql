@@ -149,31 +149,18 @@ WHEN old.state <> new.state OR old.outcome <> new.outcome BEGIN
         ON CONFLICT DO UPDATE SET runs = runs + 1;
 END;
 
--- Campaigns whose runs are proposed one after the other. ``task`` and ``answer`` are JSON, the
--- latter empty while there is nothing to say; ``file`` is that of the campaign among its files.
+-- Campaigns whose runs a client proposes one after the other; ``file`` is the campaign file as it
+-- was typed. ``task`` and ``progress``, the latest word of the client, are JSON.
 CREATE TABLE search (
-    campaign   TEXT PRIMARY KEY REFERENCES campaign (id) ON DELETE CASCADE,
-    task       BLOB NOT NULL,
-    file       TEXT NOT NULL,
-    state      TEXT NOT NULL DEFAULT 'running',
-    phase      TEXT NOT NULL DEFAULT 'explore',
-    note       TEXT NOT NULL DEFAULT '',
-    answer     BLOB NOT NULL DEFAULT x'',
-    updated_at REAL NOT NULL
+    campaign TEXT PRIMARY KEY REFERENCES campaign (id) ON DELETE CASCADE,
+    task     BLOB NOT NULL,
+    file     TEXT NOT NULL,
+    state    TEXT NOT NULL DEFAULT 'waiting',
+    progress BLOB NOT NULL
 ) STRICT, WITHOUT ROWID;
 
-CREATE INDEX search_running ON search (campaign) WHERE state = 'running';
-
--- What each run of a search is about, by its position; ``vals`` is a list in JSON.
+-- What each run of a search is about, in JSON.
 CREATE TABLE proposal (
-    campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
-    position INTEGER NOT NULL,
-    number   INTEGER NOT NULL,
-    repeat   INTEGER NOT NULL,
-    phase    TEXT NOT NULL,
-    method   TEXT NOT NULL,
-    guided   INTEGER NOT NULL,
-    vals     BLOB NOT NULL,
-    note     TEXT NOT NULL,
-    PRIMARY KEY (campaign, position)
+    run  TEXT PRIMARY KEY REFERENCES run (id) ON DELETE CASCADE,
+    body BLOB NOT NULL
 ) STRICT, WITHOUT ROWID;

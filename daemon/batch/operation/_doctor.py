@@ -27,7 +27,6 @@ from daemon.batch.operation._findings import (
     warning,
 )
 from daemon.batch.operation._ledger_checks import check_ledger
-from daemon.batch.operation._search_checks import check_searches
 from daemon.batch.paths import (
     Endpoint,
     StatePaths,
@@ -75,7 +74,6 @@ def examine(
         "kernels": lambda: _kernels(paths),
         "state": lambda: _state(paths),
         "ledger": lambda: check_ledger(paths, now, quick=quick, traces=traces, progress=progress),
-        "searches": lambda: check_searches(paths),
         "clock": lambda: _clock(now),
         "endpoint": lambda: _endpoint(endpoint),
         "keys": lambda: check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
@@ -271,9 +269,6 @@ def _remedy(cause: TroubleCause, paths: StatePaths) -> str:
             return _FREE_SOME
         case TroubleCause.WORKER:
             return "see to its machine; it tries again by itself, at least once a minute"
-        case TroubleCause.SEARCH:
-            then = "it is tried again, and searches end if that does not help"
-            return f"see {paths.search_log}; {then}"
         case TroubleCause.INPUT:
             return f"`scenario submit` the same campaign; {paths.aside} keeps the damaged one"
         case TroubleCause.OTHER:

@@ -7,7 +7,7 @@ from daemon.batch.server._runtime import (
     exposure_warning,
     prepare_endpoints,
 )
-from daemon.batch.server._searches import read_extension, stage_search
+from daemon.batch.server._search_handlers import read_extension
 from daemon.batch.server._serve import STOP_MARGIN, serve
 from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._threads import LedgerJob, WriterThread
@@ -28,5 +28,4 @@ __all__ = [
     "prepare_endpoints",
     "read_extension",
     "serve",
-    "stage_search",
 ]

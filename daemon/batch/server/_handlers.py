@@ -17,7 +17,7 @@ from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import DaemonSettings, EventLog
-from daemon.batch.server._search_handlers import SearchHandlers
+from daemon.batch.server._search_handlers import SearchClients, SearchHandlers
 from daemon.batch.server._submissions import read_submission
 from daemon.batch.server._uploads import Uploads
 from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
@@ -63,13 +63,7 @@ from daemon.model.status import (
     WorkerRow,
 )
 from daemon.model.submission import Submission
-from daemon.model.verbs import (
-    DELETE,
-    EXTEND,
-    SEARCH,
-    SUBMIT,
-    VERBS,
-)
+from daemon.model.verbs import DELETE, EXTEND, SUBMIT, VERBS
 from grammars.text import codec
 
 _FRESH: Final = 1.0
@@ -107,7 +101,6 @@ class Handlers(SearchHandlers):
     troubles: Callable[[], tuple[Trouble, ...]]
     marker: Marker
     era: str
-    search_troubles: Callable[[], tuple[Trouble, ...]]
     starting: Callable[[], Preparation | None]
     draining: bool = False
 
@@ -116,10 +109,10 @@ class Handlers(SearchHandlers):
         self._uploads = Uploads(self.paths, self.log, self._inputs)
         self._estimate = (-math.inf, TimeLeft())
         self._started_at = time.time()
+        self.clients = SearchClients()
         self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
         # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
         self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
-        self.by_verb[SEARCH] = VerbHandler(self.search, prepare=self._admit_search)
         self.by_verb[EXTEND] = VerbHandler(self.extend, prepare=self._admit_extension)
         self.by_verb[DELETE] = VerbHandler(self.delete, prepare=self._measure)
 
@@ -150,11 +143,15 @@ class Handlers(SearchHandlers):
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:
         left = self._time_left(ledger).campaigns
+        rows = (
+            replace(row, search=self.clients.state(row.id)) if row.search == "waiting" else row
+            for row in ledger.campaigns(query)
+        )
         return tuple(
             row
             if row.paused or row.finished_at is not None
             else replace(row, seconds_left=left.get(row.id))
-            for row in ledger.campaigns(query)
+            for row in rows
         )
 
     def _time_left(self, ledger: LedgerReader) -> TimeLeft:
@@ -181,7 +178,7 @@ class Handlers(SearchHandlers):
             halting += idle[:1]
         notices = (Trouble(words, TroubleCause.WORKER) for words in self.registry.notices())
         inputs = (Trouble(words, TroubleCause.INPUT) for words in self._inputs.troubles())
-        troubles = dict.fromkeys((*halting, *self.search_troubles(), *idle, *notices, *inputs))
+        troubles = dict.fromkeys((*halting, *idle, *notices, *inputs))
         return bool(halting), tuple(troubles)[:_MOST_TROUBLES]
 
     def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:

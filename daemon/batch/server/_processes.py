@@ -1,4 +1,4 @@
-"""The processes the daemon keeps: its own worker, and the one that makes proposals for searches."""
+"""The process the daemon keeps: its own worker."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.tether import end_tethered
 from daemon.model.execution import RunLimits, python_command
 
 # Seconds. A process that dies at once is started again after twice the time, up to the longest; one
@@ -28,11 +27,6 @@ _SETTLED: Final = 5.0
 _LARGEST_LOG: Final = 4 * 2**20
 _LONGEST_TAIL: Final = 2000
 """Characters of the log that say why a process died."""
-_LAST_MOMENT: Final = 2.0
-_MOST_DEATHS: Final = 3
-"""Deaths in a row, without a run more for any search, after which searches are given up."""
-_LONG_LIFE: Final = 600.0
-"""Seconds after which a death is no sign of what the searches do: they may wait for slow runs."""
 
 
 class KeptProcess:
@@ -193,54 +187,3 @@ class LocalWorker(KeptProcess):
             # A tethered daemon's standard input is the tether: both see its end.
             stdin=None if tether else subprocess.DEVNULL,
         )
-
-
-class SearchCoordinator(KeptProcess):
-    """The process that makes proposals: there while searches run, started when the first does.
-
-    It leaves when none runs, and at once when its standard input closes: the daemon is gone.
-    """
-
-    def __init__(self, paths: StatePaths, log: EventLog, *, endpoint: str, searcher: str) -> None:
-        command = python_command("-m", "daemon.search", "--state", str(paths.state))
-        command += ["--connect", endpoint, "--searcher", searcher]
-        super().__init__(
-            "search coordinator",
-            command,
-            paths.search_log,
-            log,
-            environment=numba_cache_environment(paths),
-            stdin=subprocess.PIPE,
-        )
-        self._running: Mapping[str, int] = {}
-        self._seen: Mapping[str, int] | None = None
-        self._deaths = 0
-
-    def watch(self, running: Mapping[str, int]) -> str:
-        """Keep it for the searches that run; returns why they are to be given up, if so.
-
-        ``running`` has the number of runs of each. What kills it again and again before it has made
-        a single proposal does so for ever.
-        """
-        self._running = running
-        self.supervise(wanted=bool(running))
-        if self._deaths < _MOST_DEATHS or not running:
-            return ""
-        deaths, self._deaths = self._deaths, 0
-        return f"what makes its proposals died {deaths} times in a row: {self.trouble}"
-
-    def _end(self, code: int, now: float) -> None:
-        super()._end(code, now)
-        if code == 0:
-            # Nothing was left to do, as far as it knew.
-            self.trouble, self._pause = "", _FIRST_PAUSE
-            self._next_start = now + self._pause
-            return
-        same = self._running == self._seen and now - self._started <= _LONG_LIFE
-        self._deaths = self._deaths + 1 if same else 1
-        self._seen = dict(self._running)
-
-    def close(self) -> None:
-        """End it; what it was about to propose it proposes the next time."""
-        if self._process is not None:
-            end_tethered(self._process, _LAST_MOMENT)

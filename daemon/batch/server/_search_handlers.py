@@ -1,26 +1,96 @@
-"""What the daemon does when it is asked about searches."""
+"""The daemon's answers about searches, and what it knows of the clients that run them."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
+from daemon.batch.server._dispatcher import read_request
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.server._searches import (
-    StagedSearch,
-    read_extension,
-    stage_search,
-)
-from daemon.model.bundles import read_bundle
-from daemon.model.messages import Count, Empty, IdRequest
+from daemon.batch.server._submissions import admit_submission
+from daemon.model.ids import is_id
+from daemon.model.messages import Count, Empty
 from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
 from daemon.model.search import SearchSubmission
-from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
-from daemon.model.status import SubmissionReceipt
-from grammars.text import codec
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow, SearchState
+from daemon.model.verbs import EXTEND
+
+_SILENT: Final = 15.0
+"""Seconds after its last word when a client is gone; one that waits for runs speaks every five."""
+
+
+class SearchClients:
+    """The clients that make the proposals of searches, one for each, by their latest word.
+
+    That is told in memory, on a clock that nobody sets: after its start the daemon waits for as
+    long as a client may be silent before it takes a search for one that waits.
+    """
+
+    def __init__(self) -> None:
+        self._started = time.monotonic()
+        self._words: dict[str, tuple[str, float]] = {}
+
+    def client(self, campaign: str) -> str:
+        """Return the client of a search, empty while there is none."""
+        client, at = self._words.get(campaign, ("", 0.0))
+        return client if time.monotonic() - at < _SILENT else ""
+
+    def state(self, campaign: str) -> SearchState:
+        """Return the state of a search that has not ended: ``running`` or ``waiting``."""
+        fresh = campaign not in self._words and time.monotonic() - self._started < _SILENT
+        return "running" if fresh or self.client(campaign) else "waiting"
+
+    def claim(self, campaign: str, client: str) -> bool:
+        """Take in a word of a client; return whether the search is its own and no other's."""
+        if self.client(campaign) not in ("", client):
+            return False
+        self._words[campaign] = (client, time.monotonic())
+        return True
+
+    def require(self, campaign: str, client: str) -> None:
+        """Take in a word of a client; refuses another one than that of the search."""
+        if not self.claim(campaign, client):
+            raise Refused(f"{self.client(campaign)} makes the proposals of {campaign}")
+
+    def leave(self, campaign: str) -> None:
+        """Let a search wait for another client."""
+        self._words[campaign] = ("", 0.0)
+
+
+def read_extension(payload: bytes, paths: StatePaths) -> ExtendRequest:
+    """Check runs that are to be added to a search, and store their scenes.
+
+    Raises :class:`Refused` with what is wrong, and :class:`daemon.batch.errors.Unavailable` when
+    the disk is full, say.
+    """
+    request = read_request(EXTEND, payload)
+    assert isinstance(request, ExtendRequest)
+    problems = list(_extension_problems(request))
+    if problems:
+        raise Refused("\n".join(problems[:10]))
+    admit_submission(request.runs, paths)
+    return request
+
+
+def _extension_problems(request: ExtendRequest) -> Iterator[str]:
+    proposals, runs = request.proposals, request.runs
+    if runs.campaign != request.campaign:
+        yield f"the runs are of {runs.campaign!r}, not of {request.campaign!r}"
+    if len(runs.runs) != len(proposals) or runs.reserve:
+        yield f"there are {len(runs.runs)} runs for {len(proposals)} proposals"
+        return
+    for place, (proposal, run) in enumerate(zip(proposals, runs.runs, strict=True)):
+        if proposal.position != proposals[0].position + place:
+            yield f"proposals follow one after the other, not at {proposal.position}"
+        if min(proposal.position, proposal.number, proposal.repeat) < 0:
+            yield f"proposals are counted from 0, not {proposal.position}"
+        if proposal.repeat != run.repeat:
+            yield f"repeat {run.repeat} was proposed as repeat {proposal.repeat}"
 
 
 class SearchHandlers:
@@ -28,49 +98,46 @@ class SearchHandlers:
 
     paths: StatePaths
     log: EventLog
+    clients: SearchClients
 
     def searches(self, ledger: LedgerReader, query: SearchQuery) -> tuple[SearchRow, ...]:
-        return ledger.searches(query)
+        return tuple(
+            replace(
+                row,
+                state=self.clients.state(row.campaign),
+                client=self.clients.client(row.campaign),
+            )
+            if row.state == "waiting"
+            else row
+            for row in ledger.searches(query)
+        )
 
     def proposals(self, ledger: LedgerReader, query: ProposalQuery) -> tuple[ProposalRow, ...]:
         return ledger.proposals(query)
 
-    def bundle(self, ledger: LedgerReader, request: IdRequest) -> SearchSubmission:
-        asked = ledger.search_submission(request.id)
-        try:
-            return replace(asked, files=read_bundle(self.paths.search(request.id)))
-        except OSError as error:
-            words = f"the files of {request.id} cannot be read: {error.strerror}"
-            raise Refused(words) from error
-
-    def _admit_search(self, payload: bytes) -> StagedSearch:
-        return stage_search(payload, self.paths)
-
-    def search(self, ledger: LedgerWriter, staged: StagedSearch) -> SubmissionReceipt:
-        def place(same: bool) -> None:
-            staged.place(self.paths, same=same)
-
-        try:
-            now = time.time()
-            receipt = ledger.submit_search(staged.asked, staged.digest, place, now)
-        finally:
-            staged.remove()
-        self.log.write("search submitted", **codec.to_plain(receipt))
-        return receipt
+    def search(self, ledger: LedgerWriter, asked: SearchSubmission) -> Empty:
+        campaign = asked.campaign
+        if not is_id(campaign):
+            words = f"{campaign!r} is not a campaign id: use up to 100 of A-Z a-z 0-9 _ -"
+            raise Refused(words)
+        ledger.begin_search(asked, time.time())
+        if asked.client and self.clients.claim(campaign, asked.client):
+            self.log.write("search", campaign=campaign, client=asked.client)
+        return Empty()
 
     def _admit_extension(self, payload: bytes) -> ExtendRequest:
         return read_extension(payload, self.paths)
 
     def extend(self, ledger: LedgerWriter, request: ExtendRequest) -> Count:
+        self.clients.require(request.campaign, request.client)
         return Count(ledger.extend(request.proposals, request.runs, time.time()))
 
     def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:
+        campaign = progress.campaign
+        self.clients.require(campaign, progress.client)
         ledger.note_progress(progress, time.time())
         if progress.state != "running":
-            self.log.write(
-                "search ended",
-                campaign=progress.campaign,
-                state=progress.state,
-                note=progress.note[:400],
-            )
+            self.clients.leave(campaign)
+            state, note = progress.state, progress.note[:400]
+            self.log.write("search left", campaign=campaign, state=state, note=note)
         return Empty()

@@ -23,7 +23,7 @@ from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import OpenedState, open_state
-from daemon.batch.server._processes import LocalWorker, SearchCoordinator
+from daemon.batch.server._processes import LocalWorker
 from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import (
     DaemonSettings,
@@ -31,7 +31,6 @@ from daemon.batch.server._runtime import (
     ListenSettings,
     prepare_endpoints,
 )
-from daemon.batch.server._searches import remove_staged_searches
 from daemon.batch.server._stopping import StopRequest
 from daemon.batch.server._threads import (
     JobQueue,
@@ -42,7 +41,7 @@ from daemon.batch.server._threads import (
 from daemon.batch.server._trace_mover import TraceMover
 from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import check_store_url
-from daemon.model.execution import DEFAULT_EXECUTOR, DEFAULT_SEARCHER, RunLimits, available_cores
+from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase, Trouble, TroubleCause
 from daemon.model.verbs import ServerThread
@@ -70,7 +69,6 @@ def serve(
     slots: int | None = None,
     settings: DaemonSettings | None = None,
     executor: str = DEFAULT_EXECUTOR,
-    searcher: str = DEFAULT_SEARCHER,
     limits: RunLimits | None = None,
     tether: bool = False,
 ) -> None:
@@ -79,11 +77,9 @@ def serve(
     It listens at the socket of the state directory, and at ``listen`` if that is given: over TLS
     with ``keys``, or plain TCP on loopback, elsewhere only if ``insecure`` is meant.
     ``slots`` is the size of the local worker: ``None`` for one per core, 0 for no local worker.
-    ``executor`` (``module:function``) executes runs within ``limits``, ``searcher`` makes the
-    proposals of searches. With ``tether`` the
-    daemon leaves at once when its standard input closes: its parent is gone. The first signal
-    lets running runs finish for a while, the second gives them back. To be called from the main
-    thread.
+    ``executor`` (``module:function``) executes runs within ``limits``. With ``tether`` the daemon
+    leaves at once when its standard input closes: its parent is gone. The first signal lets
+    running runs finish for a while, the second gives them back. To be called from the main thread.
 
     Raises :class:`AlreadyRunning` when another daemon keeps ``state``, and
     :class:`daemon.batch.errors.DaemonError` when the ledger or the endpoint cannot be used.
@@ -115,10 +111,8 @@ def serve(
             limits=limits or RunLimits(),
             tether=tether,
         )
-        coordinator = SearchCoordinator(paths, log, endpoint=listening.socket, searcher=searcher)
-        stack.callback(coordinator.close)
         try:
-            daemon.run(stack, local if slots else None, coordinator)
+            daemon.run(stack, local if slots else None)
         except Exception as error:
             log.write("failed", problem=repr(error))
             raise
@@ -156,8 +150,6 @@ class _Daemon:
         self._housekeeping = Housekeeping(paths, log, settings.quota)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
-        self._coordinator: SearchCoordinator | None = None
-        self._searches: dict[str, int] = {}
         self._handlers = Handlers(
             paths,
             settings,
@@ -170,15 +162,8 @@ class _Daemon:
             troubles=self._troubles,
             marker=opened.marker,
             era=opened.era,
-            search_troubles=self._search_troubles,
             starting=self._starting,
         )
-
-    def _search_troubles(self) -> tuple[Trouble, ...]:
-        if self._coordinator is None or not self._coordinator.trouble:
-            return ()
-        last = self._coordinator.trouble.splitlines()[-1]
-        return (Trouble(f"no proposals are made for searches: {last}", TroubleCause.SEARCH),)
 
     def _troubles(self) -> tuple[Trouble, ...]:
         """Why no run can start here; the first is what to do first."""
@@ -197,16 +182,12 @@ class _Daemon:
         known = any(row.pid == local.pid for row in self._registry.rows())
         return None if known else Preparation(PreparationPhase.STARTING)
 
-    def run(
-        self, stack: ExitStack, local: LocalWorker | None, coordinator: SearchCoordinator
-    ) -> None:
+    def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
         """Open the bus, work, leave; ``stack`` closes what was opened."""
         self._local = local
-        self._coordinator = coordinator
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        remove_staged_searches(self._paths)
         writer = self._start_threads(stack, session)
         keepers: list[Housekeeping | TraceMover] = [self._housekeeping]
         if self._settings.store:
@@ -223,16 +204,12 @@ class _Daemon:
             self._revoked.look()
             if local is not None:
                 local.supervise()
-            given_up = coordinator.watch(self._searches)
-            if given_up:
-                writer.put(LedgerJob(partial(self._fail_searches, given_up), self._ticked))
             # Through the writer's queue: nobody else touches the ledger, and a full disk or a
             # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
             if not writer.alive:
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stop.wait(self._settings.tick)
-        coordinator.close()
         self._leave(local)
         self._log.write("stopped")
 
@@ -279,7 +256,6 @@ class _Daemon:
         stalled = self._clock.advance(time.monotonic())
         if stalled:
             self._log.write("stalled", seconds=round(stalled, 3))
-        self._searches = ledger.running_searches()
         now = time.time()
         overdue = self._deadlines.overdue(ledger.leases())
         if overdue:
@@ -291,10 +267,6 @@ class _Daemon:
             for worker in self._registry.forget(sorted(absent - ledger.busy_workers())):
                 ledger.record_event(now, "worker", worker, state="gone")
                 self._log.write("worker gone", worker=worker)
-
-    def _fail_searches(self, note: str, ledger: LedgerWriter) -> None:
-        failed = ledger.fail_searches(note, time.time())
-        self._log.write("searches given up", count=failed, problem=note)
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):

@@ -2,37 +2,68 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 from typing import Final
 
 from daemon.analysis.campaign_worlds import worlds_of_campaign
+from daemon.campaign import load_campaign
 from daemon.model.search_answer import SearchAnswer
 from grammars.text.files import write_atomically
+from grammars.text.shipped import shipped_folder
+from grammars.text.sources import recording_reads
 from templates.artefacts import ExportResult, export_worlds
 from templates.naming import file_name
 
-FOUND_ENDING: Final = ".found.yaml"
+_FOUND_ENDING: Final = ".found.yaml"
 GAZEBO_KINDS: Final = ("map", "sdf", "keyframes", "tasks", "launch")
 """What a world in Gazebo is made of: models and world, doors that move, waypoints, launch files
 and the map that these give to the map server."""
 
 
-def found_file(name: str, folder: Path) -> Path:
-    """Return where the found scenario of a search is written."""
-    return folder / f"{file_name(name)}{FOUND_ENDING}"
+def found_name(task: str) -> str:
+    """Return the name of the file with the found scenario of a search."""
+    return f"{file_name(task)}{_FOUND_ENDING}"
 
 
 def write_found(answer: SearchAnswer, name: str, folder: Path) -> Path:
     """Write the found scenario of search ``name`` and return its file.
 
     It names its layers as the campaign does, so ``folder`` is the one of the campaign. Raises
-    ``ValueError`` when nothing was found, and ``OSError``.
+    ``OSError``.
     """
-    if not answer.found:
-        raise ValueError(f"{name} has found no failure")
-    path = found_file(name, folder)
+    path = folder / found_name(name)
     write_atomically(path, answer.found.encode("utf-8"))
     return path
+
+
+def copy_campaign(path: Path, folder: Path) -> Path:
+    """Copy the files that a campaign is made of below ``folder``; return its folder there.
+
+    They lie to each other as they do, shipped layers beside the campaign, where it looks first.
+    Raises :class:`grammars.text.diagnostics.InputError`, and ``OSError``.
+    """
+    # Its folder without links: ".." of a link leads elsewhere than its text says.
+    file = path.parent.resolve() / path.name
+    with recording_reads() as read:
+        load_campaign(file)
+    places = {Path(os.path.normpath(one.absolute())) for one in (file, *read)}
+    shipped = shipped_folder()
+    # In a checkout the shipped campaigns are files like others.
+    own = file.parent.is_relative_to(shipped)
+    ships = {place for place in places if not own and place.is_relative_to(shipped)}
+    root = os.path.commonpath([place.parent for place in places - ships])
+    beside = folder / file.parent.relative_to(root)
+    for place in places:
+        target = (
+            beside / place.relative_to(shipped)
+            if place in ships
+            else folder / place.relative_to(root)
+        )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(place, target)
+    return beside
 
 
 def export_found(file: Path, folder: Path) -> ExportResult:

@@ -38,6 +38,8 @@ def search_word(row: SearchRow) -> str:
         return "error"
     if answer is not None and answer.failed:
         return "fail"
+    if row.state == "waiting":
+        return "queued"
     if row.state != "finished":
         return row.state
     if answer is None or answer.ended == "errors":
@@ -49,7 +51,8 @@ def verdict_words(row: SearchRow) -> str:
     """Return whether the scenario can fail, as far as it is known."""
     # Of one oracle that does not fail: others, which it was not about, may.
     about = "nothing fails" if len(row.task.scales) > 1 else f"{row.task.minimise} does not fail"
-    words = {"fail": "it can fail", "pass": about, "running": "nothing fails so far"}
+    words = {"fail": "it can fail", "pass": about}
+    words |= dict.fromkeys(("running", "queued"), "nothing fails so far")
     return words.get(search_word(row), "not known")
 
 
@@ -57,6 +60,8 @@ def phase_words(row: SearchRow) -> str:
     """Return what a search is doing, or why it does nothing any more."""
     if row.state == "running":
         return PHASES[row.phase]
+    if row.state == "waiting":
+        return "waiting for somebody to go on with it"
     if row.state == "failed":
         return "it could not go on"
     ended = row.answer.ended if row.answer is not None else ""

@@ -1,7 +1,7 @@
-"""The runs of a search in a daemon: issued into its ledger, waited for, and told of.
+"""The runs of a search in a daemon: appended to its campaign, waited for, and reported on.
 
-Positions are all that names a run. What the ledger has at a position already, of an earlier life of
-the same search, must be the run that is proposed: everything that follows was learnt from it.
+Positions are all that names a run. A run that the ledger has at a position already, of an earlier
+life of the same search, must be the run that is proposed: everything after it was learnt from it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
-from daemon.model.messages import LARGEST_EXTENSION, CampaignQuery
+from daemon.model.messages import LARGEST_EXTENSION
 from daemon.model.proposals import ExtendRequest, Phase, Proposal, ProposalQuery, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
@@ -23,13 +23,12 @@ from daemon.model.search_answer import (
     SearchAnswer,
     SearchProgress,
     SearchQuery,
-    SearchRow,
+    SearchState,
 )
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent
 from daemon.model.submission import Submission
-from daemon.model.verbs import CAMPAIGNS, EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
-from daemon.search.execution.runs import SearchStoppedError
+from daemon.model.verbs import EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -39,16 +38,27 @@ if TYPE_CHECKING:
 
 A = TypeVar("A")
 
-_SETTLED: Final = frozenset({"done", "lost", "cancelled", "deleted", "retried"})
+_SETTLED: Final = frozenset({"done", "lost", "cancelled", "deleted"})
 """States of events after which a run may be settled, or the search over."""
 _LOOK_EVERY: Final = 2.0
 """Seconds between two looks at a run that is waited for: events may be lost."""
 _REPORT_EVERY: Final = 1.0
+_SPEAK_EVERY: Final = 5.0
+"""Seconds after which the last report is repeated: a client that is silent is taken for gone."""
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 5.0
 """Seconds between two questions to a daemon that does not answer."""
 _MOST_UNSENT: Final = 64
 _PAGE: Final = 500
+
+
+class SearchStoppedError(Exception):
+    """Nothing more is executed: the search was cancelled or deleted, or its client leaves.
+
+    ``answer`` is what was found until then, once :func:`daemon.search.program.run_search` knows.
+    """
+
+    answer: SearchAnswer | None = None
 
 
 class SearchDivergedError(Exception):
@@ -85,93 +95,58 @@ class PatientClient:
         """Send the files that runs need, as far as they are here and the daemon lacks them."""
         self._patiently(lambda: self.client.send_files(runs))
 
-    def running_searches(self) -> tuple[SearchRow, ...]:
-        """The searches that run."""
-        return self.ask(SEARCHES, SearchQuery(running=True))
-
-    def is_running(self, search: SearchRow) -> bool:
-        """Whether a search is there and runs, and is not another one of that id.
-
-        It may have been deleted and submitted again.
-        """
-        # Its row as a campaign: that as a search has all of its answer.
-        rows = self.ask(CAMPAIGNS, CampaignQuery(search.campaign, limit=1))
-        return any(
-            row.search == "running" and row.submitted_at == search.submitted_at for row in rows
-        )
-
-    def report(self, progress: SearchProgress) -> None:
-        """Say how far a search is; without the files of its answer where these are too large."""
-        self.ask(PROGRESS, within_bounds(progress))
-
-
-def within_bounds(progress: SearchProgress) -> SearchProgress:
-    """Return a report of at most so many bytes as the daemon takes: as it is, or without files."""
-    shrunk = None if progress.answer is None else progress.answer.shrunk
-    if progress.answer is None or shrunk is None or not shrunk.files:
-        return progress
-    if len(codec.to_json(progress)) <= LARGEST_EXTENSION:
-        return progress
-    without = replace(progress.answer, shrunk=replace(shrunk, files=()))
-    note = f"{progress.note}; " if progress.note else ""
-    note += "the files of the shrunk scenario are too large to be kept"
-    return replace(progress, answer=without, note=note[:LONGEST_NOTE])
-
 
 class DaemonRuns:
-    """The runs of one search: what its program gets, in the thread of that program."""
+    """The runs of one search, for its program; positions count them from 0, without a gap.
 
-    def __init__(self, client: PatientClient, row: SearchRow) -> None:
-        self._client = client
-        self._search = row
-        self._campaign = row.campaign
-        self._began = time.monotonic() - max(0.0, time.time() - row.submitted_at)
+    ``client`` names the process to the daemon, ``submitted_at`` is when the search was asked for
+    [s since the epoch].
+    """
+
+    def __init__(
+        self, daemon: PatientClient, campaign: str, client: str, submitted_at: float
+    ) -> None:
+        self._daemon = daemon
+        self._campaign = campaign
+        self._began = time.monotonic() - max(0.0, time.time() - submitted_at)
         self._rows: list[ProposalRow] = []
         self._earlier = 0
         self._unsent: list[tuple[Proposal, Candidate]] = []
         self._unsettled = 0
         self._sent: set[str] = set()
         self._changed = threading.Event()
+        self._leaving = False
         self._reached = -1
-        self._unsaid: SearchProgress | None = None
-        self._said_at = 0.0
-        self.phase: Phase = "explore"
+        self._progress = SearchProgress(campaign, client, "explore")
+        self._is_said = True
+        self._said_at = time.monotonic()
 
     def load(self) -> None:
-        """Read what an earlier life of the search has left."""
+        """Read the runs that an earlier life of the search has left."""
         while page := self._page(len(self._rows), _PAGE):
             self._rows.extend(page)
         self._earlier = len(self._rows)
         self._skip_settled()
 
-    def _page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
-        try:
-            return self._client.ask(PROPOSALS, ProposalQuery(self._campaign, offset, limit))
-        except Refused:
-            self._require_running()  # else it was deleted
-            raise
-
-    def _known_page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
-        """Return a page of runs that the ledger has."""
-        page = self._page(offset, limit)
-        if not page:
-            self._require_running()
-            raise SearchDivergedError(f"run {offset} of the search is not in the ledger any more")
-        return page
-
     def note_event(self, event: ChangeEvent) -> None:
         """Look again soon if an event of the search is about an end; called by any thread."""
-        if event.state in _SETTLED:
+        if event.campaign == self._campaign and event.state in _SETTLED:
             self._changed.set()
 
+    def leave(self) -> None:
+        """Stop the program at its next question; called by any thread."""
+        self._leaving = True
+        self._changed.set()
+
     def issued(self, position: int) -> Proposal | None:
-        """Return what an earlier life of this search has issued at a position."""
+        """Return the proposal of an earlier life of this search at a position, if any."""
         return self._rows[position].proposal if position < self._earlier else None
 
     def issue(self, proposal: Proposal, candidate: Candidate) -> None:
         """Have a run executed; one that is there already at its position is left as it is.
 
-        It is in the ledger at the latest when a result is waited for.
+        It is in the ledger at the latest when a result is waited for. Raises
+        :class:`SearchStoppedError` as :meth:`result` does.
         """
         if proposal.position < len(self._rows):
             known = self._rows[proposal.position].run
@@ -182,9 +157,6 @@ class DaemonRuns:
                     " meanwhile: start it again with --fresh"
                 )
             return
-        expected = len(self._rows) + len(self._unsent)
-        if proposal.position != expected:
-            raise ValueError(f"run {proposal.position} was issued where {expected} is the next")
         self._unsent.append((proposal, candidate))
         if len(self._unsent) >= _MOST_UNSENT:
             self._send()
@@ -192,35 +164,46 @@ class DaemonRuns:
     def result(self, position: int) -> ProposalRow:
         """Wait for a run that was issued and return it, settled.
 
-        Raises :class:`SearchStoppedError` when the search is over, or was deleted.
+        Raises :class:`SearchStoppedError` when the search is over, or its client leaves.
         """
         self._reached = max(self._reached, position)
         if self._unsent:
             self._send()
-        told = True
         while not _has_result(self._rows[position]):
             # Before the look: what happens from now on is an event.
             self._changed.clear()
+            if self._leaving:
+                raise SearchStoppedError(f"the search {self._campaign} is left")
             self._refresh()
             row = self._rows[position]
             if _has_result(row):
                 break
-            if row.run.state is RunState.CANCELLED or not told:
-                self._require_running()
+            if row.run.state is RunState.CANCELLED:
+                self._require_ours()
             self._say()
-            told = self._changed.wait(_LOOK_EVERY)
+            self._changed.wait(_LOOK_EVERY)
         return self._rows[position]
 
     def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
         """Tell people how far the search is, once a second at most."""
-        self._unsaid = SearchProgress(self._campaign, phase, note[:LONGEST_NOTE], "running", answer)
+        before = self._progress
+        self._progress = replace(before, phase=phase, note=note[:LONGEST_NOTE], answer=answer)
         # What was said before the process was started again was about more than this.
-        if self._reached + 1 < self._earlier:
-            return
-        if phase != self.phase:
+        self._is_said = self._reached + 1 < self._earlier
+        if phase != before.phase:
             self._said_at = 0.0
-        self.phase = phase
         self._say()
+
+    def end(self, state: SearchState, note: str, answer: SearchAnswer | None) -> None:
+        """Say how the search ended, or that it waits for another client.
+
+        Raises :class:`daemon.batch.errors.Refused` when that is not this client's to say any more.
+        """
+        answer = answer or self._progress.answer
+        self._daemon.ask(
+            PROGRESS,
+            replace(self._progress, state=state, note=note[:LONGEST_NOTE], answer=answer),
+        )
 
     def elapsed(self) -> float:
         """Return the wall clock since the search was asked for [s]."""
@@ -228,26 +211,42 @@ class DaemonRuns:
 
     def _say(self) -> None:
         now = time.monotonic()
-        progress = self._unsaid
-        if progress is None or now - self._said_at < _REPORT_EVERY:
+        silent = now - self._said_at
+        if silent < (_SPEAK_EVERY if self._is_said else _REPORT_EVERY):
             return
-        self._unsaid, self._said_at = None, now
+        self._is_said, self._said_at = True, now
+        self._ask(PROGRESS, self._progress)
+
+    def _ask(self, verb: Verb[..., A], request: object) -> A:
+        """Ask for something of the search.
+
+        Raises :class:`SearchStoppedError` if it is refused because the search is over or another
+        client's.
+        """
         try:
-            self._client.report(progress)
+            return self._daemon.ask(verb, request)
         except Refused:
-            self._require_running()
+            self._require_ours()
             raise
 
-    def is_wanted(self) -> bool:
-        """Whether the search is still there and runs."""
-        return self._client.is_running(self._search)
-
-    def _require_running(self) -> None:
-        if not self.is_wanted():
+    def _require_ours(self) -> None:
+        rows = self._daemon.ask(SEARCHES, SearchQuery(self._campaign))
+        if not any(row.client == self._progress.client for row in rows):
             raise SearchStoppedError(f"the search {self._campaign} is over")
 
+    def _page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
+        return self._ask(PROPOSALS, ProposalQuery(self._campaign, offset, limit))
+
+    def _known_page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
+        """Return a page of runs that the ledger has."""
+        page = self._page(offset, limit)
+        if not page:
+            self._require_ours()
+            raise SearchDivergedError(f"run {offset} of the search is not in the ledger any more")
+        return page
+
     def _refresh(self) -> None:
-        """Read again what is not settled."""
+        """Read the unsettled rows again."""
         start, end = self._unsettled, len(self._rows)
         while start < end:
             page = self._known_page(start, min(_PAGE, end - start))
@@ -260,14 +259,14 @@ class DaemonRuns:
             self._unsettled += 1
 
     def _send(self) -> None:
-        """Have what is unsent entered into the ledger, in parts that are not too large."""
+        """Have the unsent runs entered into the ledger, in parts that are not too large."""
         while self._unsent:
             count = self._fitting()
             part = self._unsent[:count]
             try:
                 self._extend(part, self._new_scenes(part))
             except Refused:
-                self._require_running()
+                self._require_ours()
                 # The daemon may have cleared away scenes that were sent long ago.
                 self._extend(part, _scenes(part))
             del self._unsent[:count]
@@ -277,7 +276,7 @@ class DaemonRuns:
                 self._rows.extend(self._known_page(len(self._rows), missing))
 
     def _fitting(self) -> int:
-        """How many of the unsent runs fit into one request, one at least."""
+        """Return how many of the unsent runs fit into one request, one at least."""
         size, counted = 0, set[str]()
         for count, (_, candidate) in enumerate(self._unsent):
             size += len(codec.to_json(candidate.spec))
@@ -295,15 +294,17 @@ class DaemonRuns:
         specs = tuple(candidate.spec for _, candidate in part)
         files = {digest for spec in specs for digest in spec.files}
         if not files <= self._sent:
-            self._client.send_files(specs)
-        runs = Submission.of(self._campaign, specs, scenes.values())
+            self._daemon.send_files(specs)
+        campaign, client = self._campaign, self._progress.client
+        runs = Submission.of(campaign, specs, scenes.values())
         proposals = tuple(proposal for proposal, _ in part)
-        self._client.ask(EXTEND, ExtendRequest(self._campaign, proposals, runs))
+        self._daemon.ask(EXTEND, ExtendRequest(campaign, client, proposals, runs))
+        self._said_at = time.monotonic()
         self._sent.update(files, scenes)
 
 
 def _has_result(row: ProposalRow) -> bool:
-    """Whether a run has told what it can; a cancelled one is queued again if the search goes on."""
+    """Return whether a run has told what it can; a cancelled one is queued again later."""
     return row.run.settled and row.run.state is not RunState.CANCELLED
 
 

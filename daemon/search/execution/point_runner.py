@@ -10,7 +10,8 @@ from daemon.analysis.blame import Candidate
 from daemon.model.proposals import Phase, Proposal, ProposalRow
 from daemon.model.search import Point
 from daemon.model.trials import Trial, median_trial, read_trial
-from daemon.search.execution.runs import Case, Runs
+from daemon.search.execution.daemon_runs import DaemonRuns
+from daemon.search.preparation.composition import SearchCase
 from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3
@@ -28,8 +29,8 @@ class PointRunner:
     ``executed`` had not.
     """
 
-    case: Case
-    runs: Runs
+    case: SearchCase
+    runs: DaemonRuns
     allowed: Callable[[Point], bool] = lambda _: True
     position: int = 0
     number: int = 0

@@ -19,7 +19,6 @@ from daemon.campaign import (
     LayerReference,
     ResolvedScenario,
     campaign_text,
-    load_campaign,
     repeat_seed,
     run_spec,
     with_overrides,
@@ -32,8 +31,7 @@ from grammars.model.free_space import inscribed_radius
 from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import compile_scene, resolve_behaviours
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.sources import reading_only_in
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate, RunCase
@@ -59,7 +57,6 @@ class SearchCase:
     sut: int
     _library: LayerLibrary
     _oracles: tuple[OracleText, ...]
-    _only_in: Path | None = None
     _scenes: dict[tuple[FloorPlan, tuple[SceneryLayer, ...]], Scene] = field(default_factory=dict)
 
     def candidate(self, point: Point, number: int, repeat: int = 0) -> Candidate:
@@ -82,8 +79,7 @@ class SearchCase:
         from daemon.analysis.blame import case_of
 
         cell = self.cell_at(point, number, 0)
-        with reading_only_in(self._only_in):
-            return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
+        return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
 
     def found_text(self, result: Trial, *, comment: str, why: str = "") -> str:
         """Return a campaign file beside that of the campaign with the scenario of a point alone.
@@ -119,8 +115,7 @@ class SearchCase:
         """Return the scenario of a point that says what is not as written, and the same run."""
         whole = self.scenario_at(point, number)
         told = self._with_values(self._values(point, only_changed=True), number)
-        with reading_only_in(self._only_in):
-            runs = [self._spec(self._composed(one, point, 0), 0) for one in (whole, told)]
+        runs = [self._spec(self._composed(one, point, 0), 0) for one in (whole, told)]
         # Written with more digits than a value of a point has, say, it would be another run.
         return told if runs[0].digest == runs[1].digest else whole
 
@@ -129,8 +124,7 @@ class SearchCase:
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
-        with reading_only_in(self._only_in):
-            return self._composed(self.scenario_at(point, number), point, repeat)
+        return self._composed(self.scenario_at(point, number), point, repeat)
 
     def _composed(self, scenario: ResolvedScenario, point: Point, repeat: int) -> CampaignCell:
         library = self._library
@@ -231,26 +225,7 @@ class SearchCase:
         )
 
 
-def load_search_case(
-    campaign_file: Path, name: str, task: SearchTask | None = None, *, only_in: Path | None = None
-) -> SearchCase:
-    """Load a campaign and one of its searches; ``task`` takes the place of what the file asks.
-
-    With ``only_in``, the folder of an unpacked bundle, no file outside of it is ever read. Raises
-    :class:`InputError` for files that cannot be used and names that are none.
-    """
-    with reading_only_in(only_in):
-        campaign = load_campaign(campaign_file)
-    if task is None:
-        named = {search.name: search for search in campaign.searches}
-        if name not in named:
-            hint = did_you_mean(name, named) or "write one: search:"
-            raise InputError.at(Where(str(campaign_file)), f'no search "{name}" here', hint)
-        task = named[name]
-    return search_case(campaign, task, only_in=only_in)
-
-
-def search_case(campaign: Campaign, task: SearchTask, *, only_in: Path | None = None) -> SearchCase:
+def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
     """Return a search of a loaded campaign; raises :class:`InputError` if it has no such cell."""
     cells = [cell for cell in campaign.cells if cell.scenario.name == task.scenario]
     place = Where(campaign.file)
@@ -278,7 +253,6 @@ def search_case(campaign: Campaign, task: SearchTask, *, only_in: Path | None = 
         sut=names.index(task.sut),
         _library=LayerLibrary(folder),
         _oracles=oracles,
-        _only_in=only_in,
     )
 
 

@@ -1,56 +1,76 @@
-"""From a search in a campaign file to what is handed to the daemon: checked, with all its files."""
+"""From a search in a campaign file to what its client begins: checked, under an id of its own."""
 
 from __future__ import annotations
 
+import hashlib
 import secrets
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from daemon.campaign import Campaign, bundle_campaign, examine
+from daemon.campaign import Campaign, campaign_origin, examine
 from daemon.model.search import SearchSubmission, SearchTask
+from daemon.model.search_answer import SearchRow
 from daemon.search.preparation.checks import check_search
-from daemon.search.preparation.composition import search_case
+from daemon.search.preparation.composition import SearchCase, search_case
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.sources import recording_reads
 
 _EXAMPLE: Final = "write one: search: {NAME: {scenario: …, minimise: ORACLE, over: {…}}}"
+
+
+class PreparedSearch(NamedTuple):
+    """A search to begin, the case that its program is about, and warnings."""
+
+    submission: SearchSubmission
+    case: SearchCase
+    warnings: tuple[Diagnostic, ...]
 
 
 def prepare_search(
     path: Path,
     name: str = "",
     *,
+    client: str = "",
     change: Callable[[SearchTask], SearchTask] = lambda task: task,
+    find: Callable[[str], SearchRow | None] = lambda _: None,
     fresh: bool = False,
-) -> tuple[SearchSubmission, tuple[Diagnostic, ...]]:
-    """Load and check a campaign and one of its searches; returns the warnings too.
+) -> PreparedSearch:
+    """Load and check a campaign and one of its searches, for a ``client`` to run.
 
-    ``change`` says what is to be otherwise than the file asks. The search's id is made of its
-    content, so that the same search again is the same one; ``fresh`` asks for a new id. Raises
+    ``change`` changes what the file asks. The search's id is made of its content, so that the same
+    search again is the same one; ``fresh`` asks for a new id. Where ``name`` is none of the file,
+    ``find`` is asked for a known search of that id, which goes on as it was asked for. Raises
     :class:`InputError` with everything found when there is an error, and when several searches may
     be meant.
     """
-    campaign, found = examine(path)
+    with recording_reads() as read:
+        campaign, found = examine(path)
     if any(d.severity is Severity.ERROR for d in found):
         raise InputError(found)
-    task = change(_find_task(campaign, path, name))
-    found = (*found, *check_search(search_case(campaign, task)))
+    named = any(task.name == name for task in campaign.searches)
+    known = find(name) if name and not named else None
+    task = change(_find_task(campaign, path, name) if known is None else known.task)
+    case = search_case(campaign, task)
+    found = (*found, *check_search(case))
     if any(d.severity is Severity.ERROR for d in found):
         raise InputError(found)
-    file, files = bundle_campaign(path)
+    label = f"{campaign.name}-{task.name}"
+    texts = sorted(hashlib.sha256(file.read_bytes()).hexdigest() for file in read)
+    identity = secrets.token_hex(4) if fresh else codec.digest((task, texts))[:8]
     submission = SearchSubmission(
-        campaign="",
-        name=f"{campaign.name}-{task.name}",
+        campaign=f"{label}-{identity}" if known is None else known.campaign,
+        name=label,
         about=task.about,
         source=campaign.source,
         task=task,
-        file=file,
-        files=tuple(files),
+        file=str(path),
+        origin=campaign_origin(campaign, path),
+        fresh=fresh,
+        client=client,
     )
-    identity = secrets.token_hex(4) if fresh else codec.digest(submission)[:8]
-    return replace(submission, campaign=f"{submission.name}-{identity}", fresh=fresh), found
+    return PreparedSearch(submission, case, found)
 
 
 def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:

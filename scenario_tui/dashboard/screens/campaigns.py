@@ -47,7 +47,7 @@ _COLUMNS: Final = (
     Column("✓ pass", 6, from_width=90, right=True),
     Column("submitted", 10, right=True),
 )
-_SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended"}
+_SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended", "queued": "waiting"}
 """What became of a search that is over, shortly."""
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
 _NOTHING: Final = (
@@ -222,7 +222,7 @@ def _searched(row: CampaignRow, search: SearchRow) -> Text:
     # The first screen is not to wait for what only a search needs.
     from daemon.search.answers.sentences import search_word
 
-    if row.paused and search.state == "running":
+    if row.paused and not search.ended:
         return Text("‖ paused", style=UNSURE)
     word = search_word(search)
     if search.state == "running":

@@ -75,7 +75,7 @@ def search_curve(search: SearchTrials) -> SearchCurve:
         phases.setdefault(one.proposal.phase, at)
     return SearchCurve(
         task.scales[0].unit if len(task.scales) == 1 else "",
-        _room(task, len(trials), search.row.state == "running"),
+        _room(task, len(trials), not search.row.ended),
         np.flatnonzero(known),
         value[known],
         np.array([one.fails for one in trials], dtype=np.bool_)[known],

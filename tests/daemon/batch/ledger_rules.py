@@ -18,14 +18,11 @@ RULES = {
         " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
     ),
     "runs are proposed and not there": (
-        # Of campaigns that are being removed the proposals go after the runs.
-        "SELECT count(*) FROM proposal JOIN campaign ON campaign.id = proposal.campaign"
-        " LEFT JOIN run ON run.campaign = campaign.id AND run.position = proposal.position"
-        " WHERE run.id IS NULL"
+        "SELECT count(*) FROM proposal LEFT JOIN run ON run.id = proposal.run WHERE run.id IS NULL"
     ),
-    "searches run in campaigns that are closed": (
+    "searches wait in campaigns that are closed": (
         "SELECT count(*) FROM search JOIN campaign ON campaign.id = search.campaign"
-        " WHERE search.state = 'running' AND campaign.finished_at IS NOT NULL"
+        " WHERE search.state = 'waiting' AND campaign.finished_at IS NOT NULL"
     ),
     # The tally is kept by triggers; a row of it may count no run, so it stands on the right side.
     "counts differ from the runs": (

@@ -1,11 +1,9 @@
 """Small campaigns for the daemon's tests: real specifications, run by a cheap executor."""
 
-import base64
 from dataclasses import replace
 
 from daemon.model.proposals import ExtendRequest, Proposal
 from daemon.model.search import (
-    BundledFile,
     OracleScale,
     SearchParameter,
     SearchSubmission,
@@ -97,15 +95,11 @@ TASK = SearchTask(
 """A search of one parameter; proposal n is the scenario ``doors.n``."""
 
 
-def make_search(campaign, files=None, **changes):
-    """A search on its way; ``changes`` are those of its task."""
-    texts = files or {"campaign.yaml": "campaign: test\n", "layers/doors.scenery": "scenery doors"}
-    bundled = tuple(
-        BundledFile(path, base64.b64encode(text.encode()).decode()) for path, text in texts.items()
-    )
+def make_search(campaign, client="lab", **changes):
+    """A search that a client begins; ``changes`` are those of its task."""
     task = replace(TASK, **changes)
     return SearchSubmission(
-        campaign, task.name, "for tests", "text", task, next(iter(texts)), bundled
+        campaign, task.name, "for tests", "text", task, "campaign.yaml", client=client
     )
 
 
@@ -114,10 +108,10 @@ def make_proposal(position, phase="explore"):
     return Proposal(position, position, 0, phase, "halton", False, (40.0 + position,))
 
 
-def make_extension(campaign, first, count=1, *, send_scenes=True, **parameters):
+def make_extension(campaign, first, count=1, *, client="lab", send_scenes=True, **parameters):
     """``count`` runs of a search from position ``first`` on, one of each proposal."""
     positions = range(first, first + count)
     specs = (make_spec(scenario=TASK.scenario_of(n), number=n, **parameters) for n in positions)
     scenes = (SCENE,) if send_scenes else ()
     runs = Submission.of(campaign, tuple(specs), scenes)
-    return ExtendRequest(campaign, tuple(map(make_proposal, positions)), runs)
+    return ExtendRequest(campaign, client, tuple(map(make_proposal, positions)), runs)

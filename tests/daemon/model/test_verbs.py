@@ -8,12 +8,12 @@ from daemon.model.verbs import VERBS, DaemonClient, Role, ServerThread
 from tests.scenario_tui.fake import FakeDaemon
 
 METHODS = {
-    "search": "submit_search",
+    "search": "begin_search",
     "extend": "ask",
     "progress": "ask",
 }
-"""Verbs that a client's method of another name asks. The last two are asked by nobody but the
-coordinator of searches.
+"""Verbs that a client's method of another name asks. The last two are asked by nobody but
+clients that run searches.
 """
 
 

@@ -1,34 +1,24 @@
 """A stand-in for the program of a search, and for its runs: they cost nothing.
 
 Every value depends on what was learnt before, so that nothing that is learnt otherwise goes
-unnoticed. The campaign file says what else happens: ``raise`` and ``refuse`` with words, ``die``,
-``count`` (proposes other values in each life), ``answer`` (bytes of its files).
+unnoticed. ``python -m tests.daemon.search.fake_search ENDPOINT CAMPAIGN RUNS`` is a client of such
+a search that can be killed.
 """
 
-from __future__ import annotations
-
 import hashlib
-import json
-import os
-import signal
-import threading
+import sys
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 from daemon.model.proposals import Proposal, ProposalRow
-from daemon.model.search import BundledFile
-from daemon.model.search_answer import SearchAnswer, ShrunkScenario
+from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import LeadingMargin, RunSpec, TraceInfo
 from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene
-from grammars.text.diagnostics import InputError, Where
-from tests.daemon.batch.samples import SCENE, make_result, make_spec
+from tests.daemon.batch.samples import SCENE, make_result, make_search, make_spec
 from tests.run_rows import run_row
-
-if TYPE_CHECKING:
-    from daemon.analysis.blame import Candidate
 
 CONFIRMED = 2
 
@@ -41,39 +31,34 @@ class FakeCandidate:
     scene: Scene
 
 
-def search(folder, name, task, runs):
-    """Propose ``task.runs`` points in the window and repeat the first one."""
-    file = folder / name
-    asked = json.loads(file.read_text())
-    if "raise" in asked:
-        raise RuntimeError(asked["raise"])
-    if "refuse" in asked:
-        raise InputError.at(Where(str(file), 3), asked["refuse"])
-    lives = file.with_name("lives")
-    lives.write_text(f"{int(lives.read_text()) + 1}" if lives.exists() else "0")
-    learnt = lives.read_text() if "count" in asked else ""
+def search(task, runs, learnt="", **parameters):
+    """Propose ``task.runs`` points in the window and repeat the first one.
+
+    ``learnt`` before makes it another search; ``parameters`` are those of its runs.
+    """
     for number in range(task.runs):
         if number >= task.window:
             learnt = learn(learnt, runs.result(number - task.window))
             runs.report("explore", f"{number} proposed", answer_of(task, number))
-        if number == asked.get("die"):
-            os.kill(os.getpid(), signal.SIGKILL)
-        issue(task, runs, number, number, 0, learnt, asked)
+        issue(task, runs, number, number, 0, learnt, parameters)
     for number in range(max(0, task.runs - task.window), task.runs):
         learnt = learn(learnt, runs.result(number))
     for repeat in range(1, CONFIRMED + 1):
-        issue(task, runs, task.runs + repeat - 1, 0, repeat, "", asked, "confirm")
+        issue(task, runs, task.runs + repeat - 1, 0, repeat, "", parameters, "confirm")
     for repeat in range(CONFIRMED):
         runs.result(task.runs + repeat)
-    files = (BundledFile("campaign.yaml", "x" * asked.get("answer", 0)),)
-    shrunk = ShrunkScenario(("a line",), True, 0, files)
-    return replace(answer_of(task, task.runs), ended="budget", shrunk=shrunk)
+    return replace(answer_of(task, task.runs), ended="budget")
 
 
-def idle(folder, name, task, runs):
-    """Propose nothing, for as long as the process lasts."""
-    threading.Event().wait()
-    raise AssertionError
+def client_of(daemon, campaign, runs, program=search, name="lab", **asked):
+    """Begin a search at a daemon, and return its client, which is not started."""
+    # Not for each process that executes runs.
+    from daemon.batch.client import Client
+    from daemon.search.client import SearchClient
+
+    begun, client = make_search(campaign, name, runs=runs), Client.open(daemon)
+    client.begin_search(begun)
+    return SearchClient(client, begun, partial(program, begun.task, **asked))
 
 
 def answer_of(task, explored):
@@ -85,14 +70,12 @@ def learn(learnt, row):
     return hashlib.sha256(f"{learnt} {margin}".encode()).hexdigest()
 
 
-def issue(task, runs, position, number, repeat, learnt, asked, phase="explore"):
+def issue(task, runs, position, number, repeat, learnt, parameters, phase="explore"):
     drawn = hashlib.sha256(f"{number} {learnt}".encode()).digest()
     value = round(40.0 + 40.0 * drawn[0] / 255.0, 1)
-    parameters = asked.get("parameters", {})
-    assert isinstance(parameters, dict)
     spec = make_spec(repeat, scenario=task.scenario_of(number), value=value, **parameters)
     proposal = Proposal(position, number, repeat, phase, "hash", bool(learnt), (value,))
-    runs.issue(proposal, cast("Candidate", FakeCandidate(spec, SCENE)))
+    runs.issue(proposal, FakeCandidate(spec, SCENE))
 
 
 class LocalRuns:
@@ -139,3 +122,8 @@ def execute(spec, scene, *, trace_path, on_progress=None, interest=None, leads=F
     trace_path.write_bytes(data)
     trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
     return replace(result_of(spec, leads=leads), trace=trace)
+
+
+if __name__ == "__main__":
+    endpoint, campaign, runs = sys.argv[1:]
+    client_of(endpoint, campaign, int(runs)).run()

@@ -1,5 +1,6 @@
 """The least of a failure that still fails, its candidates being runs of the search."""
 
+import base64
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,16 +8,14 @@ from dataclasses import replace
 import pytest
 
 from daemon.analysis.blame import Candidate
-from daemon.campaign import bundle_campaign, expand, load_campaign
-from daemon.model.bundles import unpack_bundle
+from daemon.campaign import expand, load_campaign
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.search.coordinator import run_program
 from daemon.search.execution.point_runner import PointRunner
-from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
 from daemon.search.shrinking import left_out, shrink_failure
 from grammars.model.behaviour import Trigger
+from tests.daemon.search.cases import load_search_case
 from tests.daemon.search.local_runs import LocalRuns
 
 CAMPAIGN = """\
@@ -103,7 +102,9 @@ def test_one_door_and_what_it_does_are_left(case, tmp_path):
     assert any("without" in p.note and "bedroom" in p.note for p in tried)
     assert len(set(runs.digests)) == len(runs.digests)
     folder = tmp_path / "minimal"
-    unpack_bundle(shrunk.files, folder)
+    for name, data in shrunk.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(base64.b64decode(data))
     (run,) = expand(load_campaign(folder / "campaign.yaml")).specs
     assert fails(run)
     assert [w.id for w in run.mission.waypoints] == ["kitchen"]
@@ -116,7 +117,7 @@ def test_what_does_not_fail_is_not_shrunk(case):
         "nothing to shrink: near.0/pilot/0 does not fail keeps-clear: "
         "reached pass, keeps-clear pass",
     )
-    assert (shrunk.files, shrunk.runs) == ((), 0)
+    assert (shrunk.files, shrunk.runs) == ({}, 0)
 
 
 def test_what_was_left_out_is_told(case):
@@ -154,19 +155,3 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
     assert run.label == answer.found_label
     phases = list(dict.fromkeys(p.phase for p in runs.proposals))
     assert phases == ["explore", "confirm", "nearest", "shrink"]
-
-
-def test_what_was_handed_on_to_a_daemon_is_shrunk_to_a_campaign(case, tmp_path):
-    def fails(spec):
-        return any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
-
-    name, files = bundle_campaign(case.folder / "tiny.yaml")
-    folder = tmp_path / "unpacked"
-    unpack_bundle(files, folder)
-    task = replace(case.task, runs=2, method="halton", confirm=0, then=("shrink",))
-    answer = run_program(folder, name, task, LocalRuns(executor=judged_by(fails)))
-    assert answer.shrunk is not None
-    assert not any("cannot be written" in line for line in answer.shrunk.story)
-    unpack_bundle(answer.shrunk.files, tmp_path / "minimal")
-    (run,) = expand(load_campaign(tmp_path / "minimal" / "campaign.yaml")).specs
-    assert fails(run)

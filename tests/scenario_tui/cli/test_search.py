@@ -1,6 +1,5 @@
 """Searching from the command line: what is handed over, watched, told and written."""
 
-import base64
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +8,11 @@ import pytest
 import typer
 from rich.console import Console
 
+from daemon.model.messages import Empty
 from daemon.model.run_state import RunState
-from daemon.model.search import BundledFile, SearchSubmission
-from scenario_tui.cli import progress
+from daemon.model.search import SearchSubmission
+from daemon.search.preparation.submission import PreparedSearch
+from scenario_tui.cli import progress, search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.progress import ProgressDisplay
 from scenario_tui.cli.search import _read_changes, search_code
@@ -51,27 +52,16 @@ def _have(fake, row):
     fake.rows = (*fake.rows, *runs)
 
 
-def _bundled(monkeypatch, *paths):
-    files = tuple(BundledFile(path, base64.b64encode(path.encode()).decode()) for path in paths)
-
-    def bundle(self, request):
-        return SearchSubmission(request.id, "house", "", "", TASK, paths[0], files)
-
-    monkeypatch.setattr(FakeDaemon, "_bundle", bundle)
-
-
-def test_a_search_that_is_over_is_told_with_its_files_and_commands(
-    scenario, fake, monkeypatch, tmp_path
-):
+def test_a_search_that_is_over_is_told_with_its_files_and_commands(scenario, fake):
     _have(fake, make_search())
-    _bundled(monkeypatch, "house/campaign.yaml", "robots/courier.yaml")
-    said = scenario("search", SEARCH, "--no-gazebo")
+    folder = Path("scenario-results") / "search" / SEARCH
+    # Its client wrote that one, with the layers of the campaign.
+    found = folder / "campaign" / "house" / "doors-in-time.found.yaml"
+    found.parent.mkdir(parents=True)
+    found.touch()
+    said = scenario("search", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
     assert said.out.startswith("doors-in-time  ✗ it can fail")
-    folder = Path("scenario-results") / "search" / SEARCH
-    found = folder / "campaign" / "house" / "doors-in-time.found.yaml"
-    assert found.read_text() == "campaign: house\n"
-    assert (folder / "campaign" / "robots" / "courier.yaml").read_text() == "robots/courier.yaml"
     assert (folder / "smallest" / "campaign.yaml").read_text() == "campaign: shrunk\n"
     assert "can it fail?" in (folder / "report.html").read_text()
     assert str(folder / "report.html") in said.out
@@ -79,31 +69,30 @@ def test_a_search_that_is_over_is_told_with_its_files_and_commands(
     assert f"scenario replay {SEARCH}.4 --from keeps-clear" in said.out
 
 
-def test_a_daemon_cannot_have_files_written_elsewhere(scenario, fake, monkeypatch, tmp_path):
-    _have(fake, make_search())
-    _bundled(monkeypatch, "house/campaign.yaml", "../../../robots/courier.yaml")
+def test_a_daemon_cannot_have_files_written_elsewhere(scenario, fake, tmp_path):
+    shrunk = replace(make_answer().shrunk, files={"../../../courier.yaml": ""})
+    _have(fake, make_search(answer=replace(make_answer(), shrunk=shrunk)))
     said = scenario("search", SEARCH, "--out", "deep/deeper")
     assert said.code == ExitCode.INFRASTRUCTURE
     assert "courier.yaml" in said.err
     assert not list(tmp_path.rglob("courier.yaml"))
 
 
-def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(scenario, fake, monkeypatch):
+def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(scenario, fake):
     _have(fake, make_search())
-    _bundled(monkeypatch, "campaign.yaml")
-    body = declared(scenario("search", SEARCH, "-o", "out", "--no-gazebo", "--json").out)
+    body = declared(scenario("search", SEARCH, "-o", "out", "--json").out)
     assert body["search"]["campaign"] == SEARCH
     assert len(body["proposals"]) == len(MARGINS)
-    assert body["written"]["found"] == "out/campaign/doors-in-time.found.yaml"
-    assert body["search"]["answer"]["shrunk"]["files"] == []
+    assert body["written"] == {"page": "out/report.html", "smallest": "out/smallest/campaign.yaml"}
+    assert body["search"]["answer"]["shrunk"]["files"] == {}
 
 
 def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake):
-    _have(fake, make_search("running"))
+    _have(fake, make_search())
     for name in (SEARCH, "house", "doors-in-time"):
-        said = scenario("search", name, "--detach")
-        assert (said.code, said.err) == (0, "")
-        assert f"scenario cancel {SEARCH}" in said.out
+        said = scenario("search", name)
+        assert (said.code, said.err) == (ExitCode.UNEXPECTED, "")
+        assert f"scenario results {SEARCH}" in said.out
     assert scenario("search", "nothing").code == ExitCode.BAD_INPUT
 
 
@@ -115,9 +104,10 @@ def test_a_campaign_is_no_search(scenario, fake):
 
 def test_options_are_for_campaign_files(scenario, fake):
     _have(fake, make_search())
-    said = scenario("search", SEARCH, "--budget", "200")
-    assert said.code == ExitCode.BAD_INPUT
-    assert "--budget" in said.err
+    for option in (("--budget", "200"), ("--detach",)):
+        said = scenario("search", SEARCH, *option)
+        assert said.code == ExitCode.BAD_INPUT
+        assert option[0] in said.err
 
 
 def test_searches_are_listed(scenario, fake):
@@ -149,6 +139,7 @@ def test_searches_are_listed(scenario, fake):
         (make_search("failed"), ExitCode.INFRASTRUCTURE),
         (make_search("cancelled"), ExitCode.INCONCLUSIVE),
         (make_search("cancelled", answer=make_answer()), ExitCode.UNEXPECTED),
+        (make_search("waiting", answer=make_answer()), ExitCode.INCONCLUSIVE),
     ],
 )
 def test_the_code_of_a_search(row, code):
@@ -169,34 +160,85 @@ def test_options_change_what_is_asked():
         _read_changes("", "never", "", None, None)
 
 
-def _handing_over(monkeypatch, fake):
-    """Have a campaign file be the search of the tests; returns what is prepared."""
-    prepared = []
+def _prepared(monkeypatch):
+    """Have a campaign file be the search of the tests; returns its tasks and the file."""
+    tasks = []
 
-    def prepare(path, name="", *, change, fresh=False):
-        prepared.append(change(TASK))
-        found = SearchSubmission(SEARCH, "house", "", "", prepared[-1], "campaign.yaml", ())
-        return found, ()
+    def prepare(path, name="", *, client, change, find, fresh):
+        tasks.append(change(TASK))
+        found = SearchSubmission(SEARCH, "house", "", "", tasks[-1], f"{path}", client=client)
+        return PreparedSearch(found, None, ())
 
     monkeypatch.setattr("daemon.search.preparation.submission.prepare_search", prepare)
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
-    return prepared, Path("campaign.yaml")
+    return tasks, Path("campaign.yaml")
 
 
-def test_a_search_is_handed_over_and_left_alone(scenario, fake, monkeypatch):
-    prepared, file = _handing_over(monkeypatch, fake)
+def _begun(task):
+    """What a daemon does with a search that is not known to it."""
 
-    def search(self, submission):
-        from daemon.model.status import SubmissionReceipt
+    def begin(self, submission):
+        self.found = (make_search("running", task=task, finished=0, client=submission.client),)
+        return Empty()
 
-        self.found = (make_search("running", task=submission.task, finished=0),)
-        return SubmissionReceipt(submission.campaign, 0, known=False)
+    return begin
 
-    monkeypatch.setattr(FakeDaemon, "_search", search)
+
+def test_a_search_that_runs_in_the_background_is_told_as_it_stands(scenario, fake, monkeypatch):
+    tasks, file = _prepared(monkeypatch)
+    monkeypatch.setattr(FakeDaemon, "_search", _begun(TASK))
+    monkeypatch.setattr(search, "_detach", lambda *_, **__: make_search("running"))
     said = scenario("search", str(file), "--budget", "200 runs", "--detach")
     assert said.code == 0
     assert said.err == f"submitted {SEARCH}: 3 parameters of busy-house, at most 200 runs\n"
-    assert prepared[0].runs == 200
+    assert f"scenario cancel {SEARCH}" in said.out
+    assert tasks[0].runs == 200
+
+
+class Client:
+    """A client whose program runs until it is left."""
+
+    def __init__(self):
+        self.left = False
+
+    def start(self):
+        pass
+
+    def is_alive(self):
+        return not self.left
+
+    def leave(self):
+        self.left = True
+
+
+def test_interrupted_a_search_waits_for_the_command_that_goes_on(scenario, fake, monkeypatch):
+    _, file = _prepared(monkeypatch)
+    monkeypatch.setattr(FakeDaemon, "_search", _begun(TASK))
+    client = Client()
+    monkeypatch.setattr(search, "_client_of", lambda *_: client)
+    looks = 0
+
+    def later(daemon):
+        nonlocal looks
+        looks += 1
+        if looks == 12:
+            raise KeyboardInterrupt
+
+    fake.before = later
+    said = scenario("search", str(file))
+    assert said.code == ExitCode.INTERRUPTED
+    assert client.left
+    again = f"go on with `scenario search {file} {SEARCH}`, end it with `scenario cancel {SEARCH}`"
+    assert again in said.err
+
+
+def test_a_search_that_waits_is_told_with_what_goes_on(scenario, fake):
+    _have(fake, make_search("waiting", answer=make_answer()))
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.INCONCLUSIVE
+    assert f"scenario search campaign.yaml {SEARCH}" in said.out
+    said = scenario("status")
+    assert f"waiting for `scenario search campaign.yaml {SEARCH}`" in said.out
 
 
 @pytest.mark.parametrize(
@@ -208,10 +250,12 @@ def test_a_search_is_handed_over_and_left_alone(scenario, fake, monkeypatch):
     ],
 )
 def test_the_same_search_goes_on(scenario, fake, monkeypatch, state, words):
-    _, file = _handing_over(monkeypatch, fake)
+    _, file = _prepared(monkeypatch)
+    monkeypatch.setattr(search, "_detach", lambda *_, **__: fake.found[0])
     _have(fake, make_search(state))
     said = scenario("search", str(file), "--detach")
-    assert said.err == f"{SEARCH} {words} (--fresh searches anew)\n"
+    assert said.err.startswith(f"{SEARCH} {words} (--fresh searches anew)\n")
+    assert ("lab-7 runs it" in said.err) is (state == "running")
 
 
 def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fake):

@@ -42,14 +42,14 @@ def ledger(tmp_path, monkeypatch):
     first = spec(SHUT, SUTS[0], 0)
     oracle = first.oracles[0].name
     submission = make_search(SEARCH, minimise=oracle, scales=(OracleScale(oracle, 1.0, "m"),))
-    book.submit_search(submission, "d", lambda _: places.search(SEARCH).mkdir(exist_ok=True), 1.0)
+    book.begin_search(submission, 1.0)
     specs = tuple(replace(first, scenario=TASK.scenario_of(n), seed=n) for n in range(2))
     runs = Submission.of(SEARCH, specs, (CORRIDOR,))
     proposals = (make_proposal(0), make_proposal(1))
-    request = ExtendRequest(SEARCH, proposals, runs)
+    request = ExtendRequest(SEARCH, "lab", proposals, runs)
     staged = read_extension(codec.to_json(request), places)
     with book.transaction():
-        book.extend(staged.proposals, staged.runs, 1.0)
+        book.extend(proposals, staged.runs, 1.0)
     for grant in book.lease("w", 2, 1.0):
         path = record(places.trace(grant.trace), grant.spec)
         trace, kept = read_trace(path), TraceInfo(file_sha256(path), file_size(path), 1)
@@ -64,7 +64,7 @@ def ledger(tmp_path, monkeypatch):
     answer = SearchAnswer(
         "errors", 2, 2, 0, 0, 0, 0, 2, 0, 0.8, best=best, sentences=("nothing fails",)
     )
-    book.note_progress(SearchProgress(SEARCH, "explore", "", "finished", answer), 3.0)
+    book.note_progress(SearchProgress(SEARCH, "lab", "explore", "", "finished", answer), 3.0)
     connection.close()
     return places
 

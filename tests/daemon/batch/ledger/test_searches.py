@@ -6,25 +6,21 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, find_strays
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import read_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
-from daemon.model.proposals import ExtendRequest, ProposalQuery
+from daemon.model.proposals import ProposalQuery
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery
 from daemon.model.spec import LeadingMargin
-from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from tests.daemon.batch.ledger_rules import broken_rules
 from tests.daemon.batch.samples import (
-    SCENE,
     make_extension,
-    make_proposal,
     make_result,
     make_search,
-    make_spec,
     submission_of,
 )
 
@@ -42,13 +38,10 @@ class Searches:
 
     def __init__(self, places, book, reader):
         self.places, self.book, self.reader = places, book, reader
-        self.submit("s")
+        self.begin("s")
 
-    def submit(self, name, digest="d"):
-        def place(_):
-            self.places.search(name).mkdir(exist_ok=True)
-
-        return self.book.submit_search(make_search(name), digest, place, NOW)
+    def begin(self, name, **changes):
+        self.book.begin_search(make_search(name, **changes), NOW)
 
     def extend(self, first, count=1, name="s", **parameters):
         return self.add(make_extension(name, first, count, **parameters))
@@ -78,7 +71,7 @@ class Searches:
         return next(row for row in self.reader.campaigns() if row.id == name)
 
     def say(self, **changes):
-        self.book.note_progress(replace(SearchProgress("s", "explore"), **changes), NOW)
+        self.book.note_progress(replace(SearchProgress("s", "lab", "explore"), **changes), NOW)
 
 
 @pytest.fixture
@@ -103,42 +96,24 @@ def test_runs_are_added_by_position_and_only_once(searches):
     assert [row.proposal.values for row in rows] == [(40.0 + n,) for n in range(4)]
     assert {row.run.state for row in rows} == {RunState.QUEUED}
     assert (searches.campaign().total, searches.campaign().queued) == (4, 4)
-    with pytest.raises(Refused, match="has 4 runs: none can be added at 5"):
+    with pytest.raises(Refused, match="has 4 runs of at most 12000: 1 cannot be added at 5"):
         searches.extend(5)
-    with pytest.raises(Refused, match=r"s\.3 is another run than is proposed"):
+    with pytest.raises(Refused, match="the runs of s from 3 on differ from those proposed"):
         searches.extend(3, 2, speed=2)
     assert searches.campaign().total == 4
 
 
 def test_runs_are_those_of_their_proposals(searches):
     good = make_extension("s", 0, 2)
-    for changes, words in (
-        ({"number": 5}, "'doors.0' is not proposal 5 of s"),
-        ({"values": (1.0, 2.0)}, "proposal 0 has 2 values, the search has 1 parameters"),
-    ):
-        wrong = replace(good.proposals[0], **changes)
-        with pytest.raises(Refused, match=words):
-            searches.add(replace(good, proposals=(wrong, good.proposals[1])))
+    wrong = replace(good.proposals[0], values=(1.0, 2.0))
+    with pytest.raises(Refused, match="s has 1 parameters, its runs others"):
+        searches.add(replace(good, proposals=(wrong, good.proposals[1])))
     searches.extend(0)
     again = replace(good.proposals[0], position=1)
     same = replace(good.runs, runs=good.runs.runs[:1])
-    with pytest.raises(Refused, match=r"doors\.0, repeat 0, is there already: s\.0"):
+    with pytest.raises(Refused, match="s has a run of that scenario and repeat"):
         searches.add(replace(good, proposals=(again,), runs=same))
     assert searches.campaign().total == 1
-
-
-def test_a_drawn_building_stands_behind_the_name_of_a_proposal(searches):
-    proposal = make_proposal(0)
-    for name, seed in (("doors.0", 17), ("doors.1", 17)):
-        spec = make_spec(scenario=f"{name}@{seed}")
-        runs = Submission.of("s", (spec,), (SCENE,))
-        request = ExtendRequest("s", (proposal,), runs)
-        if name == "doors.0":
-            assert searches.add(request) == 1
-            continue
-        with pytest.raises(Refused, match="'doors.1@17' is not proposal 0 of s"):
-            searches.add(request)
-    assert [row.run.label for row in searches.rows()] == ["doors.0@17/pilot/0"]
 
 
 def test_pages_of_proposals_begin_at_a_position(searches):
@@ -163,15 +138,15 @@ def test_a_search_stays_open_until_it_is_said_to_be_over(searches):
     searches.extend(0, 2)
     assert searches.work() == 2
     row = searches.campaign()
-    assert (row.finished_at, row.finished, row.search) == (None, False, "running")
+    assert (row.finished_at, row.finished, row.search) == (None, False, "waiting")
     searches.say(note="so far", answer=ANSWER)
     (found,) = searches.reader.searches(SearchQuery("s"))
-    assert (found.state, found.note, found.answer) == ("running", "so far", ANSWER)
+    assert (found.state, found.note, found.answer) == ("waiting", "so far", ANSWER)
     assert (found.proposed, found.finished, found.task.name) == (2, 2, "doors")
-    searches.say(state="finished", phase="shrink")
+    searches.say(state="finished", phase="shrink", answer=ANSWER)
     (found,) = searches.reader.searches(SearchQuery())
     assert (found.state, found.phase, found.answer) == ("finished", "shrink", ANSWER)
-    assert searches.reader.searches(SearchQuery(running=True)) == ()
+    assert searches.reader.searches(SearchQuery(unfinished=True)) == ()
     row = searches.campaign()
     assert (row.finished_at, row.finished, row.search) == (NOW, True, "finished")
     with pytest.raises(Refused, match="the search s is finished"):
@@ -195,7 +170,7 @@ def test_runs_under_way_at_the_end_of_a_search_are_finished(searches):
 
 
 @pytest.mark.parametrize("runs", [0, 3])
-def test_a_cancelled_search_goes_on_when_it_is_submitted_or_retried(searches, runs):
+def test_a_cancelled_search_goes_on_when_it_is_begun_again(searches, runs):
     for position in range(runs):
         searches.extend(position)
     assert searches.book.cancel("s", NOW) == runs
@@ -203,25 +178,24 @@ def test_a_cancelled_search_goes_on_when_it_is_submitted_or_retried(searches, ru
     assert (row.search, row.finished_at, row.cancelled) == ("cancelled", NOW, runs)
     with pytest.raises(Refused, match="the search s is cancelled"):
         searches.extend(runs)
-    searches.say(state="cancelled", answer=ANSWER)  # the last word of whoever proposed
+    searches.say(state="cancelled", answer=ANSWER)  # the last word of its client
     (found,) = searches.reader.searches(SearchQuery("s"))
     assert found.answer == ANSWER
-    receipt = searches.submit("s")
-    assert (receipt.known, receipt.runs) == (True, runs)
+    again = "s is a search: `scenario search campaign.yaml s` goes on with it"
+    with pytest.raises(Refused, match=again):
+        searches.book.retry(RetryRequest("s", ("lost", "cancelled")), NOW)
+    searches.begin("s")
     row = searches.campaign()
-    assert (row.search, row.finished_at, row.queued) == ("running", None, runs)
-    searches.book.cancel("s", NOW)
-    assert searches.book.retry(RetryRequest("s", ("lost", "cancelled")), NOW) == runs
+    assert (row.search, row.finished_at, row.queued) == ("waiting", None, runs)
+    with pytest.raises(Refused, match="the search s goes on"):
+        searches.say(state="cancelled")
     assert searches.extend(runs) == 1
     assert searches.work() == runs + 1
 
 
-def test_what_a_search_has_learnt_is_not_run_again(searches):
+def test_a_finished_search_is_run_again_as_any_campaign(searches):
     searches.extend(0)
     searches.work()
-    with pytest.raises(Refused, match="what it has learnt stays"):
-        searches.book.retry(RetryRequest("s", ("fail",)), NOW)
-    assert searches.book.retry(RetryRequest("s", ("all",)), NOW) == 0
     searches.say(state="finished")
     assert searches.book.retry(RetryRequest("s", ("all",)), NOW) == 1
     assert searches.campaign().finished_at is None
@@ -236,7 +210,7 @@ def test_results_are_used_again_among_searches_only(searches):
     searches.extend(0, 2)
     assert {row.run.state for row in searches.rows()} == {RunState.QUEUED}
     searches.work()
-    searches.submit("again")
+    searches.begin("again")
     assert searches.extend(0, 3, name="again") == 3
     rows = searches.rows(name="again")
     assert [bool(row.run.cached) for row in rows] == [True, True, False]
@@ -247,23 +221,13 @@ def test_results_are_used_again_among_searches_only(searches):
 
 
 def test_an_id_of_another_campaign_is_refused(searches):
-    with pytest.raises(Refused, match="taken by another campaign"):
-        searches.submit("s", "other")
-    assert not searches.submit("t").known
+    with pytest.raises(Refused, match="s was asked for otherwise"):
+        searches.begin("s", runs=7)
     searches.book.submit(submission_of("plain", make_extension("x", 9).runs.cells[0]), NOW)
-    with pytest.raises(Refused, match="plain is no search"):
+    with pytest.raises(Refused, match="taken by another campaign"):
+        searches.begin("plain")
+    with pytest.raises(Refused, match="there is no search plain"):
         searches.extend(0, name="plain")
-
-
-def test_all_searches_that_run_can_be_ended_at_once(searches):
-    searches.submit("t")
-    assert searches.book.running_searches() == {"s": 0, "t": 0}
-    assert searches.book.fail_searches("it dies", NOW) == 2
-    assert searches.book.running_searches() == {}
-    assert [(r.state, r.note) for r in searches.reader.searches(SearchQuery())] == [
-        ("failed", "it dies")
-    ] * 2
-    assert searches.campaign().finished_at == NOW
 
 
 def test_a_search_is_deleted_with_all_that_it_has(searches):
@@ -277,27 +241,17 @@ def test_a_search_is_deleted_with_all_that_it_has(searches):
     assert searches.reader.searches(SearchQuery()) == ()
     with pytest.raises(Refused, match="there is no search s"):
         searches.rows()
-    assert not searches.places.search("s").exists()
     assert broken_rules(searches.places.ledger) == []
-    assert not searches.submit("s").known
+    searches.begin("s")
     assert broken_rules(searches.places.ledger) == []
-
-
-def test_files_of_no_search_are_strays(searches, tmp_path):
-    left = (searches.places.search("gone"), searches.places.searches / ".search.0123abcd.tmp")
-    for folder in left:
-        folder.mkdir()
-    later = max(folder.stat().st_mtime for folder in left) + 7200.0
-    found = {stray.path: stray.what for stray in find_strays(searches.places, later)}
-    assert found == dict(zip(left, ("files of no search", "temporary file"), strict=True))
 
 
 def test_the_answers_of_many_searches_fit_into_a_page(searches):
     long = replace(ANSWER, sentences=("x" * 3 * 2**20,))
     for name in ("s", "t", "u"):
         if name != "s":
-            searches.submit(name)
-        searches.book.note_progress(SearchProgress(name, "explore", answer=long), NOW)
+            searches.begin(name)
+        searches.book.note_progress(SearchProgress(name, "lab", "explore", answer=long), NOW)
     rows = searches.reader.searches(SearchQuery())
     assert [(row.campaign, row.answer is not None) for row in rows] == [
         ("u", True),
@@ -310,10 +264,10 @@ def test_the_answers_of_many_searches_fit_into_a_page(searches):
 def test_rules_see_a_search_that_is_not_whole(searches):
     searches.extend(0, 2)
     db = sqlite3.connect(searches.places.ledger, isolation_level=None)
-    db.execute("INSERT INTO proposal VALUES ('s', 7, 7, 0, 'explore', 'tpe', 1, x'5b5d', '')")
+    db.execute("INSERT INTO proposal VALUES ('s.7', x'7b7d')")
     db.execute("UPDATE campaign SET finished_at = 1.0")
     db.close()
     assert set(broken_rules(searches.places.ledger)) >= {
         "1 runs are proposed and not there",
-        "1 searches run in campaigns that are closed",
+        "1 searches wait in campaigns that are closed",
     }

@@ -107,7 +107,7 @@ def test_campaigns_take_turns_and_those_of_higher_priority_go_before(ledger):
 
 def test_runs_that_a_search_will_propose_count_as_any(ledger):
     ledger.executed("first", 1.0)
-    ledger.book.submit_search(make_search("s"), "digest", lambda _: None, NOW)
+    ledger.book.begin_search(make_search("s"), NOW)
     more = make_extension("s", 0, 2)
     ledger.book.extend(more.proposals, more.runs, NOW)
     assert ledger.left().campaigns == {"s": pytest.approx(make_search("s").task.runs)}

@@ -13,10 +13,9 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.operation import FindingLevel, examine
 from daemon.batch.operation._doctor import _answering
 from daemon.batch.paths import Endpoint, StatePaths
-from daemon.model.search_answer import SearchProgress
 from daemon.model.status import DaemonOverview, TroubleCause
 from grammars.text import codec
-from tests.daemon.batch.samples import SCENE, make_search, make_submission
+from tests.daemon.batch.samples import SCENE, make_submission
 
 NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
 
@@ -120,24 +119,6 @@ def test_what_was_moved_aside_is_counted_and_named(places):
     assert all(str(path) in finding.message for path in aside)
 
 
-def test_searches_that_failed_or_lack_their_files_are_named(places):
-    assert found(places, "searches") == ()
-    with closing(connect(places.ledger)) as db:
-        book = LedgerWriter(db, paths=places)
-        for name in ("good", "bad"):
-            folder = places.search(name)
-            book.submit_search(make_search(name), "", lambda _, f=folder: f.mkdir(), 1.0)
-            (folder / "campaign.yaml").touch()
-        (fine,) = found(places, "searches")
-        assert fine.message == "2, 2 of them running"
-        book.note_progress(SearchProgress("bad", "explore", "it\nbroke", "failed"), 2.0)
-        (places.search("good") / "campaign.yaml").unlink()
-        gone, failed = found(places, "searches")
-    assert (gone.level, failed.level) == (FindingLevel.PROBLEM, FindingLevel.WARNING)
-    assert "files of good, which goes on, are gone" in gone.message
-    assert failed.message == "bad failed: it broke"
-
-
 def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(places):
     contact = '{"endpoint": "tcp/127.0.0.1:1", "pid": %d, "version": "0", "started_at": 0.0}'
     told = Endpoint("tcp/127.0.0.1:1", "daemon.json")
@@ -155,7 +136,6 @@ def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(place
     [
         (TroubleCause.SPACE, "scenario gc"),
         (TroubleCause.WORKER, "see to its machine"),
-        (TroubleCause.SEARCH, "search.log"),
         (TroubleCause.INPUT, "scenario submit"),
         (TroubleCause.OTHER, "worker.log"),
     ],

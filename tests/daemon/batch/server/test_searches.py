@@ -1,6 +1,5 @@
-"""Searches at the daemon: what is admitted of them, and what clients see."""
+"""Searches at the daemon: what is admitted of them, and which client runs them."""
 
-import base64
 import shutil
 from dataclasses import replace
 
@@ -8,24 +7,12 @@ import pytest
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import read_extension, stage_search
-from daemon.model.search import MOST_PROPOSALS, BundledFile
-from daemon.model.search_answer import SearchProgress
+from daemon.batch.server import _search_handlers, read_extension
+from daemon.batch.server._search_handlers import SearchClients
+from daemon.model.search import MOST_PROPOSALS, SearchSubmission
 from daemon.model.submission import CellRun
-from daemon.model.verbs import EXTEND, PROGRESS
 from grammars.text import codec
-from tests.daemon.batch.harness import daemon_at
-from tests.daemon.batch.samples import make_extension, make_search, make_submission
-
-
-def refused(search, folder):
-    """Why the files of a search are not taken; nothing of them is there afterwards."""
-    places = StatePaths(folder)
-    places.make_folders()
-    with pytest.raises(Refused) as caught:
-        stage_search(codec.to_json(search), places)
-    assert list(places.searches.iterdir()) == []
-    return str(caught.value)
+from tests.daemon.batch.samples import make_extension, make_search
 
 
 @pytest.fixture
@@ -35,74 +22,34 @@ def places(tmp_path):
     return places
 
 
-def kept(places):
-    return [*places.searches.iterdir(), *places.incoming.iterdir()]
+@pytest.fixture
+def clock(monkeypatch):
+    """Seconds of the clock by which clients are silent."""
+    now = [100.0]
+    monkeypatch.setattr(_search_handlers.time, "monotonic", lambda: now[0])
+    return now
 
 
-def test_the_files_of_a_search_come_back_as_they_were(tmp_path):
-    image = "P5" * 2**18
-    search = make_search("s", {"a/campaign.yaml": "campaign: test", "maps/flat.pgm": image})
-    idle = "tests.daemon.search.fake_search:idle"
-    with daemon_at(tmp_path / "state", searcher=idle) as daemon, daemon.client() as client:
-        places = StatePaths(daemon.state)
-        assert client.submit_search(search).known is False
-        assert client.submit_search(search).known is True
-        assert client.bundle("s") == search
-        folder = places.search("s")
-        assert (folder / "maps" / "flat.pgm").read_text() == image
-        modes = {path.stat().st_mode & 0o777 for path in (folder, *folder.rglob("*"))}
-        assert modes == {0o700, 0o600}
-        assert kept(places) == [folder]
-        with pytest.raises(Refused, match="taken by another campaign"):
-            client.submit_search(replace(search, about="another"))
-        assert kept(places) == [folder]
-        assert client.ask(EXTEND, make_extension("s", 0, 3)).count == 3
-        assert client.ask(EXTEND, make_extension("s", 1, 3, send_scenes=False)).count == 1
-        assert [row.run.digest for row in client.proposals("s")] == [
-            client.run(row.id).spec.digest for row in client.runs(campaign="s").rows
-        ]
-        assert [row.proposal.position for row in client.proposals("s", 2)] == [2, 3]
-        assert client.campaigns(unfinished=True)[0].search == "running"
-        with pytest.raises(Refused, match="goes on: cancel it first"):
-            client.delete(("s",))
-        client.ask(PROGRESS, SearchProgress("s", "explore", "no more", "failed"))
-        (row,) = client.searches()
-        assert (row.state, row.note) == ("failed", "no more")
-        assert client.cancel("s") == 4
-        client.delete(("s",))
-        assert client.search_row("s") is None
+def test_a_silent_client_makes_room_for_another(clock):
+    clients = SearchClients()
+    assert clients.claim("s", "a")
+    assert not clients.claim("s", "b")
+    assert (clients.client("s"), clients.state("s")) == ("a", "running")
+    with pytest.raises(Refused, match="a makes the proposals of s"):
+        clients.require("s", "b")
+    clock[0] += 14.0
+    clients.require("s", "a")
+    clock[0] += 16.0
+    assert (clients.client("s"), clients.state("s")) == ("", "waiting")
+    clients.require("s", "b")
+    assert clients.client("s") == "b"
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/etc/passwd", "../up", "a/../../up", "a//b", "./a", "a/", "", ".", "..", "a\\b",
-        "a\nb", "x" * 201, "a/..",
-    ],
-)  # fmt: skip
-def test_a_file_that_leads_elsewhere_is_refused_with_all_others(tmp_path, path):
-    search = make_search("s")
-    bad = replace(search, files=(*search.files, BundledFile(path, "")))
-    assert "no path of a file" in refused(bad, tmp_path)
-
-
-def bundled(path, data=b"x"):
-    return BundledFile(path, base64.b64encode(data).decode())
-
-
-@pytest.mark.parametrize(
-    ("files", "words"),
-    [
-        ((bundled("c.yaml"), bundled("c.yaml")), "c.yaml is twice"),
-        ((bundled("c.yaml"), bundled("c.yaml/below")), "is a file and a folder"),
-        ((bundled("other.yaml"),), "'c.yaml' is not among the files"),
-        ((BundledFile("c.yaml", "!"),), "no base64"),
-        ((bundled("c.yaml"), *(bundled(f"{n}", b"x" * 2**23) for n in range(5))), "32 MiB"),
-    ],
-)
-def test_what_is_wrong_with_files_is_said(tmp_path, files, words):
-    search = replace(make_search("s"), files=files, file="c.yaml")
-    assert words in refused(search, tmp_path)
+def test_after_a_restart_the_client_has_time_to_speak(clock):
+    clients = SearchClients()
+    assert clients.state("s") == "running"
+    clock[0] += 16.0
+    assert clients.state("s") == "waiting"
 
 
 @pytest.mark.parametrize(
@@ -123,44 +70,10 @@ def test_what_is_wrong_with_files_is_said(tmp_path, files, words):
         {"method": "m" * 1000},
     ],
 )
-def test_what_no_campaign_file_asks_for_is_refused(tmp_path, changes):
+def test_what_no_campaign_file_asks_for_is_refused(changes):
     (wrong,) = changes
-    assert wrong in refused(make_search("s", **changes), tmp_path)
-
-
-def test_files_that_were_lost_come_with_the_same_search_again(places):
-    payload = codec.to_json(make_search("s"))
-    folder = places.search("s")
-    for lose in (
-        lambda: None,
-        lambda: (folder / "campaign.yaml").unlink(),
-        lambda: (folder / "layers" / "doors.scenery").write_text(""),
-        lambda: shutil.rmtree(folder),
-    ):
-        staged = stage_search(payload, places)
-        staged.place(places, same=folder.is_dir())
-        staged.remove()
-        lose()
-    staged = stage_search(payload, places)
-    staged.place(places, same=True)
-    staged.remove()
-    assert (folder / "campaign.yaml").read_text() == "campaign: test\n"
-    assert (folder / "layers" / "doors.scenery").read_text() == "scenery doors"
-    before = folder.stat().st_ino
-    staged = stage_search(payload, places)
-    staged.place(places, same=True)
-    staged.remove()
-    assert folder.stat().st_ino == before
-    assert kept(places) == [folder]
-
-
-def test_a_search_that_is_refused_leaves_nothing(places):
-    search = make_search("s")
-    bad = replace(search, files=(*search.files, BundledFile("../up", "")))
-    for wrong in (bad, replace(search, campaign="../s"), replace(search, file="none")):
-        with pytest.raises(Refused):
-            stage_search(codec.to_json(wrong), places)
-    assert kept(places) == []
+    with pytest.raises(ValueError, match=wrong):
+        codec.from_json(SearchSubmission, codec.to_json(make_search("s", **changes)))
 
 
 def test_runs_that_are_not_what_was_proposed_are_refused(places):
@@ -179,21 +92,7 @@ def test_runs_that_are_not_what_was_proposed_are_refused(places):
     ):
         with pytest.raises(Refused, match=words):
             read_extension(codec.to_json(wrong), places)
-    assert kept(places) == []
-
-
-def test_a_plain_campaign_is_no_search(tmp_path):
-    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
-        client.submit(make_submission("plain", 1))
-        assert client.campaigns()[0].search == ""
-        for ask in (
-            lambda: client.proposals("plain"),
-            lambda: client.bundle("plain"),
-            lambda: client.ask(EXTEND, make_extension("plain", 1)),
-            lambda: client.ask(PROGRESS, SearchProgress("plain", "explore")),
-        ):
-            with pytest.raises(Refused, match="no search"):
-                ask()
+    assert list(places.incoming.iterdir()) == []
 
 
 def test_runs_that_find_no_room_are_asked_for_again(places):
@@ -201,4 +100,3 @@ def test_runs_that_find_no_room_are_asked_for_again(places):
     places.scenes.touch()  # as good as a disk that takes nothing more
     with pytest.raises(Unavailable, match="cannot be stored"):
         read_extension(codec.to_json(make_extension("s", 0, 1)), places)
-    assert kept(places) == []

@@ -54,8 +54,3 @@ def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
     launch = exported.made["launch"][0].read_text(encoding="utf-8")
     (named,) = re.findall(r'default="[^"/]*\)/(maps/[^"]*)"', launch)
     assert (folder / "gazebo" / named).is_file()
-
-
-def test_where_nothing_was_found_there_is_nothing_to_write(tmp_path):
-    with pytest.raises(ValueError, match="doors-in-time has found no failure"):
-        write_found(make_answer(make_task(), []), "doors-in-time", tmp_path)

@@ -2,8 +2,8 @@
 
 import shutil
 
-from daemon.search.preparation.composition import load_search_case
 from daemon.search.program import run_search
+from tests.daemon.search.cases import load_search_case
 from tests.daemon.search.local_runs import LocalRuns
 
 CAMPAIGN = """\

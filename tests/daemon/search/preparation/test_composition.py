@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.campaign import bundle_campaign, expand, load_campaign
-from daemon.model.bundles import unpack_bundle
-from daemon.search.preparation.composition import load_search_case
+from daemon.campaign import expand, load_campaign
+from daemon.search.preparation.composition import search_case
 from grammars.text.diagnostics import InputError
+from tests.daemon.search.cases import load_search_case
 from tests.daemon.search.pretended import made_trial
 
 DOORS = """\
@@ -205,21 +205,6 @@ def test_one_building_of_a_variation_can_be_searched(folder):
     assert run.digest == wide.spec.digest
 
 
-def test_nothing_outside_of_an_unpacked_campaign_is_read(folder, tmp_path):
-    case_in(folder)
-    place, files = bundle_campaign(folder / "tiny.yaml")
-    there = tmp_path / "there"
-    unpack_bundle(files, there)
-    case = load_search_case(there / place, "s", only_in=there)
-    wanted = load_search_case(folder / "tiny.yaml", "s")
-    assert case.task == wanted.task
-    assert case.candidate(WRITTEN, 0).spec.digest == wanted.candidate(WRITTEN, 0).spec.digest
-    (there / "doors_moving.scenery").unlink()
-    (there / "doors_moving.scenery").symlink_to(folder / "doors_moving.scenery")
-    with pytest.raises(InputError):
-        load_search_case(there / place, "s", only_in=there)
-
-
 def test_what_comparisons_measure_is_left_out(folder):
     spec = case_in(folder).candidate(WRITTEN, 0).spec
     assert [oracle.name for oracle in spec.oracles] == ["keeps-clear", "nearest"]
@@ -254,18 +239,6 @@ def test_a_point_can_be_taken_apart(folder):
     assert any("closes 6.25 s" in element.name for element in taken.added)
 
 
-def test_a_search_that_is_not_there_is_told_with_those_that_are(folder):
-    case_in(folder)
-    with pytest.raises(InputError, match='did you mean "s"'):
-        load_search_case(folder / "tiny.yaml", "ss")
-
-
-def test_a_task_may_come_from_elsewhere(folder):
-    case = case_in(folder)
-    other = load_search_case(folder / "tiny.yaml", "s", case.task)
-    assert other.candidate(WRITTEN, 3).spec == case.candidate(WRITTEN, 3).spec
-
-
 def test_a_task_of_another_campaign_is_refused(folder):
     case = case_in(folder)
     first, *rest = case.task.parameters
@@ -276,4 +249,4 @@ def test_a_task_of_another_campaign_is_refused(folder):
         (replace(case.task, parameters=(replace(first, slot="vary"), *rest)), "no layer 1 in vary"),
     ):
         with pytest.raises(InputError, match=said):
-            load_search_case(folder / "tiny.yaml", "s", changed)
+            search_case(case.campaign, changed)

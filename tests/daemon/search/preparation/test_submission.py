@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.bundles import checked_bundle
+from daemon.model.search_answer import SearchRow
 from daemon.search.preparation.submission import prepare_search
 from grammars.text.diagnostics import InputError
 
@@ -36,13 +36,12 @@ def file(tmp_path, campaigns):
     return path
 
 
-def test_the_same_search_has_the_same_id_and_all_its_files(file):
-    found, warnings = prepare_search(file)
+def test_the_same_search_has_the_same_id(file):
+    found, _, warnings = prepare_search(file)
     assert warnings == ()
     assert found.name == "demo-early"
     assert found.campaign.startswith("demo-early-")
     assert prepare_search(file, "early")[0] == found
-    assert checked_bundle(found.files)[found.file] == file.read_bytes()
 
 
 def test_other_values_are_another_search(file):
@@ -90,3 +89,10 @@ def test_nothing_is_handed_over_of_a_campaign_that_is_wrong(file):
     file.write_text(file.read_text().replace("minimise: keeps-clear", "minimise: nothing"))
     with pytest.raises(InputError, match="nothing"):
         prepare_search(file)
+
+
+def test_a_known_search_goes_on_by_its_id_as_it_was_asked_for(file):
+    asked = prepare_search(file, change=lambda task: replace(task, seed=8)).submission
+    row = SearchRow(asked.campaign, asked.name, 0.0, asked.task, "waiting")
+    again = prepare_search(file, asked.campaign, find={row.campaign: row}.get)
+    assert again.submission == asked

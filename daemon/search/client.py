@@ -1,0 +1,107 @@
+"""A search run by its client: the program in this process, its runs in a daemon.
+
+The program of a search is plain code that is run from its beginning every time. The runs that the
+ledger has already are there at once, so it goes on where it was, whatever ended it before.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+import threading
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final, TypeAlias
+
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, Refused
+from daemon.model.search import SearchSubmission
+from daemon.model.search_answer import SearchAnswer, SearchQuery, SearchRow, SearchState
+from daemon.model.verbs import SEARCH, SEARCHES
+from daemon.search.execution.daemon_runs import (
+    DaemonRuns,
+    PatientClient,
+    SearchDivergedError,
+    SearchStoppedError,
+)
+from grammars.text.diagnostics import InputError
+
+SearchProgram: TypeAlias = Callable[[DaemonRuns], SearchAnswer]
+
+_LOOK_EVERY: Final = 0.5
+"""Seconds between two looks at whether another client is still there."""
+_LAST_MOMENT: Final = 5.0
+"""Seconds that the program has to come to its next question when it is left."""
+
+
+def client_name() -> str:
+    """Return a name of this process for daemons; no other process ever has it."""
+    return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+
+
+class SearchClient(threading.Thread):
+    """Runs the program of a search that was begun, as soon as no other client does.
+
+    ``program`` is called in this thread, which closes the connection to the ``daemon`` at the end.
+    How the search ends is in the ledger afterwards.
+    """
+
+    def __init__(self, daemon: Client, search: SearchSubmission, program: SearchProgram) -> None:
+        super().__init__(name=f"search {search.campaign}", daemon=True)
+        self._daemon = daemon
+        self._search = search
+        self._program = program
+        self._runs: DaemonRuns | None = None
+        self._left = threading.Event()
+
+    def leave(self) -> None:
+        """Let the search wait for another client; called by any other thread."""
+        self._left.set()
+        if self._runs is not None:
+            self._runs.leave()
+        self.join(_LAST_MOMENT)
+
+    def run(self) -> None:
+        """Wait until no other client runs the search, and run it to its end."""
+        with self._daemon as client:
+            daemon = PatientClient(client)
+            row = self._wait_for_turn(daemon)
+            if row is None:
+                return
+            self._runs = runs = DaemonRuns(daemon, row.campaign, row.client, row.submitted_at)
+            if self._left.is_set():
+                runs.leave()
+            with client.events(runs.note_event):
+                ending = self._run_program(runs)
+            # It may have been ended, or deleted, in that very moment.
+            with suppress(Refused):
+                runs.end(*ending)
+
+    def _wait_for_turn(self, daemon: PatientClient) -> SearchRow | None:
+        while not self._left.is_set():
+            rows = daemon.ask(SEARCHES, SearchQuery(self._search.campaign))
+            if not rows or rows[0].ended:
+                return None
+            if rows[0].client == self._search.client:
+                return rows[0]
+            if rows[0].state == "waiting":
+                daemon.ask(SEARCH, self._search)
+            else:
+                self._left.wait(_LOOK_EVERY)
+        return None
+
+    def _run_program(self, runs: DaemonRuns) -> tuple[SearchState, str, SearchAnswer | None]:
+        """Return how the search ended, why if it failed, and what it has found."""
+        try:
+            runs.load()
+            return "finished", "", self._program(runs)
+        except SearchStoppedError as stopped:
+            return "waiting" if self._left.is_set() else "cancelled", "", stopped.answer
+        except (InputError, SearchDivergedError, DaemonError) as error:
+            return "failed", str(error), None
+        except Exception as error:
+            # Whatever the program has run into, it would again.
+            traceback.print_exc()
+            return "failed", f"the search broke: {type(error).__name__}: {error}", None
