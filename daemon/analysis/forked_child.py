@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from daemon.supervision.child import lower_session
 from daemon.supervision.guardian import guard
 
 _NICENESS: Final = 10
@@ -19,7 +20,9 @@ def prepare_child() -> None:
 
     To be called by a child of :mod:`multiprocessing`, before it has started anything.
     """
-    guard(niceness=_NICENESS)
+    os.setsid()
+    lower_session(_NICENESS)
+    guard()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
     # By descriptors too: what a system under test starts prints to those.

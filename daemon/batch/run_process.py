@@ -13,22 +13,21 @@ import faulthandler
 import inspect
 import os
 import resource
-import select
 import signal
+import socket
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
-from daemon.batch.freed_memory import return_freed_memory
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.deadline import spare_time, wall_clock_limit
-from daemon.model.live_judgement import LARGEST_JUDGEMENT, LiveJudgement, pack_judgement
+from daemon.model.live_judgement import LiveJudgement, pack_judgement
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot, bound_result
 from daemon.model.status import LiveSnapshot
@@ -45,10 +44,6 @@ OUTPUT: Final = "output.txt"
 RESULT: Final = "result.json"
 FILES: Final = "files"
 """Leads to the files of systems under test, where one needs any."""
-WATCHED: Final = "watched"
-"""Lies in the folder of an attempt while somebody watches; what is wanted stands in it."""
-JUDGED_FILE: Final = "judged.json.z"
-"""Holds what the run is judged by now, a packed ``LiveJudgement``, while that is wanted."""
 
 
 class Wanted(StrEnum):
@@ -63,25 +58,37 @@ class Wanted(StrEnum):
     JUDGEMENT = "judgement"
 
 
-# The first byte of what a run's process tells its worker.
+# Messages are whole or not there: each has a kind, its first byte. From the worker to a zygote:
+PREPARE: Final = b"P"
+"""Niceness, then the rooms whose kernels runs need."""
+RUN: Final = b"R"
+"""A :class:`RunTask` in JSON; the socket of the run comes with it."""
+# From a zygote to the worker:
+PREPARATION: Final = b"P"
+READY: Final = b"R"
+# From the process of a run, or the zygote for it, to the worker:
+STARTED: Final = b"S"
 LIVE: Final = b"L"
 JUDGEMENT: Final = b"J"
-"""There is another judgement: it does not fit through the pipe, so it is in a file."""
 FAILED: Final = b"F"
 DISK_FULL: Final = b"N"
 SUT_MISSING: Final = b"K"
 """The system under test is not installed here: nothing the run could help."""
 FAILURES: Final = (FAILED, DISK_FULL, SUT_MISSING)
-READY: Final = b"R"
+ENDED: Final = b"E"
+"""Nothing of the run is left; the code with which its guardian has ended."""
+# From the worker to the process of a run:
+WATCH: Final = b"W"
+"""Words for what is :class:`Wanted` of it."""
+LARGEST_MESSAGE: Final = 2**19
+"""Bytes; sockets take less."""
 
 _DISK_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
 """What a disk says that takes no trace just now: full, only to be read, failing, gone."""
 # Seconds between two snapshots: five a second are enough for a list, ten for a picture that moves.
 _LIVE_PERIOD: Final = 0.2
 _WATCHED_PERIOD: Final = 0.1
-_LENGTH_BYTES: Final = 8
-"""So many bytes multiprocessing puts before a message, at most."""
-_LONGEST_WORDS: Final = 16_000
+LONGEST_WORDS: Final = 16_000
 """Characters of the reason why there is no result: an exception may have megabytes of them."""
 _OOM_SCORE: Final = "500"
 """Half of the way to certain death (proc(5)): a run goes before the worker that can start it again,
@@ -90,8 +97,11 @@ and before what people work with beside it."""
 
 @dataclass(frozen=True, slots=True)
 class RunTask:
-    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0,
-    how far it steps back behind other processes, and its wall clock limit [s].
+    """The order to execute a run.
+
+    It has the attempt's folder, the scene's file, the memory limit [B] or 0, how far the run steps
+    back behind other processes, and its wall clock limit [s]. Runs of the same ``likeness`` begin
+    alike; it is empty where that is not known.
     """
 
     folder: Path
@@ -99,6 +109,7 @@ class RunTask:
     memory: int
     nice: int
     wall: float
+    likeness: str = ""
 
 
 def read_output(folder: Path) -> bytes:
@@ -106,50 +117,26 @@ def read_output(folder: Path) -> bytes:
     return OutputFile.read(folder / OUTPUT)
 
 
-def read_judged(folder: Path) -> bytes:
-    """Return what an attempt was last judged by, packed; nothing if that is too long to be it.
-
-    Raises ``OSError`` when there is none.
-    """
-    with (folder / JUDGED_FILE).open("rb") as file:
-        data = file.read(LARGEST_JUDGEMENT + 1)
-    return data if len(data) <= LARGEST_JUDGEMENT else b""
-
-
-def report_readiness(wire: Connection) -> None:
-    """Report whether runs can be executed at all: nothing, or what is wrong."""
-    from daemon.batch import forkserver_preload
-
-    wire.send_bytes(
-        FAILED + forkserver_preload.problem.encode() if forkserver_preload.problem else READY
-    )
-
-
-def run_attempt(task: RunTask, wire: Connection) -> None:
+def run_attempt(task: RunTask, wire: socket.socket, execute: Callable[..., RunResult]) -> NoReturn:
     """Execute one run; exits with 0 when there is a result."""
-    # The fork server has loaded it, at a moment it chooses itself: nobody else may.
-    from daemon.batch import forkserver_preload
-
     try:
         # Before anything else: what goes wrong from here on, in C++ too, is to be read there.
-        guard(task.folder / OUTPUT, niceness=task.nice)
+        guard(task.folder / OUTPUT, lifeline=wire)
     except OSError as error:
-        wire.send_bytes(DISK_FULL + f"there is no room for a process: {error}".encode())
+        wire.send(DISK_FULL + f"there is no room for a process: {error}".encode())
         _exit(1)
-    _prepare_process(task)
     try:
-        if forkserver_preload.execute is None:
-            raise ImportError(forkserver_preload.problem)
+        _prepare_process(task)
         lease = codec.from_json(Lease, (task.folder / LEASE).read_bytes())
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
-        reporter = SnapshotSender(lease.run, wire, task.folder)
+        reporter = SnapshotSender(lease.run, wire)
         # Only where they are asked for: executors that plug in need not know of them.
         asked: dict[str, object] = {"leads": True} if lease.leads else {}
-        if "judgements" in inspect.signature(forkserver_preload.execute).parameters:
+        if "judgements" in inspect.signature(execute).parameters:
             asked["judgements"] = reporter
         with wall_clock_limit(task.wall):
-            result: RunResult = forkserver_preload.execute(
+            result = execute(
                 lease.spec,
                 scene,
                 trace_path=trace,
@@ -159,13 +146,14 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
             )
         _write_result(result, trace, task.folder)
     except SutMissing as error:
-        wire.send_bytes(SUT_MISSING + str(error)[:_LONGEST_WORDS].encode("utf-8", "replace"))
+        wire.send(SUT_MISSING + str(error)[:LONGEST_WORDS].encode("utf-8", "replace"))
         _exit(1)
-    except Exception as error:
-        # No verdict comes of this: the worker gives the run back with these words.
+    except BaseException as error:
+        # No verdict comes of this, nor of a plug-in that would exit: the worker gives the run back
+        # with these words.
         no_room = isinstance(error, OSError) and error.errno in _DISK_ERRORS
-        words = traceback.format_exc()[-_LONGEST_WORDS:]
-        wire.send_bytes((DISK_FULL if no_room else FAILED) + words.encode("utf-8", "replace"))
+        words = traceback.format_exc()[-LONGEST_WORDS:]
+        wire.send((DISK_FULL if no_room else FAILED) + words.encode("utf-8", "replace"))
         _exit(1)
     _exit(0)
 
@@ -194,10 +182,9 @@ def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
 
 
 def _prepare_process(task: RunTask) -> None:
-    return_freed_memory()
     if (task.folder / FILES).exists():
         os.environ[FILES_VARIABLE] = str(task.folder / FILES)
-    # Python seeds its own generator anew in a child. numpy does not: all runs of a fork server draw
+    # Python seeds its own generator anew in a child. numpy does not: all runs of a zygote draw
     # the same numbers from a generator that nobody has seeded, and look deterministic.
     if "numpy.random" in sys.modules:
         sys.modules["numpy.random"].seed()
@@ -222,17 +209,15 @@ def _prepare_process(task: RunTask) -> None:
 
 
 class SnapshotSender:
-    """Sends snapshots to the worker and never waits for it.
+    """Sends snapshots and judgements to the worker and never waits for it.
 
-    A few a second, twice as many and with all there is to see while the worker says, by a file in
-    the attempt's ``folder``, that somebody watches this run; and what it is judged by now, in
-    another file there.
+    A few a second, twice as many and with all there is to see while the worker says that somebody
+    watches this run. What the socket does not take is left out.
     """
 
-    def __init__(self, run: str, wire: Connection, folder: Path) -> None:
+    def __init__(self, run: str, wire: socket.socket) -> None:
         self._run = run
         self._wire = wire
-        self._folder = folder
         self._wanted: frozenset[str] = frozenset()
         self._next = 0.0
 
@@ -241,10 +226,9 @@ class SnapshotSender:
         now = time.monotonic()
         if now < self._next:
             return "nothing"
-        try:
-            self._wanted = frozenset((self._folder / WATCHED).read_text("ascii").split())
-        except (OSError, ValueError):
-            self._wanted = frozenset()
+        with suppress(OSError):  # BlockingIOError: nothing more has come
+            while message := self._wire.recv(LARGEST_MESSAGE, socket.MSG_DONTWAIT):
+                self._wanted = frozenset(message[1:].decode().split())
         watched = Wanted.DETAILS in self._wanted
         self._next = now + (_WATCHED_PERIOD if watched else _LIVE_PERIOD)
         return "everything" if watched else "progress"
@@ -256,27 +240,14 @@ class SnapshotSender:
         return "margin" if Wanted.MARGIN in self._wanted else "nothing"
 
     def tell(self, judgement: LiveJudgement) -> None:
-        """Put a judgement where the worker finds it, and tell it so."""
-        data = pack_judgement(replace(judgement, run=self._run))
-        # No room for it, which others will say: then it is not told.
-        with suppress(OSError):
-            write_atomically(self._folder / JUDGED_FILE, data, durable=False)
-            self._send(JUDGEMENT)
+        """Send a judgement."""
+        self._send(JUDGEMENT + pack_judgement(replace(judgement, run=self._run)))
 
     def __call__(self, snapshot: Snapshot) -> None:
-        """Send a snapshot, without what makes it too long for the pipe, or not at all."""
-        bare = replace(snapshot, returns=(), plan=(), contacts=())
-        pictures = [snapshot, bare]
-        if snapshot.waiting:
-            # Before time begins every joint is as drawn: hundreds of them say nothing.
-            pictures.append(replace(bare, joints=()))
-        for picture in pictures:
-            message = LIVE + codec.to_json(LiveSnapshot(self._run, picture))
-            if len(message) + _LENGTH_BYTES <= select.PIPE_BUF:
-                self._send(message)
-                return
+        """Send a snapshot."""
+        self._send(LIVE + codec.to_json(LiveSnapshot(self._run, snapshot)))
 
     def _send(self, message: bytes) -> None:
-        # A pipe that is ready takes PIPE_BUF bytes at once, so this never blocks the run.
-        if select.select([], [self._wire], [], 0)[1]:
-            self._wire.send_bytes(message)
+        # The worker is slow or gone, or the message too long: it is telemetry.
+        with suppress(OSError):
+            self._wire.send(message, socket.MSG_DONTWAIT)

@@ -11,23 +11,11 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 DEFAULT_EXECUTOR: Final = "daemon.run:execute"
-EXECUTOR_VARIABLE: Final = "SCENARIO_EXECUTOR"
-"""Environment variable through which a worker tells its fork server ``module:function``."""
-PREPARATION_VARIABLE: Final = "SCENARIO_PREPARATION"
-"""And the file that says what runs need: a number that grows and the names of the rooms whose
-kernels are to be loaded; below it a line with the file of a scene, and the specification of a run
-in it."""
-
-
-_SAFE_PATH_VARIABLE: Final = "PYTHONSAFEPATH"
-_FOR_FORK_SERVER: Final = "scenario fork server"
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _LONGEST_PROCESSOR: Final = 80
 
@@ -50,29 +38,6 @@ def python_command(option: str, what: str, *words: str) -> list[str]:
     if option == "-m":
         return [sys.executable, "-P", "-c", _RUN_MODULE, what, *words]
     return [sys.executable, "-P", "-c", f"import {IMPORT_FIRST}\n{what}", *words]
-
-
-@contextmanager
-def safe_fork_server() -> Iterator[None]:
-    """Let a fork server that is started meanwhile be one of ``python -P``.
-
-    :mod:`multiprocessing` starts it with ``-c``, for which the current folder comes first, and
-    hands ``-P`` on only from a parent that has it; the ``scenario`` command has not.
-    """
-    os.environ.setdefault(_SAFE_PATH_VARIABLE, _FOR_FORK_SERVER)
-    try:
-        yield
-    finally:
-        forget_safe_path()
-
-
-def forget_safe_path() -> None:
-    """Undo :func:`safe_fork_server`, in the fork server too: what runs start may need its folder.
-
-    With the variable in its environment ``python robot/main.py`` does not find what lies beside.
-    """
-    if os.environ.get(_SAFE_PATH_VARIABLE) == _FOR_FORK_SERVER:
-        del os.environ[_SAFE_PATH_VARIABLE]
 
 
 _COMMANDS_VARIABLE: Final = "SCENARIO_COMMANDS"

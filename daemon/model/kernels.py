@@ -1,7 +1,7 @@
 """The one way numba kernels are declared, in simulator, stacks, oracles and analysis alike.
 
-And what happens when machine code for one is not on the disk yet: compiled at once, or not at all
-(:func:`loading_only`), with somebody who counts (:func:`counting_compiled`) or without.
+And what happens when machine code for one is not on the disk yet: it is compiled at once, or not at
+all (:func:`loading_only`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 import hashlib
 import types
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -27,8 +27,6 @@ _COMPILING: Final = "numba:compile"
 """The event around compiling one function; there is none when machine code is loaded."""
 _COLLECT_RARELY: Final = 50_000
 """Objects made between two collections while numba compiles."""
-
-_declared: list[Any] = []
 
 
 class NotCompiledError(Exception):
@@ -53,7 +51,6 @@ def kernel(function: F) -> F:
     for part in _compiled_in(function.__code__, function.__globals__):
         used.update(part.encode())
     file._source_stamp = used.hexdigest()
-    _declared.append(compiled)
     return cast(F, compiled)
 
 
@@ -88,35 +85,6 @@ def _named(code: types.CodeType, known: dict[str, Any]) -> Iterator[tuple[str, A
             yield name, value
 
 
-def count_kernels(rooms: Collection[str]) -> int:
-    """Return how many kernels are declared in ``rooms`` (names of packages or modules that are
-    loaded), with those that they call elsewhere.
-    """
-    return len(_kernels_of(rooms))
-
-
-def count_ready_kernels(rooms: Collection[str]) -> int:
-    """Return how many of them have machine code, compiled or loaded, for some types."""
-    return sum(bool(one.overloads) for one in _kernels_of(rooms))
-
-
-def _kernels_of(rooms: Collection[str]) -> list[Any]:
-    inside = [one for one in _declared if _lies_in(one.__module__, rooms)]
-    found = {id(one): one for one in inside}
-    while inside:
-        one = inside.pop()
-        code, known = one.py_func.__code__, one.py_func.__globals__
-        for _, value in _named(code, known):
-            if isinstance(value, CPUDispatcher) and id(value) not in found:
-                found[id(value)] = value
-                inside.append(value)
-    return list(found.values())
-
-
-def _lies_in(module: str, rooms: Collection[str]) -> bool:
-    return any(module == room or module.startswith(f"{room}.") for room in rooms)
-
-
 class _Listener(event.Listener):
     """Calls ``began`` when the compilation of a function begins, ``ended`` when it has ended."""
 
@@ -144,24 +112,6 @@ def loading_only() -> Iterator[None]:
         raise NotCompiledError(f"{dispatcher.__module__}.{dispatcher.__name__}")
 
     with event.install_listener(_COMPILING, _Listener(refuse, _ignore)):
-        yield
-
-
-@contextmanager
-def counting_compiled(report: Callable[[int], None]) -> Iterator[None]:
-    """Report how many kernels have been compiled meanwhile, at the end of each.
-
-    One that is compiled for several types counts once; parts of numba's own do not count.
-    """
-    compiled: set[int] = set()
-    declared = {id(one) for one in _declared}
-
-    def note(dispatcher: Any) -> None:
-        if id(dispatcher) in declared and id(dispatcher) not in compiled:
-            compiled.add(id(dispatcher))
-            report(len(compiled))
-
-    with event.install_listener(_COMPILING, _Listener(_ignore, note)):
         yield
 
 

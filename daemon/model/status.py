@@ -237,7 +237,7 @@ class PreparationPhase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """The preparation of a worker for runs; ``done`` of ``total`` kernels are compiled by now."""
+    """The preparation of a worker for runs; ``done`` of ``total`` groups of kernels are there."""
 
     phase: PreparationPhase
     done: int = 0

@@ -52,25 +52,15 @@ def prepare_child(supervisor: int) -> None:
     reset_signals()
 
 
-def session_niceness() -> int:
-    """Return how far this session steps back behind others (sched(7)): 0 to 19, mostly 0."""
-    with suppress(OSError, ValueError):  # a kernel without autogroups
-        return max(0, int(_AUTOGROUP.read_text().rpartition(" ")[2]))
-    return 0
+def lower_session(niceness: int) -> None:
+    """Let this process's session step back behind others, if it leads one.
 
-
-def lower_session(niceness: int) -> bool:
-    """Let this session step back behind others; returns whether to try again a bit later.
-
-    The kernel takes ten such wishes a second, of all who are not root.
+    With autogroups (sched(7)) sessions share processors evenly, whatever the niceness of their
+    processes: that counts inside of a session only.
     """
-    try:
-        _AUTOGROUP.write_text(str(niceness))
-    except BlockingIOError:
-        return True
-    except OSError:
-        pass  # a kernel without autogroups
-    return False
+    if os.getsid(0) == os.getpid():
+        with suppress(OSError):  # a kernel without them
+            _AUTOGROUP.write_text(str(niceness))
 
 
 def reset_signals() -> None:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 import os
-import selectors
 import shutil
 import signal
 import socket
@@ -27,6 +26,7 @@ from pathlib import Path
 from typing import Final
 
 from .child import become_supervisor, prepare_child
+from .event_loop import EventLoop
 from .output_file import OutputFile
 from .plan import (
     ALARM,
@@ -44,35 +44,31 @@ from .remains import (
     descendants,
     end_container,
     marked_processes,
-    reap_children,
     send_signal,
 )
 from .shared_memory import remove_shared_memory
 
-_MOST_READS: Final = 64
-"""Reads of 64 KiB from somebody who does not stop printing, before something else is looked at."""
 _CONTAINER_POLL: Final = 0.5
 
 
-class Supervisor:
+class Supervisor(EventLoop):
     """One stack while it lives."""
 
     def __init__(self, wire: socket.socket, plan: StackPlan) -> None:
+        super().__init__()
         self._plan = plan
         self._folder = Path(plan.folder)
         self._holder: socket.socket | None = None
         self._received = b""
-        self._selector = selectors.DefaultSelector()
         self._outputs = {
             name: OutputFile(self._folder / name) for name in (STACK_OUTPUT, RELAY_OUTPUT)
         }
-        self._pipes: dict[int, OutputFile] = {}
         self._children: dict[int, str] = {}
         self._groups: list[int] = []
-        self._ending = False
         self._idle_until: float | None = None
         self._setup_until: float | None = None
-        self._listen_for_signals()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+            signal.signal(number, self.end)
         self._holder_process: int | None = None
         self._hold(wire)
         if plan.owner:
@@ -80,7 +76,7 @@ class Supervisor:
             self._listener = socket.socket(socket.AF_UNIX)
             self._listener.bind(str(self._folder / CONTROL_SOCKET))
             self._listener.listen()
-            self._watch(self._listener.fileno(), self._welcome)
+            self.watch(self._listener.fileno(), self._welcome)
 
     def run(self) -> None:
         """Live as long as the stack may; nothing of it is left afterwards, the folder neither."""
@@ -92,15 +88,15 @@ class Supervisor:
                 self._start("setup", self._plan.setup, environment, STACK_OUTPUT)
             else:
                 self._start_stack(dict(os.environ))
-            while not self._ending:
-                self._turn(self._next_deadline())
+            while not self.ending:
+                self.turn(self._next_deadline())
                 self._look_at_deadlines()
         finally:
             self._end_everything()
             self._say({"gone": True})
             # The outputs are read before the folder goes: its holder hangs up when it has them.
             while self._holder is not None:
-                self._turn(1.0)
+                self.turn(1.0)
             shutil.rmtree(self._folder, ignore_errors=True)
 
     # Starting
@@ -121,7 +117,7 @@ class Supervisor:
         supervisor = os.getpid()
         reading, writing = os.pipe()
         try:
-            # Not closed by a context manager: it is waited for by _reap, as orphans are.
+            # Not closed by a context manager: the loop waits for it, as for orphans.
             child = subprocess.Popen(
                 [program, *words[1:]],
                 env=environment,
@@ -141,14 +137,12 @@ class Supervisor:
         self._children[child.pid] = role
         self._groups.append(child.pid)
         child.returncode = 0  # else its end of life warns that nobody waited
-        os.set_blocking(reading, False)
-        self._pipes[reading] = self._outputs[output]
-        self._watch(reading, lambda: self._drain(reading))
+        self.take_output(reading, self._outputs[output])
         return True
 
     def _refuse(self, why: str) -> None:
         self._say({"failed": why})
-        self._ending = True
+        self.ending = True
 
     def _setup_ended(self, code: int) -> None:
         self._setup_until = None
@@ -168,91 +162,38 @@ class Supervisor:
 
     # What happens
 
-    def _watch(self, descriptor: int, react: Callable[[], object]) -> None:
-        self._selector.register(descriptor, selectors.EVENT_READ, react)
-
     def _watch_process(self, process: int) -> int | None:
         """End with that process; returns the descriptor that says so."""
         try:
             descriptor = os.pidfd_open(process)
         except ProcessLookupError:
-            self._ending = True
-        except OSError:
-            pass  # a kernel before 5.3: there the sockets alone say it
-        else:
-            self._watch(descriptor, lambda: self._process_ended(descriptor))
-            return descriptor
-        return None
+            self.ending = True
+            return None
+        self.watch(descriptor, lambda: self._process_ended(descriptor))
+        return descriptor
 
     def _process_ended(self, descriptor: int) -> None:
-        self._ending = True
+        self.ending = True
         if descriptor == self._holder_process:
             self._hang_up()
         else:
-            self._selector.unregister(descriptor)
+            self.forget(descriptor)
             os.close(descriptor)
 
-    def _listen_for_signals(self) -> None:
-        ours, theirs = socket.socketpair()
-        for end in (ours, theirs):
-            end.setblocking(False)
-        signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
-        self._signals = (ours, theirs)
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
-            signal.signal(number, self._told_to_end)
-        signal.signal(signal.SIGCHLD, lambda *_: None)
-        self._watch(ours.fileno(), lambda: self._drain_signals(ours))
-
-    def _told_to_end(self, *_: object) -> None:
-        self._ending = True
-
-    def _drain_signals(self, source: socket.socket) -> None:
-        with suppress(BlockingIOError):
-            source.recv(4096)
-
-    def _turn(self, seconds: float | None) -> None:
-        """Wait for something to happen, at most so long, and react to it."""
-        for key, _ in self._selector.select(seconds):
-            # Unless what happened before it has made it void.
-            if self._selector.get_map().get(key.fd) is key:
-                key.data()
-        self._reap()
-
-    def _drain(self, source: int) -> bool:
-        """Take in some of what was printed; returns whether there may be more."""
-        try:
-            data = os.read(source, 1 << 16)
-        except BlockingIOError:
-            return False
-        if data:
-            self._pipes[source].write(data)
-        else:
-            self._selector.unregister(source)
-            os.close(source)
-            del self._pipes[source]
-        return bool(data)
-
-    def _drain_all(self) -> None:
-        """Take in what was printed before the end of who printed it is told."""
-        for source in tuple(self._pipes):
-            for _ in range(_MOST_READS):  # somebody who is left may never stop printing
-                if not self._drain(source):
-                    break
-
-    def _reap(self) -> None:
-        for process, code in reap_children():
-            role = self._children.pop(process, "")
-            if role == "setup" and not self._ending:
-                self._drain_all()
-                self._setup_ended(code)
-            elif role:
-                self._report_end(role, code)
+    def child_ended(self, process: int, code: int) -> None:
+        """React to the end of the setup, the stack or its relay, or of what they left."""
+        role = self._children.pop(process, "")
+        if role == "setup" and not self.ending:
+            self.drain()
+            self._setup_ended(code)
+        elif role:
+            self._report_end(role, code)
 
     def _report_end(self, role: str, code: int) -> None:
-        self._drain_all()
+        self.drain()
         self._say({"ended": role, "code": code})
         if self._idle_until is not None:
-            self._ending = True  # nobody would want it again
+            self.ending = True  # nobody would want it again
 
     def _next_deadline(self) -> float | None:
         ends = [end for end in (self._idle_until, self._setup_until) if end is not None]
@@ -267,9 +208,9 @@ class Supervisor:
         if self._setup_until is not None and now > self._setup_until:
             self._refuse(f"the setup files did not end within {self._plan.setup_limit:g} s")
         if self._idle_until is not None and now > self._idle_until:
-            self._ending = True
+            self.ending = True
         exit_code = self._folder / RELAY_EXIT
-        if self._plan.engine and not self._ending and exit_code.exists():
+        if self._plan.engine and not self.ending and exit_code.exists():
             text = exit_code.read_text().strip()
             exit_code.unlink()
             self._report_end("relay", int(text) if text.isdecimal() else 1)
@@ -286,13 +227,13 @@ class Supervisor:
             data = b""
         if not data:
             self._hang_up()
-            self._ending = True
+            self.ending = True
             return
         *lines, self._received = (self._received + data).split(b"\n")
         for line in lines:
             request = json.loads(line)
             if "end" in request:
-                self._ending = True
+                self.ending = True
             elif "keep" in request:
                 self._say({"kept": True})
                 self._hang_up()
@@ -300,24 +241,24 @@ class Supervisor:
 
     def _hold(self, wire: socket.socket) -> None:
         self._holder, self._received = wire, b""
-        self._watch(wire.fileno(), self._hear_holder)
+        self.watch(wire.fileno(), self._hear_holder)
         # Two ways to learn that a holder is dead: its end may have been inherited by somebody.
         self._holder_process = self._watch_process(_peer(wire))
 
     def _hang_up(self) -> None:
         if self._holder is not None:
-            self._selector.unregister(self._holder.fileno())
+            self.forget(self._holder.fileno())
             self._holder.close()
             self._holder = None
         if self._holder_process is not None:
-            self._selector.unregister(self._holder_process)
+            self.forget(self._holder_process)
             os.close(self._holder_process)
             self._holder_process = None
 
     def _welcome(self) -> None:
         """Somebody asks for a kept stack: one gets it, and only while nobody else has it."""
         peer, _ = self._listener.accept()
-        if self._idle_until is None or self._ending:
+        if self._idle_until is None or self.ending:
             peer.close()
             return
         self._idle_until = None
@@ -332,13 +273,13 @@ class Supervisor:
                 self._holder.sendall(json.dumps(event).encode() + b"\n")
             except OSError:
                 self._hang_up()  # it is gone, which is what it will be told to end for
-                self._ending = True
+                self.ending = True
 
     # Ending
 
     def _end_everything(self) -> None:
         """SIGINT, SIGTERM, SIGKILL, each only if the one before was not enough."""
-        self._ending = True
+        self.ending = True
         for group in set(self._group_members().values()):
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(group, signal.SIGINT)
@@ -359,13 +300,13 @@ class Supervisor:
 
     def _wait_until(self, condition: Callable[[], bool], seconds: float) -> None:
         deadline = time.monotonic() + seconds
-        self._reap()
+        self.reap()
         while not condition() and time.monotonic() < deadline:
             # Not a look at all processes for each line of who goes on printing.
             next_look = time.monotonic() + POLL / 5
-            self._turn(POLL)
+            self.turn(POLL)
             while (rest := next_look - time.monotonic()) > 0:
-                self._turn(rest)
+                self.turn(rest)
 
     def _left(self) -> set[int]:
         """Everything that belongs to the stack and lives."""

@@ -327,12 +327,12 @@ def ask_everything(client):
 
 
 def overhead(pid):
-    """CPU seconds of the daemon, its worker and the fork server; and of the runs that ended."""
+    """CPU seconds of the daemon, its worker and the zygote; and of the runs that ended."""
     own = runs = 0.0
     for process in family(pid):
         used = process.cpu_times()
         own += used.user + used.system
-        # Runs are children of the fork server; the daemon and the worker have no others yet.
+        # Runs are children of the zygote; the daemon and the worker have no others yet.
         runs += used.children_user + used.children_system
     return own, runs
 

@@ -1,8 +1,8 @@
 """Memory of the process of a run: S1 of the published experiment, and many runs in one process.
 
-One run is executed by a child of a worker's fork server, as every run is; many by a child of a
+One run is executed by a child of a worker's zygote, as every run is; many by a child of a
 process that is as warm as that. RSS is all that a process has in memory, with what it shares with
-the fork server; PSS counts a page that several share in parts, USS not at all.
+the zygote; PSS counts a page that several share in parts, USS not at all.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_GROWTH = 1.05
 """Of the memory after two runs: malloc may keep some more for later."""
 ROOT = Path(__file__).parents[2]
 ROOMS = "BENCH_MEMORY_ROOMS"
-"""The variable that tells the fork server which rooms the run enters."""
+"""The variable that tells the zygote which rooms the run enters."""
 FOUND = "memory.json"
 """Lies in the folder of an attempt when the run is over."""
 
@@ -56,7 +56,7 @@ def peak():
 
 
 def warm_up():
-    """Load what the run needs; called by the fork server alone."""
+    """Load what the run needs; called by the zygote alone."""
     from daemon.run import warm_up as warm_up_runs
 
     warm_up_runs(os.environ[ROOMS].split())
@@ -79,9 +79,9 @@ def execute(spec, scene, *, trace_path, on_progress, interest):
 
 
 def tell_of_child(name):
-    """Print as JSON what memory a child of a fork server has: before a run, meanwhile, after it."""
+    """Print as JSON what memory a child of a zygote has: before a run, meanwhile, after it."""
     from daemon.batch.worker._attempts import Attempt
-    from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
+    from daemon.batch.worker._zygotes import ZygotePool
     from daemon.model.execution import RunLimits
     from daemon.model.kernel_rooms import kernel_rooms
     from daemon.model.messages import Lease
@@ -90,11 +90,10 @@ def tell_of_child(name):
 
     spec, scene = load(name)
     os.environ[ROOMS] = " ".join(kernel_rooms(spec.sut.kind, spec.sut.parameters))
-    prepare_environment(f"{__name__}:execute")
     with tempfile.TemporaryDirectory(prefix="bench-memory-") as folder:
         file = Path(folder) / "scene.json"
         file.write_bytes(codec.to_json(scene))
-        pool = ForkServerPool(1)
+        pool = ZygotePool(1, f"{__name__}:execute")
         pool.warm_up()
         lease = Lease("c.0", "c", 1, 0, "c/run.mcap", spec)
         attempt = Attempt.prepare(Path(folder) / "c.0" / "attempt-1", lease)
@@ -103,12 +102,13 @@ def tell_of_child(name):
             wait(execution.waitables)
             execution.listen()
         execution.close()
+        pool.close()
         print((attempt.folder / FOUND).read_text(), flush=True)
 
 
 def tell(name, times):
     """Print as JSON what memory a child of a warm process has: before runs, and after each."""
-    from daemon.batch.freed_memory import return_freed_memory
+    from daemon.batch.zygote import return_freed_memory
     from daemon.run import execute, warm_up
     from tests.benchmarks.case_process import load
 

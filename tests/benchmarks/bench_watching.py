@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import socket
 import tempfile
 import threading
 import time
 from dataclasses import dataclass
-from multiprocessing import Pipe
 from pathlib import Path
 
 from daemon.batch.run_process import (
-    JUDGED_FILE,
     JUDGEMENT,
+    LARGEST_MESSAGE,
     LIVE,
-    WATCHED,
+    WATCH,
     SnapshotSender,
     Wanted,
 )
@@ -66,16 +66,16 @@ class _Watching:
 
 
 def _once(spec, scene, folder, way):
-    ours, theirs = Pipe(duplex=False)
-    (folder / WATCHED).write_text(" ".join(WAYS[way]))
-    reporter = SnapshotSender("run", theirs, folder)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.send(WATCH + " ".join(WAYS[way]).encode())
+    reporter = SnapshotSender("run", theirs)
     asked = (
         {}
         if way == NOBODY
         else {"on_progress": reporter, "interest": reporter.interest, "judgements": reporter}
     )
     sizes = {LIVE: [], JUDGEMENT: []}
-    drain = threading.Thread(target=_drain, args=(ours, folder / JUDGED_FILE, sizes))
+    drain = threading.Thread(target=_drain, args=(ours, sizes))
     drain.start()
     before, began = time.thread_time(), time.monotonic()
     execute(spec, scene, trace_path=folder / "run.mcap", **asked)
@@ -86,11 +86,7 @@ def _once(spec, scene, folder, way):
     return _Watching(cpu, len(sizes[LIVE]), len(sizes[JUDGEMENT]), told / wall)
 
 
-def _drain(wire, judged, sizes):
-    while True:
-        try:
-            message = wire.recv_bytes()
-        except EOFError:
-            return
-        size = judged.stat().st_size if message == JUDGEMENT else len(message)
-        sizes[message[:1]].append(size)
+def _drain(wire, sizes):
+    with wire:
+        while message := wire.recv(LARGEST_MESSAGE):
+            sizes[message[:1]].append(len(message) - 1)

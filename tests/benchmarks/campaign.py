@@ -75,7 +75,7 @@ def cpu(daemon):
         try:
             used = process.cpu_times()
             in_run = process.nice() > 0
-        except psutil.NoSuchProcess:  # a run that has just ended: its fork server has its times
+        except psutil.NoSuchProcess:  # a run that has just ended: its zygote has its times
             continue
         if in_run:
             runs += used.user + used.system

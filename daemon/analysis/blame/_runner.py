@@ -145,7 +145,7 @@ def run_forked(
     Of a process that does not end well there is no result. Whatever is raised here, no process
     survives it.
     """
-    # Forked from here and not from a worker's fork server: this process is warm already, has no
+    # Forked from here and not from a worker's zygote: this process is warm already, has no
     # Zenoh session, and the candidate need not be written to a file and read again.
     systems = [candidate.spec.sut for candidate in candidates]
     warm_up({room for sut in systems for room in kernel_rooms(sut.kind, sut.parameters)})

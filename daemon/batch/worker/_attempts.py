@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import fcntl
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -24,14 +23,13 @@ from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, LEASE, RESULT, WATCHED, Wanted, read_output
+from daemon.batch.run_process import FILES, LEASE, RESULT, Wanted, read_output
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunResult, SutReference
 from daemon.model.status import Preparation
 from grammars.text import codec
-from grammars.text.files import write_atomically
 
 _LOCK: Final = "lock"
 """Stands in the lock of a worker without a key: the daemon's owner started it."""
@@ -67,11 +65,6 @@ class Attempt:
     def link_files(self, folder: Path) -> None:
         """Put the files of systems under test in ``folder`` within reach of the run."""
         (self.folder / FILES).symlink_to(folder)
-
-    def mark_watched(self, wanted: Iterable[str]) -> None:
-        """Leave word for the run of what those who watch it want; nothing if that is no more."""
-        with suppress(OSError):  # a full disk, say: then it is not watched
-            write_atomically(self.folder / WATCHED, " ".join(wanted).encode(), durable=False)
 
     @property
     def finished(self) -> bool:
@@ -288,7 +281,7 @@ class Execution(Protocol):
         """Have it tell what those who watch want; called when that changes."""
 
     def kill(self, why: str = "") -> None:
-        """End it at once, for that reason; it has ended afterwards."""
+        """Have it ended, for that reason; its ``end`` comes within half a minute."""
 
     def close(self) -> None:
         """Free what belongs to it, once it has ended."""
@@ -325,6 +318,6 @@ class Backend(Protocol):
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> Execution:
         """Start an attempt on the scene in that file.
 
-        Raises :class:`daemon.batch.errors.DaemonError`, ``OSError`` or ``EOFError`` when that is
-        not possible now, which is nothing to blame the run for.
+        Raises :class:`daemon.batch.errors.DaemonError` or ``OSError`` when that is not possible
+        now, which is nothing to blame the run for.
         """

@@ -25,7 +25,7 @@ from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
-from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
+from daemon.batch.worker._zygotes import ZygotePool
 from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import Lease
 from grammars.text import codec
@@ -130,20 +130,19 @@ def main() -> None:
     answers = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     os.environ.update(numba_cache_environment(StatePaths(Path(directory))))
-    prepare_environment(executor)
-    pool: ForkServerPool | None = None
+    pool: ZygotePool | None = None
     while line := sys.stdin.buffer.readline():
         try:
             if pool is None:
-                pool = ForkServerPool(1)
+                pool = ZygotePool(1, executor)
                 pool.warm_up()
             end = _execute(pool, codec.from_json(StartRequest, line))
-        except (DaemonError, OSError, EOFError, ValueError) as error:
+        except (DaemonError, OSError, ValueError) as error:
             end = AttemptEnd(f"not started: {error}")
         os.write(answers, codec.to_json(end) + b"\n")
 
 
-def _execute(pool: ForkServerPool, request: StartRequest) -> AttemptEnd:
+def _execute(pool: ZygotePool, request: StartRequest) -> AttemptEnd:
     attempt = Attempt.read(Path(request.folder))
     # Nothing else is asked meanwhile: what comes there is the end.
     asked = sys.stdin.fileno()

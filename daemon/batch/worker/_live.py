@@ -91,9 +91,12 @@ class LivePublisher:
         if Wanted.DETAILS in watch.wanted and watch.budget.allows(now):
             watch.budget.spend(len(live))
             watch.details.put(live)
-        if now - watch.published_at >= _LIVE_PERIOD and Wanted.MARGIN in watch.wanted:
+        due = now - watch.published_at >= _LIVE_PERIOD and Wanted.MARGIN in watch.wanted
+        if due and watch.budget.allows(now):
             watch.published_at = now
-            self._all.put(_without_details(live) if Wanted.DETAILS in watch.wanted else live)
+            bare = _without_details(live) if Wanted.DETAILS in watch.wanted else live
+            watch.budget.spend(len(bare))
+            self._all.put(bare)
 
     def _watch(self, execution: Execution) -> _WatchedRun:
         run = execution.attempt.lease.run

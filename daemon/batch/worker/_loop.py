@@ -3,7 +3,7 @@
 One loop in one thread; what it asks of the daemon, threads carry there, except renewals. It never
 takes the daemon's word for granted: whatever was not acknowledged is asked, renewed or delivered
 again, across restarts of daemon and worker. A run is watched while somebody subscribes to its own
-key; whoever executes it is told by a file in the attempt's folder, and makes the details then only.
+key; whoever executes it hears of that, and makes the details then only.
 
 What becomes of a lease here:
 
@@ -19,6 +19,7 @@ worker begins anew with that ledger.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Hashable
@@ -70,6 +71,8 @@ _LOOK_AT_LEDGER: Final = 2.0
 """Seconds between two looks whether the ledger has returned that granted what runs here."""
 _LAST_WORDS: Final = 3.0
 """Seconds a worker that is ended takes to tell the daemon."""
+_END_LIMIT: Final = 40.0
+"""Seconds for runs that are ended with their worker: longer than it takes to give up the last."""
 _MOST_LEASED: Final = 1024
 """Runs asked for at a time."""
 _LEAVE_TIMEOUT: Final = 10.0
@@ -123,6 +126,8 @@ class WorkerLoop:
         self._renew_period = renew
         self._log = log
         self._executions: list[Execution] = []
+        # Tokens of executions that are being ended because nobody wants them any more.
+        self._unwanted: set[int] = set()
         self._renew_at = 0.0
         self._lease_at = 0.0
         self._silent_until = 0.0
@@ -202,19 +207,22 @@ class WorkerLoop:
     def _take_ended(self, execution: Execution) -> None:
         self._executions.remove(execution)
         self._lease_at = 0.0
-        execution.listen()  # its last words may have come after the ones just read
-        self._live.publish(execution)
         self._live.forget(execution.attempt.lease.run)
-        end = execution.end or AttemptEnd()
-        if execution.attempt.finished:
+        attempt, end = execution.attempt, execution.end or AttemptEnd()
+        unwanted = attempt.lease.token in self._unwanted
+        self._unwanted.discard(attempt.lease.token)
+        if attempt.finished:
             self._trouble.clear()
-            self._deliveries.finished.append(execution.attempt)
+            self._deliveries.finished.append(attempt)
+        elif unwanted:
+            self._spool.discard(attempt)
         elif end.sut_missing:
-            self._give_back_missing_sut(execution.attempt, end.why)
+            self._give_back_missing_sut(attempt, end.why)
         else:
             if not end.counts:
                 self._trouble.note(end.why)
-            self._deliveries.give_back_attempt(execution.attempt, end.why, blame=end.counts)
+            blame = end.counts and not self._signals.abort
+            self._deliveries.give_back_attempt(attempt, end.why, blame=blame)
         execution.close()
 
     def _renew_soon(self) -> None:
@@ -314,7 +322,12 @@ class WorkerLoop:
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
-        attempts = [execution.attempt for execution in self._executions] + self._deliveries.finished
+        running = [
+            execution.attempt
+            for execution in self._executions
+            if execution.attempt.lease.token not in self._unwanted
+        ]
+        attempts = running + self._deliveries.finished
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
         reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
@@ -324,21 +337,13 @@ class WorkerLoop:
             self._deliveries.offer_again()
         gone = {hold.token for hold in reply.gone}
         self._leased = deque(lease for lease in self._leased if lease.token not in gone)
-        for execution in tuple(self._executions):
+        for execution in self._executions:
+            lease = execution.attempt.lease
             # What has finished meanwhile is delivered: the daemon says what it thinks of it.
-            if execution.attempt.lease.token in gone and not execution.attempt.finished:
-                self._drop(execution)
-
-    def _drop(self, execution: Execution) -> None:
-        self._log(f"{execution.attempt.lease.run}: no longer wanted here, stopped")
-        execution.kill()
-        self._executions.remove(execution)
-        self._live.forget(execution.attempt.lease.run)
-        execution.close()
-        if execution.attempt.finished:  # in that very moment
-            self._deliveries.finished.append(execution.attempt)
-        else:
-            self._spool.discard(execution.attempt)
+            if lease.token in gone and not execution.attempt.finished:
+                self._log(f"{lease.run}: no longer wanted here, stopped")
+                self._unwanted.add(lease.token)
+                execution.kill()
 
     def _lease(self) -> None:
         slots = self._backend.slots
@@ -426,7 +431,7 @@ class WorkerLoop:
             attempt = self._spool.open(lease)
             scene = self._inputs.provide(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
-        except (DaemonError, OSError, EOFError, ValueError) as error:
+        except (DaemonError, OSError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
             if attempt is not None:
                 self._spool.discard(attempt)
@@ -440,13 +445,10 @@ class WorkerLoop:
     def _give_up(self) -> None:
         for execution in self._executions:
             execution.kill("the worker was stopped")
-            if execution.attempt.finished:
-                self._deliveries.finished.append(execution.attempt)
-            else:
-                why = execution.end.why if execution.end is not None else ""
-                self._deliveries.give_back_attempt(execution.attempt, why, blame=False)
-            execution.close()
-        self._executions.clear()
+        self._renew_at, deadline = math.inf, time.monotonic() + _END_LIMIT
+        while self._executions and time.monotonic() < deadline:
+            self._wait()
+            self._collect_results()
         deadline = time.monotonic() + _LAST_WORDS
         self._asks.wait(_LAST_WORDS)  # runs may be on their way here
         self._take_answers()

@@ -17,13 +17,9 @@ from daemon.batch.security import find_credentials
 from daemon.batch.tether import exit_when_stdin_closes
 from daemon.batch.worker._attempts import Backend, Spool
 from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
-from daemon.batch.worker._forkserver import (
-    ForkServerPool,
-    lower_session_priority,
-    prepare_environment,
-)
 from daemon.batch.worker._loop import WorkerLoop
 from daemon.batch.worker._signals import WorkerSignals
+from daemon.batch.worker._zygotes import ZygotePool
 from daemon.model.execution import (
     DEFAULT_EXECUTOR,
     RunLimits,
@@ -32,6 +28,7 @@ from daemon.model.execution import (
 )
 from daemon.model.messages import ALIVE, WORK, WelcomeReply
 from daemon.model.verbs import Role
+from daemon.supervision.child import lower_session
 from grammars.text.terminal_text import printable
 
 _ASK_AGAIN: Final = 1.0
@@ -74,7 +71,7 @@ def work(
     if tether:
         exit_when_stdin_closes()
     if nice:
-        lower_session_priority(nice)
+        lower_session(nice)
     # Before anything is forked that inherits it.
     decide_on_commands(commands, elsewhere=is_encrypted(connect))
     with ExitStack() as stack:
@@ -152,8 +149,8 @@ def _open_spool(paths: StatePaths, worker: str) -> Spool:
 def _open_backend(slots: int | None, executor: str, dask: str, stack: ExitStack) -> Backend:
     """What executes runs, proven to; raises :class:`WorkerBroken`."""
     if not dask:
-        prepare_environment(executor)
-        pool = ForkServerPool(available_cores() if slots is None else slots)
+        pool = ZygotePool(available_cores() if slots is None else slots, executor)
+        stack.callback(pool.close)
         pool.warm_up()
         return pool
     try:

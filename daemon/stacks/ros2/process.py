@@ -13,7 +13,6 @@ import shutil
 import signal
 import socket
 from collections.abc import Mapping
-from multiprocessing import parent_process
 from pathlib import Path
 from typing import IO, Final
 
@@ -44,6 +43,7 @@ from daemon.stacks.ros2.isolation import (
 )
 from daemon.stacks.ros2.placeholders import PlaceholderError
 from daemon.stacks.ros2.settings import Ros2Settings, fill_settings
+from daemon.supervision.guardian import holder
 from daemon.supervision.output_file import OutputFile
 from daemon.supervision.plan import (
     ENVIRONMENT,
@@ -96,7 +96,8 @@ class StackProcess:
         self._domain_lock: socket.socket | None = None
         self._outputs: dict[str, bytes] | None = None
         self._ended = ""
-        self._owner = _owner() if settings.reuse else 0
+        # A kept stack is for the next run that is forked from the same process.
+        self._owner = holder() if settings.reuse else 0
         self.domain = -1
         root = runtime_folder()
         try:
@@ -326,13 +327,6 @@ def _ask_to_end(wire: SupervisorWire, grace: float) -> bool:
     wire.tell("end")
     limit = 2.0 * grace + KILL_LIMIT + _ENGINE_LIMIT + ANSWER_LIMIT
     return wire.wait_for("gone", limit=limit) is not None
-
-
-def _owner() -> int:
-    """Return the process that a kept stack is for: the worker, or this one."""
-    # The parent of a run's process is the fork server to the kernel, not to multiprocessing.
-    worker = parent_process()
-    return os.getpid() if worker is None or worker.pid is None else worker.pid
 
 
 def _end_in_words(code: int) -> str:

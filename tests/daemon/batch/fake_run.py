@@ -3,7 +3,7 @@
 The parameters of the system under test say what to do: ``sleep`` [s], ``until`` (goes on until
 there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 0 is the
-guardian, 1 the fork server, 2 what started that), ``abort`` (say this and abort), ``raise``,
+guardian, 1 the zygote, 2 what started that), ``abort`` (say this and abort), ``raise``,
 ``full`` (the disk quota is used up until there is this file),
 ``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``leaves`` (a file that gets
 the numbers of the processes that are left behind), ``prints`` [MiB], ``evidence`` (characters of

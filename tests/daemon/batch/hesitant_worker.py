@@ -6,18 +6,18 @@ from collections import Counter
 
 from daemon.__main__ import main
 from daemon.batch.worker import _work
-from daemon.batch.worker._forkserver import ForkServerPool
+from daemon.batch.worker._zygotes import ZygotePool
 from daemon.model.status import Preparation, PreparationPhase
 
 LOOKS = 3
 """Looks at a run until its kernels are there."""
 
 
-class HesitantPool(ForkServerPool):
+class HesitantPool(ZygotePool):
     """Makes each run wait for its kernels; what it prepares changes, so a renewal is always due."""
 
-    def __init__(self, slots):
-        super().__init__(slots)
+    def __init__(self, slots, executor):
+        super().__init__(slots, executor)
         self._looks = Counter()
         self._steps = itertools.count()
 
@@ -31,5 +31,5 @@ class HesitantPool(ForkServerPool):
 
 
 if __name__ == "__main__":
-    _work.ForkServerPool = HesitantPool
+    _work.ZygotePool = HesitantPool
     sys.exit(main())

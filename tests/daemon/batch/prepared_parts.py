@@ -3,7 +3,7 @@
 To load it takes each of them 0.3 CPU s, most of what the others do in a test, and tests start about
 a hundred. What is forked is not initialised: modules are in memory, ``python -m daemon`` runs as
 it does elsewhere, in a session and with an environment and output of its own. What starts by
-itself (``scenario daemon``, the workers of a daemon, fork servers) loads everything, as do parts in
+itself (``scenario daemon``, the workers of a daemon, zygotes) loads everything, as do parts in
 another environment than the one in which the tests were read.
 """
 

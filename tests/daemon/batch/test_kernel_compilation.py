@@ -1,18 +1,24 @@
 """Machine code is compiled by one process at a time, which the others wait for."""
 
 import fcntl
-import multiprocessing
+import select
+import socket
 import threading
 
 import pytest
 
-from daemon.batch.kernel_compilation import WAITING, compiling_alone
 from daemon.batch.numba_cache import CACHE_VARIABLE, numba_cache_folder
+from daemon.batch.run_process import PREPARATION
+from daemon.batch.zygote import compiling_alone
+from daemon.model.status import Preparation, PreparationPhase
+from grammars.text import codec
 
 
 @pytest.fixture
 def wire():
-    return multiprocessing.Pipe(duplex=False)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        yield ours, theirs
 
 
 def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(tmp_path, wire):
@@ -27,8 +33,10 @@ def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(t
         fcntl.flock(lock, fcntl.LOCK_EX)
         waiting = threading.Thread(target=second)
         waiting.start()
-        assert ours.poll(30.0)
-        assert ours.recv_bytes() == WAITING
+        message = ours.recv(1000)
+        assert message[:1] == PREPARATION
+        waits = Preparation(PreparationPhase.WAITING)
+        assert codec.from_json(Preparation, message[1:]) == waits
         assert not begun.is_set()
     assert begun.wait(30.0)
     waiting.join()
@@ -37,7 +45,7 @@ def test_who_comes_second_says_that_it_waits_and_begins_when_the_first_is_done(t
 def test_nobody_is_waited_for_where_nothing_can_be_written(tmp_path, wire):
     (tmp_path / "file").touch()
     with compiling_alone(tmp_path / "file" / "kernels", wire[1]):
-        assert not wire[0].poll()
+        assert not select.select([wire[0]], [], [], 0.0)[0]
 
 
 def test_processes_that_share_a_cache_share_its_folder(tmp_path):

@@ -304,8 +304,8 @@ def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path):
         assert parent.stdout is not None
         try:
             assert parent.stdout.readline() == b"ready\n"
-            # The parent, its daemon, the worker and its two helpers, two runs, a guardian of each.
-            members = eventually(lambda: len(found := family(parent.pid)) >= 9 and found)
+            # The parent, its daemon, the worker and its zygote, two runs, a guardian of each.
+            members = eventually(lambda: len(found := family(parent.pid)) >= 8 and found)
         finally:
             parent.kill()
     try:

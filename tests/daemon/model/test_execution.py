@@ -1,6 +1,5 @@
 """Children are ours wherever they are started."""
 
-import os
 import platform
 import subprocess
 import sys
@@ -9,10 +8,8 @@ import pytest
 
 from daemon.model.execution import (
     available_cores,
-    forget_safe_path,
     machine_text,
     python_command,
-    safe_fork_server,
 )
 from tests.daemon.batch.harness import daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_submission
@@ -41,7 +38,7 @@ def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign):
     assert "serve" in ours.stdout
 
 
-def test_a_fork_server_is_ours_too(foreign, tmp_path):
+def test_a_zygote_is_ours_too(foreign, tmp_path):
     """Also when its parent, like the ``scenario`` command, was not started with ``-P``."""
     script = foreign / "scripts" / "command.py"
     script.parent.mkdir()
@@ -55,18 +52,6 @@ def test_a_fork_server_is_ours_too(foreign, tmp_path):
             finally:
                 worker.terminate()
         assert finished(client, 1)
-
-
-def test_what_children_inherit_is_what_there_was(monkeypatch):
-    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
-    with safe_fork_server():
-        assert os.environ["PYTHONSAFEPATH"]
-        forget_safe_path()  # as the fork server does
-        assert "PYTHONSAFEPATH" not in os.environ
-    monkeypatch.setenv("PYTHONSAFEPATH", "1")
-    with safe_fork_server():
-        forget_safe_path()
-    assert os.environ["PYTHONSAFEPATH"] == "1"
 
 
 def test_a_machine_is_told_by_its_processor_and_cores_and_not_by_its_name():

@@ -105,7 +105,7 @@ async def test_a_full_disk_is_told_on_the_first_line_and_explained_below():
 async def test_what_keeps_one_worker_from_working_is_readable_to_its_end():
     fake = FakeDaemon()
     stuck(fake)
-    fake.troubles = (f"worker spare-1: {'the forkserver says a lot, ' * 8}and so it ends",)
+    fake.troubles = (f"worker spare-1: {'the zygote says a lot, ' * 8}and so it ends",)
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "3")

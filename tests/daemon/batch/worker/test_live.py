@@ -1,11 +1,12 @@
 """What is published of running runs: nothing unless somebody listens, and no more than the line."""
 
+import socket
 from types import SimpleNamespace
 
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.run_process import Wanted
+from daemon.batch.run_process import WATCH, SnapshotSender, Wanted
 from daemon.batch.worker import _live
 from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
@@ -183,16 +184,13 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, cl
         eventually(lambda: seen and seen[-1].snapshot.time == 7.0)
 
 
-@pytest.mark.parametrize("mark", ["", "details", "details judgement", "margin"])
-def test_the_word_for_a_run_is_read_by_it(tmp_path, mark):
-    from multiprocessing import Pipe
-
-    from daemon.batch.run_process import WATCHED, SnapshotSender
-
-    (tmp_path / WATCHED).write_text(mark)
-    ours, theirs = Pipe(duplex=False)
+@pytest.mark.parametrize("words", ["", "details", "details judgement", "margin"])
+def test_a_run_hears_what_is_wanted_of_it(words):
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        sender = SnapshotSender(RUN, theirs, tmp_path)
-        assert sender.interest() == ("everything" if "details" in mark else "progress")
+        ours.send(WATCH + b"details judgement margin")
+        ours.send(WATCH + words.encode())
+        sender = SnapshotSender(RUN, theirs)
+        assert sender.interest() == ("everything" if "details" in words else "progress")
         wanted = {"details judgement": "everything", "margin": "margin"}
-        assert sender.wanted() == wanted.get(mark, "nothing")
+        assert sender.wanted() == wanted.get(words, "nothing")

@@ -92,7 +92,7 @@ def test_nothing_outlives_a_worker(daemon, client, tmp_path, number):
     client.cancel(f"worker-{number:d}")
 
 
-def test_nothing_outlives_a_fork_server(daemon, client, tmp_path):
+def test_nothing_outlives_a_zygote(daemon, client, tmp_path):
     with worker_for(daemon) as worker:
         begun = begin(client, "server", tmp_path / "left")
         (server,) = [one for one in psutil.Process(worker.pid).children() if one.children()]

@@ -11,7 +11,6 @@ import pytest
 
 from daemon.batch import bus
 from daemon.batch.errors import Refused
-from daemon.batch.run_process import WATCHED
 from daemon.model import verbs
 from daemon.model.messages import LeaseRequest, WorkerInfo
 from daemon.model.run_state import RunState
@@ -272,8 +271,8 @@ def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path):
         worker_for(daemon, 2, "--step-back", "3") as worker,
     ):
         client.submit(make_submission("c", 2, sleep=600.0))
-        # The worker, its two helpers, two runs, and a guardian of each.
-        members = eventually(lambda: len(found := family(worker.pid)) >= 7 and found)
+        # The worker, its zygote, two runs, and a guardian of each.
+        members = eventually(lambda: len(found := family(worker.pid)) >= 6 and found)
         autogroup = Path(f"/proc/{worker.pid}/autogroup")
         assert not autogroup.exists() or autogroup.read_text().endswith("nice 3\n")
         worker.kill()
@@ -319,7 +318,7 @@ def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path):
 
 
 def test_a_worker_is_one_family(daemon, client):
-    """The fork server never opens Zenoh: only the daemon listens, only the agent connects."""
+    """The zygote never opens Zenoh: only the daemon listens, only the agent connects."""
     with worker_for(daemon) as worker:
         eventually(lambda: worker.pid in {row.pid for row in client.workers()})
         connected = [p for p in family(worker.pid) if p.net_connections("inet")]
@@ -389,7 +388,7 @@ def test_details_of_a_run_are_told_while_somebody_watches_it(client):
     client.cancel("watched")
 
 
-def test_a_run_is_judged_while_somebody_wants_to_know(client, daemon):
+def test_a_run_is_judged_while_somebody_wants_to_know(client):
     client.submit(make_submission("judged", 1, sleep=600.0))
     (row,) = client.runs("judged").rows
     told = []
@@ -402,9 +401,10 @@ def test_a_run_is_judged_while_somebody_wants_to_know(client, daemon):
             eventually(lambda: len(judged) > 1)
     assert {judgement.run for judgement in judged} == {row.id}
     assert len(judged[-1].log) == 2000
-    (mark,) = daemon.state.rglob(WATCHED)
-    eventually(lambda: mark.read_text() == "")
     count = len(judged)
+    told.clear()
+    with client.watch(row.id, told.append):
+        eventually(lambda: told and told[-1].snapshot.margin is None)
     client.cancel("judged")
     assert len(judged) == count
 

@@ -1,9 +1,8 @@
 """What the process of a run costs when the run does nothing: fork, guardian, lease, result, exit.
 
-The fork server is warm for runs of the simulator, since what it has in memory is what a fork costs.
+The zygote is warm for runs of the simulator, since what it has in memory is what a fork costs.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -14,8 +13,8 @@ import psutil
 
 from daemon.batch import run_process
 from daemon.batch.worker._attempts import Attempt
-from daemon.batch.worker._forkserver import ForkServerPool, prepare_environment
-from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits
+from daemon.batch.worker._zygotes import ZygotePool
+from daemon.model.execution import RunLimits
 from daemon.model.messages import Lease
 from grammars.text import codec
 from tests.benchmarks.measurement import Measurement, Reference
@@ -30,24 +29,23 @@ guarded = unguarded = execute
 
 
 def warm_up():
-    """Called by the fork server alone."""
+    """Called by the zygote alone."""
     from daemon.run import warm_up as warm_up_runs
 
     warm_up_runs()
-    if os.environ[EXECUTOR_VARIABLE].endswith(":unguarded"):
+    if f"{__name__}:unguarded" in sys.argv:
         run_process.guard = lambda *_, **__: None
 
 
 def cpu_of(kind):
-    """CPU of a run's processes and of the fork server, for one run [ms]."""
-    prepare_environment(f"{__name__}:{kind}")
-    with tempfile.TemporaryDirectory(prefix="bench-forkserver-") as folder:
+    """CPU of a run's processes and of the zygote, for one run [ms]."""
+    with tempfile.TemporaryDirectory(prefix="bench-zygote-") as folder:
         scene = Path(folder) / "scene.json"
         scene.write_bytes(codec.to_json(SCENE))
-        pool = ForkServerPool(1)
+        pool = ZygotePool(1, f"{__name__}:{kind}")
         pool.warm_up()
         (server,) = (
-            one for one in psutil.Process().children() if "forkserver" in "".join(one.cmdline())
+            one for one in psutil.Process().children() if "daemon.batch.zygote" in one.cmdline()
         )
         before = 0.0
         for number in range(WARM + RUNS):
@@ -58,12 +56,13 @@ def cpu_of(kind):
             execution = pool.start(attempt, scene, RunLimits())
             while execution.end is None:
                 wait(execution.waitables)
+                execution.listen()
             execution.close()
         return 1e3 * (sum(server.cpu_times()) - before) / RUNS
 
 
 def measure():
-    """Each in a process of its own: one has only one fork server."""
+    """Each in a process of its own."""
     program = f"import sys; from {__name__} import cpu_of; print(cpu_of(sys.argv[1]))"
     took = {}
     for kind in KINDS:
