@@ -13,9 +13,12 @@ from daemon.batch.ledger._entry import read_spec
 from daemon.batch.ledger._results import (
     begin_era,
     check_result,
+    engine_problem,
     has_stopped_result,
     lease_problem,
     queue_reserve,
+    read_engine_problems,
+    read_holds,
     read_trace_location,
     require_era,
     require_lease,
@@ -207,7 +210,7 @@ class LeaseUpdates(RunUpdates):
                 break
             run, campaign, trace, leads = row
             spec = read_spec(self._db, run)
-            if why := missing(spec):
+            if why := engine_problem(spec.engine) or missing(spec):
                 self._hold(campaign, run, why, now)
                 continue
             token = self._next_token()
@@ -241,11 +244,18 @@ class LeaseUpdates(RunUpdates):
     def begin_era(self) -> str:
         """Begin to keep this ledger; leases are of the era that this returns from now on.
 
-        What campaigns lacked may have come while no daemon looked: that is found out anew.
+        What campaigns lacked may have come while no daemon looked: that is found out anew. Those
+        of another engine wait for a daemon that has it.
         """
         self._db.execute("UPDATE campaign SET lacks = '' WHERE lacks <> ''")
+        for campaign, why in read_engine_problems(self._db):
+            self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (why, campaign))
         self._era = begin_era(self._db)
         return self._era
+
+    def holds(self) -> tuple[str, ...]:
+        """Return what campaigns lack that wait for it, in words for people."""
+        return read_holds(self._db)
 
     def require_era(self, era: str, token: int = 0) -> None:
         """Raise :class:`daemon.batch.errors.OtherLedger` for what belongs to another ledger."""

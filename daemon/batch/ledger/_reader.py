@@ -25,6 +25,7 @@ from daemon.batch.ledger._queries import (
 )
 from daemon.batch.ledger._results import (
     read_declared,
+    read_holds,
     read_origin,
     require_era,
     require_lease,
@@ -166,6 +167,10 @@ class LedgerReader:
         if len(times) < 2 or now <= times[-1]:
             return 0.0
         return 60.0 * (len(times) - 1) / float(now - times[-1])
+
+    def holds(self) -> tuple[str, ...]:
+        """Return what campaigns lack that wait for it, in words for people."""
+        return read_holds(self._db)
 
     def time_left(self, now: float, slots: int) -> TimeLeft:
         """Return how long what waits and runs takes on so many slots."""

@@ -14,7 +14,7 @@ from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import is_digest
 from daemon.model.messages import Completion, Rejection
-from daemon.model.spec import LARGEST_RESULT
+from daemon.model.spec import ENGINE_VERSION, LARGEST_RESULT
 from daemon.model.status import CampaignOrigin, RunRow
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
@@ -62,6 +62,33 @@ _COPY_RESULT: Final = (
     " SELECT ?, attempt, worker, digest, at, body FROM result"
     " WHERE run = (SELECT id FROM run WHERE serial = ?)"
 )
+
+
+def read_holds(db: sqlite3.Connection) -> tuple[str, ...]:
+    """Return what campaigns lack that wait for it, in words for people."""
+    query = "SELECT DISTINCT lacks FROM campaign WHERE finished_at IS NULL AND lacks <> ''"
+    return tuple(words for (words,) in db.execute(query))
+
+
+def engine_problem(engine: str) -> str:
+    """Say why runs of an engine wait here; empty for those of ours."""
+    if engine == ENGINE_VERSION:
+        return ""
+    return (
+        f"runs of engine {engine} wait, this version has engine {ENGINE_VERSION}: cancel their"
+        " campaign and submit it again, or use the version it was submitted with"
+    )
+
+
+def read_engine_problems(db: sqlite3.Connection) -> tuple[tuple[str, str], ...]:
+    """Return unfinished campaigns of other engines than ours, each with the problem."""
+    engines = db.execute(
+        "SELECT DISTINCT campaign, json_extract(body, '$.engine') FROM"
+        " (SELECT cell.campaign, CAST(body AS TEXT) AS body FROM cell JOIN campaign"
+        " ON campaign.id = cell.campaign WHERE finished_at IS NULL) WHERE json_valid(body)"
+    )
+    problems = ((campaign, engine_problem(engine)) for campaign, engine in engines)
+    return tuple((campaign, words) for campaign, words in problems if words)
 
 
 def begin_era(db: sqlite3.Connection) -> str:

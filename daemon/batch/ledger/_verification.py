@@ -14,6 +14,7 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._inputs import needed_inputs
+from daemon.batch.ledger._results import read_engine_problems
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
@@ -47,7 +48,8 @@ _SPECS: Final = (
 class ContentReport:
     """What was verified, by kind, and each kind of problem with the first that have it.
 
-    ``missing`` are scenes and files of runs that wait; without them these cannot be executed.
+    ``missing`` are scenes and files of runs that wait; without them these cannot be executed. Nor
+    can those of other engines, which ``foreign`` says in words.
     """
 
     results: int
@@ -57,6 +59,7 @@ class ContentReport:
     traces: int
     problems: tuple[str, ...]
     missing: tuple[str, ...]
+    foreign: tuple[str, ...]
 
 
 @dataclass(slots=True)
@@ -99,6 +102,7 @@ def verify_contents(
             results, seen = _verify_results(db, paths, found, (start, last), traces, progress)
             specs = _verify_specs(db, found, (start, last), progress)
             waiting = _waiting_inputs(db, found)
+            foreign = dict.fromkeys(words for _, words in read_engine_problems(db))
     except UNREADABLE as error:
         raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
     scenes = files = 0
@@ -107,7 +111,8 @@ def verify_contents(
         kept = (path for path in paths.files.glob("*") if is_digest(path.name))
         files = _verify_files(kept, "files", found, progress)
     missing = _missing(paths, waiting)
-    return ContentReport(results, specs, scenes, files, seen, found.lines, missing)
+    lines = found.lines
+    return ContentReport(results, specs, scenes, files, seen, lines, missing, tuple(foreign))
 
 
 def _waiting_inputs(db: sqlite3.Connection, found: _Findings) -> frozenset[str]:

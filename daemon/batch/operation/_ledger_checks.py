@@ -96,7 +96,7 @@ def _history_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFind
         yield problem(
             "clock",
             f"it is {found.newest_event - now:.0f} s before the ledger's newest event",
-            "set the clock (timedatectl); leases end late until it has caught up",
+            "set the clock (timedatectl); times in lists are wrong until it has caught up",
         )
     else:
         yield ok("clock", "not before the ledger's newest event")
@@ -112,6 +112,8 @@ def _content_findings(report: ContentReport, *, quick: bool) -> Iterator[DoctorF
             f"{len(report.missing)} scenes or files of runs that wait are gone: {names}",
             "submit their campaigns again: what is missing is sent along",
         )
+    for words in report.foreign:
+        yield warning("contents", words.partition(": ")[0], words.partition(": ")[2])
     if not report.problems and not report.missing:
         counts = f"{report.results} results, {report.specifications} specifications"
         if quick:

@@ -123,7 +123,7 @@ class Handlers(SearchHandlers):
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
         standing: Any = count_states(counts)
-        halts, troubles = self._standing_troubles()
+        halts, troubles = self._standing_troubles(ledger)
         workers = [row for row in self.registry.rows() if not row.away]
         return DaemonOverview(
             version=self.version,
@@ -163,7 +163,7 @@ class Handlers(SearchHandlers):
             self._estimate = (now + max(_FRESH, _REST * (now - begun)), left)
         return left
 
-    def _standing_troubles(self) -> tuple[bool, tuple[Trouble, ...]]:
+    def _standing_troubles(self, ledger: LedgerReader) -> tuple[bool, tuple[Trouble, ...]]:
         """Whether the first trouble lets no run start; and all that runs or workers have."""
         workers = [row for row in self.registry.rows() if not row.away]
         halting = list(self.troubles())
@@ -177,7 +177,7 @@ class Handlers(SearchHandlers):
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
         notices = (Trouble(words, TroubleCause.WORKER) for words in self.registry.notices())
-        inputs = (Trouble(words, TroubleCause.INPUT) for words in self._inputs.troubles())
+        inputs = (Trouble(words, TroubleCause.INPUT) for words in ledger.holds())
         troubles = dict.fromkeys((*halting, *idle, *notices, *inputs))
         return bool(halting), tuple(troubles)[:_MOST_TROUBLES]
 

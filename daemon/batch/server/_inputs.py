@@ -38,11 +38,6 @@ class InputStore:
                 self._log.write("input missing", path=str(absent))
             return self._missing[absent]
 
-    def troubles(self) -> tuple[str, ...]:
-        """What runs wait for."""
-        with self._lock:
-            return tuple(words for path, words in self._missing.items() if not path.exists())
-
     def take_restored(self) -> tuple[str, ...]:
         """The reasons why runs waited that are none any more; each once."""
         if not self._missing:

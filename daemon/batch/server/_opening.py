@@ -47,4 +47,7 @@ def open_state(
             raise Unavailable(f"{words}: free some space and start the daemon again") from error
         raise DaemonError(words) from error
     ledger = stack.enter_context(LedgerWriter.open(paths, attempts=settings.attempts))
-    return OpenedState(ledger, marker, ledger.begin_era())
+    era = ledger.begin_era()
+    for why in ledger.holds():
+        log.write("held", why=why)
+    return OpenedState(ledger, marker, era)

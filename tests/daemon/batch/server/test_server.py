@@ -8,9 +8,12 @@ import pytest
 
 from daemon.batch import bus
 from daemon.batch.errors import Refused
-from daemon.batch.paths import StatePaths
+from daemon.batch.ledger import LedgerWriter
+from daemon.batch.operation import examine
+from daemon.batch.paths import Endpoint, StatePaths
 from daemon.model import verbs
 from daemon.model.messages import ASK, OWNER, ErrorReply
+from daemon.model.spec import ENGINE_VERSION
 from grammars.text import codec
 from tests.daemon.batch.harness import Part, daemon_at, eventually
 from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
@@ -205,3 +208,27 @@ def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused
         gate.touch()
         client.cancel("c")
         eventually(lambda: client.overview().seconds_left is None)
+
+
+def test_runs_of_another_engine_wait_and_the_daemon_says_so_from_its_start(tmp_path):
+    places = StatePaths(tmp_path / "state")
+    places.make_folders()
+    places.scene(SCENE.digest).write_bytes(codec.to_json(SCENE))
+    with LedgerWriter.open(places) as ledger:
+        old = replace(make_spec(0), engine="4")
+        ledger.submit(submission_of("old", old, replace(old, repeat=1)), 1.0)
+    words = f"runs of engine 4 wait, this version has engine {ENGINE_VERSION}"
+    offline = [one.message for one in examine(places, Endpoint("tcp/127.0.0.1:1", "default"))]
+    assert words in offline
+    with daemon_at(places.state, slots=1) as daemon, daemon.client() as client:
+        assert words in daemon.noted("held")[0]["why"]
+        (trouble,) = client.overview().troubles
+        assert trouble.startswith(words)
+        client.submit(make_submission("new", 1))
+        eventually(lambda: client.overview().done == 1)
+        assert (client.campaign("old").queued, client.runs("old").rows[0].attempt) == (2, 0)
+        client.cancel("old")
+        assert client.overview().troubles == ()
+        # Retried, they wait again: at the latest when one is asked for.
+        client.retry("old")
+        eventually(lambda: any(words in said for said in client.overview().troubles))
