@@ -14,6 +14,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from daemon.model.attachments import resolve_paths
 from daemon.model.deadline import OutOfTime, check_wall_clock
 from daemon.model.live_view import LiveView
 from daemon.model.spec import RunEnding, RunSpec, Snapshot
@@ -101,7 +102,9 @@ class RunLoop:
         # so that different systems are compared under the same chance.
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
         # What cannot be made has left no world yet that somebody would have to end.
-        self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
+        self._sut = sut or make_in_time(
+            spec.sut.kind, resolve_paths(spec.sut.parameters, spec.sut.files)
+        )
         start = spec.mission.start
         waypoints = tuple(waypoint.id for waypoint in spec.mission.waypoints)
         self.world = World(scene, spec.robot, start, spec.behaviours, world_seed, waypoints)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from daemon.model.attachments import resolve_paths
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterFinding, format_path
 from grammars.model.robot import Robot
@@ -31,7 +32,7 @@ def _advice(sut: SutReference, robot: Robot) -> Iterator[ParameterFinding]:
         from daemon.stacks.ros2.advice import advise_for_robot
         from daemon.stacks.ros2.settings import read_settings
 
-        yield from advise_for_robot(read_settings(sut.parameters), robot)
+        yield from advise_for_robot(read_settings(resolve_paths(sut.parameters, sut.files)), robot)
     elif sut.kind == "ros":
         # Loads a compiler, which nobody needs who tests another stack.
         from daemon.stacks.ros1 import advice

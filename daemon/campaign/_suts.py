@@ -29,7 +29,7 @@ from daemon.campaign._sut_files import (
     merge_over,
     read_sut,
 )
-from daemon.model.attachments import FILES_PARAMETER, attach_files
+from daemon.model.attachments import attach_files, resolve_paths
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
 from daemon.stacks.registry import check_parameters
@@ -86,10 +86,11 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
     settings = _spread(layer.kind, layer.settings)
     _refuse_missing(settings)
     tree = _parameters(layer.kind, settings)
-    if layer.attached:
-        tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
+    reference = SutReference(layer.text.sut, layer.kind, tree, _attach(layer, document))
     try:
-        findings = check_parameters(layer.kind, tree)
+        findings = check_parameters(
+            layer.kind, resolve_paths(reference.parameters, reference.files)
+        )
     except ValueError as error:
         if isinstance(error, ParameterError):
             # Of a file that nobody reads the defaults come, which need not be wrong with it.
@@ -98,7 +99,7 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
     refuse_unread(settings, findings, layer.parameter_files)
     idle = _idle_warning(findings, document, settings)
     return LoadedSut(
-        reference=SutReference(layer.text.sut, layer.kind, tree),
+        reference=reference,
         about=layer.text.about,
         settings=settings,
         findings=findings,

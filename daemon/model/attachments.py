@@ -1,9 +1,8 @@
 """Files that runs need: they travel by digest, beside specifications.
 
-They are those of plugged-in systems under test and maps of one's own. The parameters of a system
-have, below ``files``, the digest of each by name. Whoever submits has
-the files in a folder by digest (:func:`user_files_folder`), as have the daemon and its workers. A
-system under test gets paths.
+They are those of systems under test and maps of one's own. Whoever submits has the files in a
+folder by digest (:func:`user_files_folder`), as have the daemon and its workers. A system under
+test gets paths.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from typing import Any, Final
 
 import platformdirs
 
-from daemon.model.ids import is_digest
 from grammars.text.files import replacing
 from grammars.text.sources import note_read
 
@@ -27,8 +25,6 @@ LARGEST_FILE: Final = 64 * 2**20
 MOST_FILES: Final = 16
 FILES_VARIABLE: Final = "SCENARIO_FILES"
 """Environment variable that names the folder of files to the process of a run."""
-# Tells digests from a parameter ``files`` of the system's own, which may be anything.
-_MARK: Final = "sha256:"
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")
 
 
@@ -39,27 +35,13 @@ class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is ra
     """
 
 
-def attached_digests(parameters: Mapping[str, Any]) -> dict[str, str]:
-    """Return the digests of the files that parameters name, by name; empty when there are none.
-
-    A parameter of that name that means something else is left alone.
-    """
-    files = parameters.get(FILES_PARAMETER)
-    if not isinstance(files, Mapping):
-        return {}
-    found = {str(name): str(value).removeprefix(_MARK) for name, value in files.items()}
-    # Marked, so that a parameter of somebody's own called "files" is never taken for digests.
-    marked = all(str(value).startswith(_MARK) for value in files.values())
-    return found if marked and all(map(is_digest, found.values())) else {}
-
-
 def user_files_folder() -> Path:
     """The folder of files of this user's systems under test, by digest."""
     return platformdirs.user_cache_path("scenario") / "files"
 
 
 def attach_files(files: Mapping[str, Path]) -> dict[str, str]:
-    """Take files in, and return what the parameter says of them.
+    """Take files in, and return their digests by name.
 
     Raises ``ValueError`` for too many or too large ones and for names that are none, ``OSError``
     for those that cannot be read.
@@ -69,7 +51,7 @@ def attach_files(files: Mapping[str, Path]) -> dict[str, str]:
     wrong = [name for name in files if not _NAME.match(name)]
     if wrong:
         raise ValueError(f"files: {wrong[0]!r} is no name, use A-Z a-z 0-9 _ -")
-    return {name: _MARK + _store_file(name, path) for name, path in files.items()}
+    return {name: _store_file(name, path) for name, path in files.items()}
 
 
 def _store_file(name: str, path: Path) -> str:
@@ -102,16 +84,17 @@ def stored_file(digest: str, environ: Mapping[str, str] = os.environ) -> Path:
 
 
 def resolve_paths(
-    parameters: Mapping[str, Any], environ: Mapping[str, str] = os.environ
+    parameters: Mapping[str, Any],
+    files: Mapping[str, str],
+    environ: Mapping[str, str] = os.environ,
 ) -> Mapping[str, Any]:
-    """Return parameters with paths of this machine instead of digests.
+    """Return the parameters of a system, with the paths of its files on this machine.
 
-    Raises :class:`SutMissing` for a file that is not here.
+    ``files`` are their digests by name. Raises :class:`SutMissing` for a file that is not here.
     """
-    digests = attached_digests(parameters)
-    if not digests:
+    if not files:
         return parameters
-    paths = {name: stored_file(digest, environ) for name, digest in digests.items()}
+    paths = {name: stored_file(digest, environ) for name, digest in files.items()}
     for name, path in paths.items():
         if not path.is_file():
             raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.attachments import attached_digests
 from daemon.model.text_fields import Centimetres, Moment, SignalValue, WaypointCount
 from daemon.model.verdicts import (
     LONGEST_EVIDENCE,
@@ -43,6 +42,7 @@ ENGINE_VERSION: Final = "5"
 class SutReference:
     """A configured system under test: its name in the campaign, its kind and its parameters.
 
+    ``files`` are the digests of the files it needs, by name (:mod:`daemon.model.attachments`).
     One that lives outside of the simulator says so by the parameter ``repeatable: false``: same
     specification, same world and noise, but not the same answers.
     """
@@ -50,6 +50,7 @@ class SutReference:
     name: str
     kind: str
     parameters: dict[str, Any]
+    files: dict[str, Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]] = field(default_factory=dict)
 
     @property
     def repeatable(self) -> bool:
@@ -120,8 +121,7 @@ class RunSpec:
     @property
     def files(self) -> tuple[str, ...]:
         """Digests of the files it needs: those of its system under test, and its map."""
-        own = attached_digests(self.sut.parameters).values()
-        return (*own, *([self.map.file] if self.map.file else []))
+        return (*self.sut.files.values(), *([self.map.file] if self.map.file else []))
 
     @property
     def label(self) -> str:

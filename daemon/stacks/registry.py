@@ -15,7 +15,7 @@ from contextlib import redirect_stdout
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
-from daemon.model.attachments import SutMissing, resolve_paths
+from daemon.model.attachments import SutMissing
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.sut import TICK_RATE, SystemUnderTest
 from daemon.stacks.findings import ParameterError, ParameterFindings
@@ -127,7 +127,7 @@ def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     except (Exception, SystemExit) as error:
         raise SutMissing(_cannot("loaded", entry, error)) from error
     try:
-        return factory(resolve_paths(parameters))
+        return factory(parameters)
     except ValueError:
         raise
     except (Exception, SystemExit) as error:

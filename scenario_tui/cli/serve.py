@@ -210,11 +210,12 @@ def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
     """Return what makes the system that drives, or nothing where nobody does."""
     from functools import partial
 
+    from daemon.model.attachments import resolve_paths
     from daemon.stacks.registry import make_sut
 
     if spec.sut.name == _NOBODY or not spec.sut.repeatable:
         return None
-    return partial(make_sut, spec.sut.kind, spec.sut.parameters)
+    return partial(make_sut, spec.sut.kind, resolve_paths(spec.sut.parameters, spec.sut.files))
 
 
 @contextmanager
@@ -293,9 +294,14 @@ def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str
 def _settings(spec: RunSpec) -> Ros2Settings:
     """Return the names of the stack that was named, else the usual ones."""
     from daemon.live.ros_bridge import usual_settings
+    from daemon.model.attachments import resolve_paths
     from daemon.stacks.ros2.settings import read_settings
 
-    return read_settings(spec.sut.parameters) if spec.sut.kind == "ros2" else usual_settings()
+    return (
+        read_settings(resolve_paths(spec.sut.parameters, spec.sut.files))
+        if spec.sut.kind == "ros2"
+        else usual_settings()
+    )
 
 
 def _why_no_view() -> str:

@@ -55,6 +55,7 @@ sut_app = typer.Typer(
 class SutOutput(Output, schema="sut"):
     """A system under test; ``places`` says where each of its parameters was written.
 
+    ``files`` are the SUT files it is made of, ``attached`` the digests of files that runs get.
     What only the ROS stack has is empty or null for others.
     """
 
@@ -70,6 +71,7 @@ class SutOutput(Output, schema="sut"):
     warnings: tuple[Diagnostic, ...]
     planners: dict[str, str] | None = None
     costmaps: dict[str, dict[str, Any]] | None = None
+    attached: dict[str, str] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of(cls, found: LoadedSut, read: RosParameters | None) -> SutOutput:
@@ -89,6 +91,7 @@ class SutOutput(Output, schema="sut"):
             {"/".join(map(str, f.path)): f.message for f in unused},
             found.warnings,
             **({} if read is None else sut_ros.described(read)),
+            attached=found.reference.files,
         )
 
 
@@ -162,9 +165,12 @@ def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
 def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
     """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
     if found.reference.kind == "ros2":
+        from daemon.model.attachments import resolve_paths
         from daemon.stacks.ros2.defaults import settings_not_written
 
-        return settings_not_written(found.reference.parameters)
+        return settings_not_written(
+            resolve_paths(found.reference.parameters, found.reference.files)
+        )
     return {} if read is None else sut_ros.defaults(found, read)
 
 
@@ -203,11 +209,9 @@ def _print_given(settings: ParameterValues, idle: Iterable[ParameterFinding]) ->
 
 def _print_files(found: LoadedSut) -> None:
     """Print the files that travel with every run, which are no parameters of the table."""
-    from daemon.model.attachments import attached_digests
-
-    digests = attached_digests(found.reference.parameters)
-    if digests:
-        listed = ", ".join(f"{name} (sha256 {digest[:12]})" for name, digest in digests.items())
+    files = found.reference.files
+    if files:
+        listed = ", ".join(f"{name} (sha256 {digest[:12]})" for name, digest in files.items())
         stdout_console().print(f"\nfiles: {listed}", markup=False, soft_wrap=True)
 
 

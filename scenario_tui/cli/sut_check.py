@@ -118,7 +118,7 @@ def check(
     from daemon.stacks.ros2.settings import read_settings
 
     found = _load(sut, Path() if campaign is None else campaign.parent)
-    settings = read_settings(resolve_paths(found.reference.parameters))
+    settings = read_settings(resolve_paths(found.reference.parameters, found.reference.files))
     name = found.reference.name
     briefing, first = _first_moment(campaign, settings)
     say(f"starting {name}, which may take {settings.start_up:g} s")

@@ -21,6 +21,7 @@ from daemon.campaign import (
     merge_parameters,
     parameter_tree,
 )
+from daemon.model.attachments import resolve_paths
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Verdict
 from daemon.stacks.registry import check_parameters
@@ -146,8 +147,9 @@ class SutDifferences:
         if all(element in elements for element in self.elements):
             return self.whole
         tree = parameter_tree(merge_parameters(self.base, self.kept(elements)))
-        check_parameters(self.whole.kind, tree)
-        return SutReference(self.whole.name, self.whole.kind, tree)
+        sut = dataclasses.replace(self.whole, parameters=tree)
+        check_parameters(sut.kind, resolve_paths(sut.parameters, sut.files))
+        return sut
 
 
 def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary) -> SutDifferences:

@@ -29,7 +29,7 @@ from daemon.campaign import (
     noise_seed,
     parameter_tree,
 )
-from daemon.model.attachments import FILES_PARAMETER, attached_digests, resolve_paths
+from daemon.model.attachments import FILES_PARAMETER, stored_file
 from daemon.model.spec import RunSpec, SutReference
 from daemon.run_map import stored_map
 from daemon.stacks.ros2.keys import ROS2_KEYS
@@ -215,12 +215,9 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     """Write the system under test, as differences from the one it is like where it has any."""
     sut, settings = found.smallest.spec.sut, case.settings
     file = f"suts/{sut.name}.yaml"
-    if sut.kind == ROS2:
-        return folder.write(file, yaml_text(_ros2_stack(sut, folder)))
     changes = parameter_tree(settings.kept(found.left))
-    if not settings.like or not changes:
-        whole = {"sut": sut.name, "kind": sut.kind, "parameters": sut.parameters}
-        return folder.write(file, yaml_text(whole))
+    if sut.kind == ROS2 or sut.files or not settings.like or not changes:
+        return folder.write(file, yaml_text(_whole_sut(sut, folder)))
     # The saved system keeps its name, which verdicts show; the one it is like makes room.
     like = settings.like if settings.like != sut.name else f"{sut.name}-base"
     base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
@@ -228,15 +225,14 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     return folder.write(file, yaml_text({"sut": sut.name, "like": like, "parameters": changes}))
 
 
-def _ros2_stack(sut: SutReference, folder: _Folder) -> dict[str, Any]:
-    """Return the keys of a ROS 2 stack's file; the files it needs are copied beside it."""
-    keys = {name: sut.parameters[name] for name in ROS2_KEYS if name in sut.parameters}
-    paths = {}
-    if attached_digests(sut.parameters):
-        for name, path in resolve_paths(sut.parameters)[FILES_PARAMETER].items():
-            paths[name] = f"files/{name}"
-            folder.copy(f"suts/{paths[name]}", Path(path))
-    files = {FILES_PARAMETER: paths} if paths else {}
+def _whole_sut(sut: SutReference, folder: _Folder) -> dict[str, Any]:
+    """Return what the file of a system says; the files it needs are copied beside it."""
+    keys: dict[str, Any] = {"parameters": sut.parameters}
+    if sut.kind == ROS2:
+        keys = {name: sut.parameters[name] for name in ROS2_KEYS if name in sut.parameters}
+    for name, digest in sut.files.items():
+        folder.copy(f"suts/files/{name}", stored_file(digest))
+    files = {FILES_PARAMETER: {name: f"files/{name}" for name in sut.files}} if sut.files else {}
     return {"sut": sut.name, "kind": sut.kind, **keys, **files}
 
 
@@ -277,5 +273,5 @@ def _verify(file: Path, wanted: RunSpec) -> None:
     for name in ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit"):
         if getattr(found, name) != getattr(wanted, name):
             raise ValueError(f"{file} would specify another run: its {name} differs")
-    if (found.sut.kind, found.sut.parameters) != (wanted.sut.kind, wanted.sut.parameters):
+    if dataclasses.replace(found.sut, name=wanted.sut.name) != wanted.sut:
         raise ValueError(f"{file} would specify another run: its system under test differs")

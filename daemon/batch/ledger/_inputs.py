@@ -11,8 +11,7 @@ _NAMED: Final = (
     "WITH text (body) AS (SELECT CAST(body AS TEXT) FROM cell {cells})"
     " SELECT json_extract(body, '$.scene') FROM text"
     " UNION SELECT json_extract(body, '$.map.file') FROM text"
-    " UNION SELECT replace(value, 'sha256:', '')"
-    " FROM text, json_each(body, '$.sut.parameters.files') WHERE value LIKE 'sha256:%'"
+    " UNION SELECT value FROM text, json_each(body, '$.sut.files')"
 )
 _WAITING: Final = (
     "WHERE (campaign, number) IN"

@@ -13,7 +13,6 @@ from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.inputs import keep_scene
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
-from daemon.model.attachments import attached_digests
 from daemon.model.ids import is_id, trace_name
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.submission import MOST_RUNS, Submission, too_many_runs
@@ -85,7 +84,7 @@ def _cell_problems(cell: RunSpec, scenes: set[str], paths: StatePaths) -> Iterat
         yield f"made for engine {cell.engine}, this daemon has {ENGINE_VERSION}"
     if not (math.isfinite(cell.limit) and cell.limit > 0.0):
         yield f"the limit must be a positive number of seconds, not {cell.limit}"
-    for name, digest in attached_digests(cell.sut.parameters).items():
+    for name, digest in cell.sut.files.items():
         if not _is_there(paths.files / digest):
             yield f'the file "{name}" of {cell.sut.name} was not sent along'
     digest = cell.map.file

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from daemon.model.attachments import SutMissing, resolve_paths
+from daemon.model.attachments import SutMissing
 from daemon.model.execution import commands_allowed
 
 if TYPE_CHECKING:
@@ -25,4 +25,4 @@ def make_ros2(parameters: Mapping[str, Any]) -> SystemUnderTest:
     from daemon.stacks.ros2.settings import read_settings
     from daemon.stacks.ros2.stack import Ros2Stack
 
-    return Ros2Stack(read_settings(resolve_paths(parameters)))
+    return Ros2Stack(read_settings(parameters))

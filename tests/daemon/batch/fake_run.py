@@ -63,7 +63,7 @@ def execute(
     _wait(seconds, gate, spec, on_progress, interest or (lambda: "progress"), judgements)
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
     if "reads" in asked:
-        file = Path(resolve_paths(asked)["files"][asked["reads"]])
+        file = Path(resolve_paths(spec.sut.parameters, spec.sut.files)["files"][asked["reads"]])
         data += hashlib.sha256(file.read_bytes()).hexdigest().encode()
     data += random.Random(spec.seed).randbytes(asked.get("size", 0))
     if "noise" in asked:

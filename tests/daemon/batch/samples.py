@@ -38,12 +38,12 @@ SCENE = Scene("room", (Region("room", ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0,
 MISSION = Mission("across", Pose2(1.0, 1.0, 0.0), (Waypoint("goal", 3.0, 3.0),))
 
 
-def make_spec(repeat=0, *, scenario="S1", **parameters):
-    """A specification; ``parameters`` reach the test executor as those of the SUT."""
+def make_spec(repeat=0, *, scenario="S1", files=None, **parameters):
+    """A specification; ``parameters`` and ``files`` reach the test executor as those of the SUT."""
     return RunSpec(
         campaign="test",
         scenario=scenario,
-        sut=SutReference("pilot", "pilot", parameters),
+        sut=SutReference("pilot", "pilot", parameters, files or {}),
         repeat=repeat,
         scene=SCENE.digest,
         robot=ROBOT,

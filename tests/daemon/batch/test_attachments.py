@@ -20,7 +20,6 @@ from daemon.model import attachments
 from daemon.model.attachments import (
     SutMissing,
     attach_files,
-    attached_digests,
     resolve_paths,
     user_files_folder,
 )
@@ -28,6 +27,7 @@ from daemon.model.messages import FilePart, PutRequest
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
 from daemon.stacks.registry import make_sut
+from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_spec, submission_of
@@ -83,10 +83,9 @@ def sut_file(folder, text):
 def test_a_sut_file_names_files_and_the_specification_their_digests(here, plugged):
     text = "sut: mine\nkind: learned\nfiles:\n  model: policy.onnx\nparameters:\n  speed: 0.5\n"
     sut = load_sut(sut_file(here, text), lambda *_: here)
-    assert sut.reference.parameters == {"speed": 0.5, "files": {"model": f"sha256:{DIGEST}"}}
-    assert attached_digests(sut.reference.parameters) == {"model": DIGEST}
+    assert sut.reference == SutReference("mine", "learned", {"speed": 0.5}, {"model": DIGEST})
     # What was checked in another process is made here, as a run makes it.
-    make_sut("learned", sut.reference.parameters)
+    make_sut("learned", resolve_paths(sut.reference.parameters, sut.reference.files))
     parameters = plugged[-1]
     assert parameters["speed"] == 0.5
     model = Path(parameters["files"]["model"])
@@ -118,15 +117,21 @@ def test_files_are_bounded(here, monkeypatch):
         attach_files({f"f{i}": here / "policy.onnx" for i in range(17)})
 
 
-def test_parameters_of_that_name_that_are_none_of_ours_are_left_alone():
-    for files in ("a", ["a"], {"a": 1}, {"a": "b"}, {"a": "sha256:../../etc/passwd"}):
-        assert attached_digests({"files": files}) == {}
-        assert resolve_paths({"files": files}) == {"files": files}
+def test_a_parameter_of_that_name_is_left_alone():
+    parameters = {"files": {"a": "b"}}
+    assert resolve_paths(parameters, {}) == parameters
+
+
+def test_what_is_no_digest_never_becomes_a_path():
+    for digest in ("../../etc/passwd", "0" * 63, "0" * 64 + "\n"):
+        sut = SutReference("mine", "learned", {}, {"a": digest})
+        with pytest.raises(ValueError, match="pattern"):
+            codec.from_json(SutReference, codec.to_json(sut))
 
 
 def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here):
     with pytest.raises(SutMissing, match='the file "model" of the system under test is not here'):
-        resolve_paths({"files": {"model": f"sha256:{'0' * 64}"}})
+        resolve_paths({}, {"model": "0" * 64})
 
 
 @pytest.fixture
@@ -188,8 +193,10 @@ def test_a_worker_never_keeps_what_another_digest_names(tmp_path):
 
 
 def test_files_travel_to_workers_and_into_the_process_of_the_run(here, monkeypatch):
-    parameters = {"files": attach_files({"model": here / "policy.onnx"}), "reads": "model"}
-    specs = [replace(make_spec(i), sut=SutReference("m", "learned", parameters)) for i in range(2)]
+    sut = SutReference(
+        "m", "learned", {"reads": "model"}, attach_files({"model": here / "policy.onnx"})
+    )
+    specs = [replace(make_spec(i), sut=sut) for i in range(2)]
     elsewhere = here / "elsewhere"
     with daemon_at(here / "state") as daemon, daemon.client() as client:
         client.submit(submission_of("c", *specs))
@@ -207,8 +214,8 @@ def test_files_travel_to_workers_and_into_the_process_of_the_run(here, monkeypat
 
 
 def test_a_submission_without_its_files_is_refused(places):
-    lacking = {"files": {"model": f"sha256:{DIGEST}"}}
-    submission = submission_of("c", replace(make_spec(), sut=SutReference("m", "mine", lacking)))
+    lacking = SutReference("m", "mine", {}, {"model": DIGEST})
+    submission = submission_of("c", replace(make_spec(), sut=lacking))
     with pytest.raises(Refused, match='the file "model" of m was not sent along'):
         admit_submission(submission, places)
     (places.files / DIGEST).write_bytes(MODEL)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
-from daemon.model.attachments import attached_digests
+from daemon.model.attachments import resolve_paths
 from daemon.stacks.ros2.defaults import settings_not_written
 from daemon.stacks.ros2.keys import ROS2_KEYS
 from daemon.stacks.ros2.settings import read_settings
@@ -65,8 +65,8 @@ def test_the_specification_holds_the_keys_as_they_are_written(folder):
     assert (sut.kind, sut.repeatable, warnings) == ("ros2", False, [])
     assert sut.parameters["start-up"] == "2 min"
     assert sut.parameters["repeatable"] is False
-    assert attached_digests(sut.parameters).keys() == {"params"}
-    settings = read_settings(sut.parameters)
+    assert sut.files.keys() == {"params"}
+    settings = read_settings(resolve_paths(sut.parameters, sut.files))
     assert (settings.start_up, settings.late, settings.reuse) == (120.0, 0.1, True)
 
 
@@ -103,7 +103,7 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
         "MORE": "x",
     }
     assert other.parameters["launch"] == base.parameters["launch"]
-    assert attached_digests(other.parameters) != attached_digests(base.parameters)
+    assert other.files != base.files
 
 
 @pytest.mark.parametrize(

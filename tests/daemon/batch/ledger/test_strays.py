@@ -27,7 +27,7 @@ def places(tmp_path):
     places.scene(SCENE.digest).write_bytes(codec.to_json(SCENE))
     needed = places.files / ("a" * 64)
     needed.touch()
-    files = {"files": {"wheels": f"sha256:{needed.name}"}}
+    files = {"files": {"wheels": needed.name}}
     with LedgerWriter.open(places) as ledger:
         ledger.submit(make_submission("known", 2, **files), time.time())
         ledger.submit(make_submission("deleted", 1), time.time())
@@ -128,7 +128,7 @@ def test_a_finished_run_waits_in_the_spool_however_long(places):
 def test_a_campaign_on_its_way_keeps_what_it_needs(places):
     for name in (f"{UNKNOWN}.json", f"{SCENE.digest}.json"):
         leave(places.scenes / name, 2 * HOUR)
-    submission = make_submission("next", 1, files={"wheels": f"sha256:{UNKNOWN}"})
+    submission = make_submission("next", 1, files={"wheels": UNKNOWN})
     leave(places.files / UNKNOWN, 2 * HOUR)
     admit_submission(submission, places)
     gone = {stray.path for stray in remove_strays(places, time.time())}

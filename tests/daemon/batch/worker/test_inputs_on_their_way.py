@@ -21,8 +21,8 @@ def test_no_run_is_begun_twice_while_its_files_come(tmp_path, monkeypatch):
     for number in range(FILES):
         (tmp_path / f"file-{number}").write_bytes(random.Random(number).randbytes(300_000))
         attached = attach_files({"model": tmp_path / f"file-{number}"})
-        parameters = {"files": attached, "reads": "model", "log": str(log)}
-        sut = SutReference(f"sut-{number}", "learned", parameters)
+        parameters = {"reads": "model", "log": str(log)}
+        sut = SutReference(f"sut-{number}", "learned", parameters, attached)
         specs.append(replace(make_spec(number), sut=sut))
     with (
         daemon_at(tmp_path / "state", module="tests.daemon.batch.failing_daemon") as daemon,
