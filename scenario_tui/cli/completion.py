@@ -10,17 +10,14 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import typer
 
 from scenario_tui.campaign_files import has_key, is_campaign
-
-if TYPE_CHECKING:
-    from daemon.batch.ledger.names import CampaignName, LedgerName
 
 Offer: TypeAlias = list[tuple[str, str]]
 """Words and what they are; shells that show explanations show both."""
@@ -126,9 +123,9 @@ def offer_nothing_on_error(find: Completer) -> Completer:
 @offer_nothing_on_error
 def campaigns(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer ids and names of campaigns."""
-    from daemon.batch.ledger.names import ids_and_names
-
-    return _starting_with(ids_and_names(_campaigns(ctx)), incomplete)
+    found = _campaigns(ctx)
+    newest = {name: (name, f"the newest is {id}") for id, name, _ in reversed(found)}
+    return _starting_with([*((id, about) for id, _, about in found), *newest.values()], incomplete)
 
 
 @offer_nothing_on_error
@@ -153,11 +150,15 @@ def campaigns_or_folders(ctx: typer.Context, incomplete: str) -> Offer:
 @offer_nothing_on_error
 def runs(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer campaigns to begin with, then the runs of the one that is meant."""
-    beginnings = [(f"{campaign.id}.", campaign.about) for campaign in _campaigns(ctx)]
+    from daemon.batch.ledger_names import runs
+
+    beginnings = [(f"{id}.", about) for id, _, about in _campaigns(ctx)]
     meant = _starting_with(beginnings, incomplete)
     if "." not in incomplete and len(meant) != 1:
         return meant
-    return list(_runs(ctx, meant[0][0] if meant else incomplete))
+    if _names_daemon(ctx):
+        return []
+    return runs(_ledger(ctx), meant[0][0] if meant else incomplete)
 
 
 @offer_nothing_on_error
@@ -203,27 +204,21 @@ def campaign_files_or_campaigns(ctx: typer.Context, incomplete: str) -> Offer:
 @offer_nothing_on_error
 def oracles(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer the oracles of the run that was named."""
-    from daemon.batch.ledger import names as ledger_names
+    from daemon.batch.ledger_names import oracles
 
     if _names_daemon(ctx):
         return []
-    return _starting_with(
-        ledger_names.oracles(_ledger(ctx), _argument_before(ctx, "run")), incomplete
-    )
+    return _starting_with(oracles(_ledger(ctx), _argument_before(ctx, "run")), incomplete)
 
 
 @offer_nothing_on_error
 def names_in_campaign(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer scenarios, systems under test and oracles of the campaign that was named."""
-    from daemon.batch.ledger import names as ledger_names
+    from daemon.batch.ledger_names import layers
 
     if _names_daemon(ctx):
         return []
-    campaign = _argument_before(ctx, "campaign")
-    return _starting_with(
-        ledger_names.column_values(_ledger(ctx), campaign, ("scenario", "sut", "oracle")),
-        incomplete,
-    )
+    return _starting_with(layers(_ledger(ctx), _argument_before(ctx, "campaign")), incomplete)
 
 
 @offer_nothing_on_error
@@ -270,16 +265,11 @@ def _argument_before(ctx: typer.Context, argument: str) -> str:
     return said if isinstance(said, str) else said[0] if said else ""
 
 
-def _campaigns(ctx: typer.Context) -> Sequence[CampaignName]:
-    from daemon.batch.ledger import names as ledger_names
+def _campaigns(ctx: typer.Context) -> list[tuple[str, str, str]]:
+    """Return id, name and what is said of every campaign of the ledger of this machine."""
+    from daemon.batch.ledger_names import campaigns
 
-    return () if _names_daemon(ctx) else ledger_names.campaigns(_ledger(ctx))
-
-
-def _runs(ctx: typer.Context, beginning: str) -> Sequence[LedgerName]:
-    from daemon.batch.ledger import names as ledger_names
-
-    return () if _names_daemon(ctx) else ledger_names.runs(_ledger(ctx), beginning)
+    return [] if _names_daemon(ctx) else campaigns(_ledger(ctx))
 
 
 def _ledger(ctx: typer.Context) -> Path:

@@ -87,13 +87,13 @@ def _open_error(path: Path, error: OSError) -> DaemonError:
     return Unavailable(words) if passing else DaemonError(words)
 
 
-def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Connection:
+def connect_reader(path: Path) -> sqlite3.Connection:
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
-    Waits ``timeout`` seconds at most for a lock, five unless told otherwise. Raises
-    ``sqlite3.Error`` if there is no ledger, and :class:`DaemonError` if it has another schema.
+    Waits five seconds at most for a lock. Raises ``sqlite3.Error`` if there is no ledger, and
+    :class:`DaemonError` if it has another schema.
     """
-    connection = _open_to_read(path, timeout)
+    connection = _open_to_read(path)
     try:
         check_current(connection, path)
     except (sqlite3.Error, DaemonError):
@@ -102,14 +102,17 @@ def connect_reader(path: Path, *, timeout: float | None = None) -> sqlite3.Conne
     return connection
 
 
-def _open_to_read(path: Path, timeout: float | None) -> sqlite3.Connection:
+def _open_to_read(path: Path) -> sqlite3.Connection:
     # mode=ro, not PRAGMA query_only: a connection of that kind makes an empty file where there
     # is no ledger, and the last one to close writes the WAL of a killed daemon into the file.
     # Looking must change nothing but the index of the WAL (the -shm file), which readers share.
     address = f"{path.absolute().as_uri()}?mode=ro"
-    patience = _READER_PATIENCE if timeout is None else timeout
     return sqlite3.connect(
-        address, uri=True, timeout=patience, isolation_level=None, check_same_thread=False
+        address,
+        uri=True,
+        timeout=_READER_PATIENCE,
+        isolation_level=None,
+        check_same_thread=False,
     )
 
 
@@ -188,7 +191,7 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
     read at all.
     """
     try:
-        with closing(_open_to_read(path, None)) as db:
+        with closing(_open_to_read(path)) as db:
             db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
             return _examine(db, quick)
     except UNREADABLE as error:

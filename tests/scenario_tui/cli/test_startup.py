@@ -61,7 +61,7 @@ from scenario_tui.cli.command_line import invoke
 invoke([])
 """
     loaded = _loaded_after(pressed)
-    assert "daemon.batch.ledger.names" in loaded
+    assert "daemon.batch.ledger_names" in loaded
     # typer itself checks what stands before the word with pydantic.
     assert loaded.isdisjoint(set(HEAVY) - {"pydantic"})
 
