@@ -14,7 +14,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from daemon.model.text_fields import MOST_SIMULATED, Moment, SignalValue
+from daemon.model.text_fields import Moment, SignalValue
 from daemon.model.verdicts import Verdict
 from grammars.model.mission import MOST_WAYPOINTS
 from grammars.text import codec
@@ -130,9 +130,6 @@ def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> Li
     if not inflater.eof:
         raise ValueError(f"cut, or of more than {LARGEST_JUDGEMENT} bytes")
     judgement = codec.from_json(LiveJudgement, clean(text))
-    for one in judgement.verdicts:
-        if abs(one.verdict.evidence.time or 0.0) > MOST_SIMULATED:
-            raise ValueError(f"evidence of a moment at {one.verdict.evidence.time:g} s")
     for signal in judgement.signals:
         # No two stretches are less than a part apart.
         parts = len(signal.low)

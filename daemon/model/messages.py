@@ -12,7 +12,7 @@ from typing import Annotated, Final
 
 from pydantic import Base64Bytes, Field
 
-from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
+from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import PREFIX, Preparation
 from daemon.model.text_fields import IdText, Sha256Text, ShortText, WorkerId
 
@@ -42,7 +42,6 @@ LARGEST_PAGE_BYTES: Final = 4 * 2**20
 """Of what runs have that may be long, results and reasons: a page of them ends there."""
 PART: Final = 256 * 2**10
 """Bytes of a file that travel at a time."""
-LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
 LONGEST_TROUBLE: Final = 2000
 """Characters."""

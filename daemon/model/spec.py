@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from daemon.model.text_fields import Centimetres, Moment, SignalValue, WaypointCount
+from daemon.model.text_fields import Seconds, SignalValue
 from daemon.model.verdicts import (
     LONGEST_EVIDENCE,
     Outcome,
@@ -170,13 +171,16 @@ class Snapshot:
     oracle: str = ""
 
 
+LARGEST_TRACE: Final = 4 * 2**30
+
+
 @dataclass(frozen=True, slots=True)
 class TraceInfo:
     """A written trace file: its SHA-256, size in bytes and number of messages."""
 
     sha256: str
-    size: int
-    messages: int
+    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
+    messages: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
 
 
 UnixTime: TypeAlias = Annotated[float, Field(ge=0.0, le=253_402_300_799.0)]
@@ -190,9 +194,9 @@ class Timing:
     ``started`` is when, by the clock of the machine [s since 1970, UTC]; 0 where nobody kept it.
     """
 
-    wall: float
-    cpu: float
-    simulated: float
+    wall: Seconds
+    cpu: Seconds
+    simulated: Seconds
     started: UnixTime = 0.0
 
 
@@ -206,7 +210,7 @@ class LeadingMargin:
     """
 
     oracle: str
-    margin: float | None
+    margin: SignalValue | None
     unit: str
     object: str = ""
     waypoint: str = ""

@@ -10,7 +10,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 MOST_SIMULATED: Final = 1e9
-"""Seconds that a run may be said to have simulated."""
+"""Seconds that a run may be said to have taken or simulated."""
 FARTHEST_POINT: Final = 10**9
 """Centimetres from the origin of a map in either direction."""
 LARGEST_VALUE: Final = 1e100
@@ -22,6 +22,8 @@ ShortText = Annotated[str, Field(max_length=400)]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Moment = Annotated[float, Field(ge=-MOST_SIMULATED, le=MOST_SIMULATED)]
 """Simulated seconds."""
+Seconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
+"""A time that a run takes or reaches."""
 SignalValue = Annotated[float, Field(ge=-LARGEST_VALUE, le=LARGEST_VALUE)]
 Centimetres = Annotated[int, Field(ge=-FARTHEST_POINT, le=FARTHEST_POINT)]
 WaypointCount = Annotated[int, Field(ge=0, le=10**6)]

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
+from daemon.model.text_fields import Seconds, SignalValue
+
 _MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
 """A moment in a note, as oracles write it."""
 LONGEST_EVIDENCE: Final = 200
@@ -34,9 +36,9 @@ class Outcome(StrEnum):
 class Evidence:
     """The decisive moment: ``time`` [s], the ``value`` and ``limit`` there, the object involved."""
 
-    time: float | None = None
-    value: float | None = None
-    limit: float | None = None
+    time: Seconds | None = None
+    value: SignalValue | None = None
+    limit: SignalValue | None = None
     object: str = ""
     note: str = ""
 
@@ -60,8 +62,8 @@ class Verdict:
     oracle: str
     text: str
     outcome: Outcome
-    lower: float | None
-    upper: float | None
+    lower: SignalValue | None
+    upper: SignalValue | None
     unit: str
     evidence: Evidence = Evidence()
 

@@ -37,7 +37,7 @@ JUDGEMENT = LiveJudgement(
     (LogLine(1.0, "sut", "hello"),),
 )
 FAR = 1e300
-REFUSED = "validation error|snapshot of more than|evidence of a moment|do not go together"
+REFUSED = "validation error|snapshot of more than|do not go together"
 
 
 def changed(value, path, new):
