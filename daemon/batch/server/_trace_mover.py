@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -12,8 +12,7 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import LedgerJob, WriterThread
-from daemon.batch.stores import copy_between, matches_digest, trace_url
-from daemon.model.spec import RunResult
+from daemon.batch.stores import copy_between, matches_digest
 
 _PERIOD: Final = 2.0
 """Seconds between two looks at the traces of the state directory."""
@@ -40,35 +39,23 @@ class TraceMover(threading.Thread):
                 pause = _AFTER_PROBLEM
 
     def _move_all(self) -> None:
-        copied: list[tuple[Path, str, str, str]] = []
-        try:
-            with LedgerReader.open(self._paths) as ledger:
-                for path in self._paths.traces.glob("*/*.mcap"):
-                    if self._closing.is_set():
-                        break
-                    name = path.relative_to(self._paths.traces).as_posix()
-                    result = ledger.result_of_trace(name)
-                    # Another attempt's trace may lie there until its worker has replaced it.
-                    if result is None or not _is_trace_of(path, result):
-                        continue
-                    url = trace_url(self._store, name, result.trace.sha256)
-                    copy_between(str(path), url)
-                    copied.append((path, name, result.digest, url))
-        finally:
-            if copied:
-                os.sync()  # a trace leaves the disk when its copy is certainly on one
-            for copy in copied:
-                self._record(*copy)
+        with LedgerReader.open(self._paths) as ledger:
+            for path in self._paths.traces.glob("*/*.mcap"):
+                if self._closing.is_set():
+                    return
+                self._move(ledger, path)
 
-    def _record(self, path: Path, name: str, digest: str, url: str) -> None:
-        def record(book: LedgerWriter) -> bool:
-            return book.record_move(name, digest, url)
-
-        def remove(recorded: object) -> None:
-            if recorded is True:
-                path.unlink(missing_ok=True)
-
-        self._writer.put(LedgerJob(record, remove))
+    def _move(self, ledger: LedgerReader, path: Path) -> None:
+        name = path.relative_to(self._paths.traces).as_posix()
+        result = ledger.result_of_trace(name)
+        # A trace whose result is not recorded yet may lie there.
+        if result is None or not matches_digest(path, result.trace.size, result.trace.sha256):
+            return
+        # Traces that differ have different URLs.
+        url = f"{self._store}/{name.removesuffix('.mcap')}.{result.trace.sha256[:16]}.mcap"
+        copy_between(str(path), url)
+        record = partial(LedgerWriter.record_move, name=name, digest=result.digest, url=url)
+        self._writer.put(LedgerJob(record, partial(_remove_moved, path)))
 
     def close(self) -> None:
         """Finish the trace that is on its way."""
@@ -76,5 +63,6 @@ class TraceMover(threading.Thread):
         self.join()
 
 
-def _is_trace_of(path: Path, result: RunResult) -> bool:
-    return matches_digest(path, result.trace.size, result.trace.sha256)
+def _remove_moved(path: Path, recorded: object) -> None:
+    if recorded is True:
+        path.unlink(missing_ok=True)

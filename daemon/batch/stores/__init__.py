@@ -1,7 +1,7 @@
 """Places of traces and their travels: a store by URL, parts of files, copies on this machine."""
 
 from daemon.batch.stores._marker import Marker, read_marker, write_marker
-from daemon.batch.stores._store import check_store_url, copy_between, is_url, trace_url
+from daemon.batch.stores._store import check_store_url, copy_between, is_url
 from daemon.batch.stores._transfer import (
     ByteProgress,
     TraceReference,
@@ -35,7 +35,6 @@ __all__ = [
     "read_marker",
     "read_part",
     "trace_reference",
-    "trace_url",
     "trim_cache",
     "upload",
     "write_marker",

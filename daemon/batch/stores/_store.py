@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import re
+import os
 import shutil
-from typing import Final
+from pathlib import Path
 from urllib.parse import urlsplit
 
-_URL: Final = re.compile(r"[a-z][a-z0-9+.-]*://")
-_SHOWN_DIGEST: Final = 16
+from grammars.text.files import sync_directory
 
 
 def is_url(location: str) -> bool:
     """Whether a trace lies at a URL rather than at a path."""
-    return _URL.match(location) is not None
+    return "://" in location
 
 
 def check_store_url(url: str) -> str:
@@ -30,19 +29,22 @@ def check_store_url(url: str) -> str:
     return url.rstrip("/")
 
 
-def trace_url(store: str, trace: str, sha256: str) -> str:
-    """Return the URL of a trace in a store; traces that differ have different ones."""
-    return f"{store}/{trace.removesuffix('.mcap')}.{sha256[:_SHOWN_DIGEST]}.mcap"
-
-
 def copy_between(source: str, target: str) -> None:
-    """Copy a file from a path or URL to another; raises ``OSError``."""
+    """Copy a file from a path or URL to another, for good; raises ``OSError``."""
     import fsspec
 
     try:
         with fsspec.open(source) as taken, fsspec.open(target, "wb") as given:
             shutil.copyfileobj(taken, given)
+        if target.startswith("file://"):
+            _sync(Path(target.removeprefix("file://")))
     except Exception as error:  # the library behind a URL may raise anything
         url = source if is_url(source) else target
         why = getattr(error, "strerror", "") or repr(error)
         raise OSError(f"{url} cannot be used from here: {why}") from error
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+    sync_directory(path.parent)

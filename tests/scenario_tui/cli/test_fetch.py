@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import copy_between, file_sha256, trace_url
+from daemon.batch.stores import copy_between, file_sha256
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
@@ -43,7 +43,7 @@ def campaign_at(places, store=""):
         done = Completion("w", grant.run, grant.attempt, grant.token, result)
         book.complete(done, 2.0)
         if store:
-            url = trace_url(store, grant.trace, info.sha256)
+            url = f"{store}/{grant.trace}"
             copy_between(str(path), url)
             book.record_move(grant.trace, result.digest, url)
             path.unlink()
