@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Final, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable
@@ -20,6 +21,7 @@ from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
+from grammars.text.files import sync_directory
 
 T = TypeVar("T")
 
@@ -77,20 +79,27 @@ class LedgerWriter(SearchUpdates):
         """
         self.events = []
         self._deleted = []
+        self._unsynced: set[Path] = set()
         try:
             # IMMEDIATE: whoever removes traces may hold the lock, and a transaction that begins by
             # reading could not wait for it when it comes to writing.
             self._db.execute("BEGIN IMMEDIATE")
             yield
+            for folder in self._unsynced:
+                sync_directory(folder)
             self._db.execute("COMMIT")
         except BaseException as error:
             self.events = []
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            if isinstance(error, UNREADABLE):
+            if isinstance(error, (*UNREADABLE, OSError)):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
         self._remove_files()
+
+    def sync_before_commit(self, folder: Path) -> None:
+        """Have new names in a folder on the disk before the transaction that speaks of them."""
+        self._unsynced.add(folder)
 
     def _remove_files(self) -> None:
         """Remove the files of campaigns that were deleted, unless one is there again by now."""

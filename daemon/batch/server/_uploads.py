@@ -21,7 +21,7 @@ from daemon.batch.server._runtime import EventLog
 from daemon.batch.stores import append_part, file_sha256, file_size, matches_digest
 from daemon.model.ids import is_run_id
 from daemon.model.messages import Completion, Count, LedgerAnswer, PutRequest
-from grammars.text.files import move_durably, sync_directory
+from grammars.text.files import move_durably
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time; finished traces whose result has not come count."""
@@ -183,11 +183,11 @@ class Uploads:
         is_lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
         is_recorded = answer is LedgerAnswer.RECORDED
         if whole.exists() and (is_recorded or is_lost):
-            if not there.parent.is_dir():
-                there.parent.mkdir(mode=0o700, exist_ok=True)
-                sync_directory(there.parent.parent)
+            there.parent.mkdir(mode=0o700, exist_ok=True)
             whole.replace(there)
-            sync_directory(there.parent)
+            # Once for all results that share the commit: measured, 5 ms each on one disk.
+            ledger.sync_before_commit(there.parent)
+            ledger.sync_before_commit(there.parent.parent)
         # The first result makes uploads under all other leases pointless, too: their senders
         # hear so when they go on.
         self._remove(completion.run if is_recorded else f"{completion.run}.{completion.token}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -26,6 +27,7 @@ from daemon.model.messages import (
     PutRequest,
     RetryRequest,
 )
+from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
@@ -75,6 +77,10 @@ class Site:
 
     def complete(self, completion):
         """What the daemon does with a completion."""
+        with self.book.transaction():
+            return self.settle(completion)
+
+    def settle(self, completion):
         if self.intake.is_missing(self.book, completion):
             return LedgerAnswer.MISSING
         answer = self.book.complete(completion, NOW)
@@ -114,8 +120,7 @@ def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
 
 
 def test_a_trace_that_a_worker_has_left_there_gets_its_name(site):
-    sha256 = hashlib.sha256(TRACE).hexdigest()
-    site.places.uploaded_trace(site.grant.run, site.grant.token, sha256).write_bytes(TRACE)
+    leave(site.places, site.completion())
     assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert site.trace.read_bytes() == TRACE
     assert site.incoming() == []
@@ -133,7 +138,7 @@ def test_another_daemon_goes_on_where_the_first_one_was(site):
 
 def complete_without_commit(site):
     with site.book.transaction():
-        site.complete(site.completion())
+        site.settle(site.completion())
         raise sqlite3.OperationalError("disk I/O error")
 
 
@@ -144,6 +149,49 @@ def test_a_daemon_that_named_the_trace_and_did_not_commit_loses_nothing(site):
     assert site.take(0, b"") == 1000
     assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert site.trace.read_bytes() == TRACE
+
+
+def test_the_name_of_a_trace_is_on_the_disk_before_its_result(site, monkeypatch):
+    synced = {}
+
+    def sync(folder):
+        synced[folder.name] = site.reader.run("c.0").row.state
+
+    monkeypatch.setattr("daemon.batch.ledger._writer.sync_directory", sync)
+    site.take(0, TRACE)
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert synced == {"c": RunState.RUNNING, "traces": RunState.RUNNING}
+
+
+def test_no_result_is_recorded_whose_trace_may_not_be_on_the_disk(site, monkeypatch):
+    def fail(_):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("daemon.batch.ledger._writer.sync_directory", fail)
+    site.take(0, TRACE)
+    with pytest.raises(Unavailable, match="Input/output error"):
+        site.complete(site.completion())
+    monkeypatch.undo()
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+
+
+def test_of_two_workers_on_this_file_system_the_first_result_keeps_its_trace(site):
+    """Also of a system that gives something else every time."""
+    leave(site.places, site.completion())
+    site.book.lapse(site.book.leases(), NOW)
+    (again,) = site.book.lease("v", 1, NOW + 1000.0)
+    other = site.completion(b"something else", token=again.token)
+    leave(site.places, other, b"something else")
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.complete(other) is not LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+
+
+def leave(places, completion, data=TRACE):
+    """Leave a whole trace there, as a worker on this file system does."""
+    sha256 = completion.result.trace.sha256
+    places.uploaded_trace(completion.run, completion.token, sha256).write_bytes(data)
 
 
 def test_a_part_that_does_not_continue_changes_nothing(site):
