@@ -106,7 +106,6 @@ class Target:
             places.spool,
             places.incoming,
             places.files,
-            places.searches,
         )
         paths = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
         return dump, [(str(path), path.stat().st_size) for path in paths]
@@ -217,7 +216,6 @@ def valid(target):
         verbs.PROPOSALS: ProposalQuery("sought"),
         verbs.EXTEND: make_extension("sought", 0, 2),
         verbs.PROGRESS: SearchProgress("sought", "explore", "so far"),
-        verbs.BUNDLE: IdRequest("sought"),
         verbs.WELCOME: ME,
         verbs.LEASE: LeaseRequest(target.me, 1),
         verbs.RENEW: RenewRequest(target.me, ()),
