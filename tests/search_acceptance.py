@@ -213,9 +213,10 @@ def show_found(runs):
         spec, scene = again.runs[0], again.scenes[0]
         result = execute(spec, scene, trace_path=campaigns / "found.mcap")
         said = {verdict.oracle: verdict for verdict in result.verdicts}[task.minimise]
-        print(f"  {answer.nearest.sentence if answer.nearest else answer.found_label}")
+        print(f"  {answer.nearest.sentence if answer.nearest else answer.told_failure.label}")
         same = _check(
-            f"its digest is {answer.found_digest[:12]}", spec.digest == answer.found_digest
+            f"its digest is {answer.told_failure.digest[:12]}",
+            spec.digest == answer.told_failure.digest,
         )
         words = f"{task.minimise} is {said.outcome}, margin {said.margin} {said.unit}"
         return _check(words, said.outcome == "fail") and same

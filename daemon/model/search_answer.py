@@ -129,14 +129,12 @@ class SearchAnswer:
 
     ``ended`` says why it ended (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
     ``exhausted``, ``cancelled``), empty while it lasts. Of the ``explored`` proposals ``refused``
-    are points that no run can be made of. ``written`` is the scenario as it stands, ``first`` the
-    failure of the lowest number, ``best`` the smallest margin. Of the ``space_filling`` runs, those
-    with a verdict that were drawn without looking at results (the scenario as written was not
-    drawn), ``space_filling_failed`` fail; with 95 % certainty at most ``failing_share`` of the
-    space does. Of the failures that were explored, ``repeated`` were run with other noise as well,
-    of which ``holding`` fail with most noises. ``unsought`` are failures of other oracles.
-    ``sentences`` tell all of it; ``found`` is the text
-    of ``NAME.found.yaml``, empty when nothing fails.
+    are points that no run can be made of. ``first`` is the failure of the lowest number, ``best``
+    the smallest margin. Of the ``space_filling`` runs, those with a verdict that were drawn without
+    looking at results (the scenario as written was not drawn), ``space_filling_failed`` fail. Of
+    the failures that were explored, ``repeated`` were run with other noise as well, of which
+    ``holding`` fail with most noises. ``unsought`` are failures of other oracles. ``sentences``
+    tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty when nothing fails.
     """
 
     ended: str
@@ -148,8 +146,6 @@ class SearchAnswer:
     inconclusive: int
     space_filling: int
     space_filling_failed: int
-    failing_share: float | None
-    written: Trial | None = None
     first: Trial | None = None
     best: Trial | None = None
     confirmed: Confirmation | None = None
@@ -159,8 +155,6 @@ class SearchAnswer:
     influence: tuple[Influence, ...] = ()
     sentences: tuple[str, ...] = ()
     found: str = ""
-    found_label: str = ""
-    found_digest: str = ""
     refused: int = 0
     repeated: int = 0
     holding: int = 0

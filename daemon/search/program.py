@@ -249,7 +249,7 @@ class _SearchProgram:
         words = f"Found by the search {self.task.name}: {about}."
         comment = "\n".join(textwrap.wrap(words, _WIDTH, break_long_words=False))
         text = self.case.found_text(failure, comment=comment, why=about)
-        return replace(answer, found=text, found_label=failure.label, found_digest=failure.digest)
+        return replace(answer, found=text)
 
     def _report(self, phase: Phase, note: str) -> None:
         self.runs.report(phase, note, self.answer())

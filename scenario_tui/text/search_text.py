@@ -141,10 +141,7 @@ def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text
     lines.append(Text(_runs_text(row, found), style=quiet_style(styles)))
     lines.append(Text())
     lines.extend(Text(f"- {sentence}") for sentence in found.sentences)
-    changes = nearest_lines(row.task, found, styles)
     for title, block in (
-        # One change is told in a sentence.
-        ("the nearest failure", changes if len(changes) > 1 else []),
         ("findings", finding_lines(found, styles)),
         (_influence_title(found), influence_lines(row.task, found, styles)),
     ):
@@ -161,34 +158,6 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     # Why it ended is the last of the sentences.
     told = answer.sentences and answer.ended and row.state != "failed"
     return words if told else f"{words}; {phase_words(row)}"
-
-
-def nearest_lines(
-    task: SearchTask, answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES
-) -> list[Text]:
-    """Return what is not as written in the nearest failure, a parameter a line."""
-    if answer.nearest is None or not answer.nearest.changes:
-        return []
-    named = {one.name: one for one in task.parameters}
-    rows = [
-        (
-            task.short_name(change.parameter),
-            value_text(named[change.parameter], change.written),
-            value_text(named[change.parameter], change.value),
-            "" if change.passing is None else named[change.parameter].shown(change.passing),
-        )
-        for change in answer.nearest.changes
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    lines = []
-    for name, written, value, passing in rows:
-        line = Text(f"  {name:<{widths[0]}}  ")
-        line.append(f"{written:>{widths[1]}} → ", style=quiet_style(styles))
-        line.append(f"{value:<{widths[2]}}", style=styles["fail"])
-        if passing:
-            line.append(f"  passes at {passing}", style=quiet_style(styles))
-        lines.append(line)
-    return lines
 
 
 def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> list[Text]:

@@ -102,8 +102,6 @@ def make_answer():
         inconclusive=0,
         space_filling=6,
         space_filling_failed=1,
-        failing_share=None,
-        written=read_trial(TASK, rows[0]),
         first=first,
         best=best,
         confirmed=confirmed,
@@ -129,8 +127,6 @@ def make_answer():
             nearest.sentence,
         ),
         found="campaign: house\n",
-        found_label="doors-in-time.4/pilot/0",
-        found_digest="4".zfill(64),
     )  # fmt: skip
 
 

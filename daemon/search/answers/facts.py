@@ -10,7 +10,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from daemon.judging.statistics import at_most, proportion_interval
+from daemon.judging.statistics import proportion_interval
 from daemon.model.search import PointValue, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
@@ -60,7 +60,6 @@ def make_answer(
     judged = [
         one for one in explored if one.is_drawn and one.outcome in (Outcome.PASS, Outcome.FAIL)
     ]
-    failed = sum(trial.fails for trial in judged)
     answer = SearchAnswer(
         ended=ended,
         explored=len(explored),
@@ -70,9 +69,7 @@ def make_answer(
         errors=outcomes[Outcome.ERROR],
         inconclusive=outcomes[Outcome.INCONCLUSIVE],
         space_filling=len(judged),
-        space_filling_failed=failed,
-        failing_share=failing_share(failed, len(judged)),
-        written=next((one for one in explored if one.is_written and one.outcome), None),
+        space_filling_failed=sum(trial.fails for trial in judged),
         first=first_failure(explored),
         best=smallest_margin(explored),
         confirmed=later.confirmed,
@@ -86,14 +83,6 @@ def make_answer(
         unsought=unsought_failures(explored),
     )
     return replace(answer, sentences=answer_sentences(task, answer))
-
-
-def failing_share(failed: int, runs: int) -> float | None:
-    """Return the share of the space that fails at most, with 95 % certainty, one-sided.
-
-    Without a failure it is 1 - 0.05^(1/n). ``None`` without runs.
-    """
-    return at_most(failed, runs) if runs else None
 
 
 def failure_key(trial: Trial) -> FailureKey:

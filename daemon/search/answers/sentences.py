@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from daemon.judging.statistics import chance_correlation, cut_percentage, proportion_interval
+from daemon.judging.statistics import (
+    at_most,
+    chance_correlation,
+    cut_percentage,
+    proportion_interval,
+)
 from daemon.model.proposals import Phase
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import Influence, SearchAnswer, SearchRow
@@ -182,10 +187,10 @@ def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if drawn == 0:
         if answer.explored:
             yield "no run was drawn without looking at results: how much fails is not known"
-    elif failed == 0 and answer.failing_share is not None:
+    elif failed == 0:
         yield (
             f"{drawn} of the runs {'is' if drawn == 1 else 'are'} {task.drawn_word}: with 95 % "
-            f"certainty less than {percentage(answer.failing_share)} of the space fails"
+            f"certainty less than {percentage(at_most(failed, drawn))} of the space fails"
         )
     else:
         low, high = proportion_interval(failed, drawn)

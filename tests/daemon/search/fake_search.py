@@ -62,7 +62,7 @@ def client_of(daemon, campaign, runs, program=search, name="lab", **asked):
 
 
 def answer_of(task, explored):
-    return SearchAnswer("", explored, explored, 0, 0, 0, 0, 0, 0, None, sentences=("so far",))
+    return SearchAnswer("", explored, explored, 0, 0, 0, 0, 0, 0, sentences=("so far",))
 
 
 def learn(learnt, row):

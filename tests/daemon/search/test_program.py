@@ -30,9 +30,6 @@ def test_the_scenario_as_written_comes_first_and_the_budget_ends_the_search():
     assert answer.ended == "budget"
     assert (answer.explored, len(runs.proposals)) == (12, 12)
     assert runs.proposals[0].values == (5.0, 5.0)
-    assert answer.written is not None
-    assert answer.written.value is not None
-    assert answer.written.value.margin == 0.1
     assert answer.space_filling == 11, "the scenario as written was not drawn"
 
 
@@ -62,7 +59,7 @@ def test_what_was_found_is_confirmed_brought_near_and_handed_on():
     ]
     assert nearest.confirmed is not None
     assert nearest.sentence in comment_of(answer)
-    assert answer.found_digest == runs.digests[nearest.result.proposal.position]
+    assert nearest.result.digest == runs.digests[nearest.result.proposal.position]
     phases = list(dict.fromkeys(proposal.phase for proposal in runs.proposals))
     assert phases == ["explore", "confirm", "nearest"]
     assert [p.position for p in runs.proposals] == list(range(len(runs.proposals)))
@@ -100,7 +97,7 @@ def test_errors_in_a_row_end_it():
     case = PretendedCase(make_task(KITCHEN, runs=100, window=1), lambda point, repeat: None)
     answer = run_search(case, case.runs())
     assert (answer.ended, answer.errors) == ("errors", ERRORS_IN_A_ROW)
-    assert answer.failing_share is None
+    assert answer.space_filling == 0
 
 
 def test_points_that_make_no_run_are_told_and_are_no_errors():

@@ -150,8 +150,10 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
     file.write_text(answer.found)
     (run,) = expand(load_campaign(file)).specs
     assert (
-        run.digest == answer.found_digest == runs.digests[answer.nearest.result.proposal.position]
+        run.digest
+        == answer.told_failure.digest
+        == runs.digests[answer.nearest.result.proposal.position]
     )
-    assert run.label == answer.found_label
+    assert run.label == answer.told_failure.label
     phases = list(dict.fromkeys(p.phase for p in runs.proposals))
     assert phases == ["explore", "confirm", "nearest", "shrink"]

@@ -61,9 +61,7 @@ def ledger(tmp_path, monkeypatch):
         )  # fmt: skip
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
     best = Trial(proposals[0], f"{SEARCH}.0", "doors.0/a/0", "d")
-    answer = SearchAnswer(
-        "errors", 2, 2, 0, 0, 0, 0, 2, 0, 0.8, best=best, sentences=("nothing fails",)
-    )
+    answer = SearchAnswer("errors", 2, 2, 0, 0, 0, 0, 2, 0, best=best, sentences=("nothing fails",))
     book.note_progress(SearchProgress(SEARCH, "lab", "explore", "", "finished", answer), 3.0)
     connection.close()
     return places

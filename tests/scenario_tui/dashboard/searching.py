@@ -143,8 +143,8 @@ def make_answer(rows, *, ended="budget"):
     objects = sorted({point.value.object for point in failed if point.value})
     groups = {name: [p for p in failed if p.value and p.value.object == name] for name in objects}
     return SearchAnswer(
-        ended, len(rows), len(rows), 0, len(failed), 0, 1, _HALTON, 1, None,
-        written=points[0], first=first, best=best, nearest=nearest,
+        ended, len(rows), len(rows), 0, len(failed), 0, 1, _HALTON, 1,
+        first=first, best=best, nearest=nearest,
         findings=tuple(
             Finding("no-contact", name, "w2", len(group), group[-1])
             for name, group in groups.items()

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.search_answer import ParameterChange
 from daemon.search.answers.sentences import phase_words, search_word
 from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.text.search_text import (
@@ -125,20 +124,6 @@ def test_the_answer_begins_with_its_sentences():
         "  leading                │██        +0.20\n"
         "  laser.noise            │█         +0.08"
     )
-
-
-def test_several_changes_of_the_nearest_failure_are_a_table():
-    answer = make_answer()
-    assert answer.nearest is not None
-    change = ParameterChange("robot.laser.noise", "m", 0.01, 0.024)
-    several = replace(answer.nearest, changes=(*answer.nearest.changes, change))
-    row = make_search(answer=replace(answer, nearest=several))
-    text = "\n".join(line.plain.rstrip() for line in answer_lines(row))
-    assert (
-        "the nearest failure:\n"
-        "  kitchen_opens     8 s → 8.54 s   passes at 8.32 s\n"
-        "  laser.noise    0.01 m → 0.024 m\n"
-    ) in text
 
 
 def test_a_search_without_an_answer_says_how_it_stands():

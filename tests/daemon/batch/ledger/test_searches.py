@@ -25,7 +25,7 @@ from tests.daemon.batch.samples import (
 )
 
 NOW = 1_000_000.0
-ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, 0.5, sentences=("three runs",))
+ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, sentences=("three runs",))
 
 
 def led(spec):

@@ -7,7 +7,7 @@ import pytest
 from daemon.model.proposals import Proposal
 from daemon.model.search_answer import NearestFailure, SearchAnswer, ShrunkScenario
 from daemon.model.trials import Trial
-from daemon.search.answers.facts import LaterResults, confirmation, failing_share, make_answer
+from daemon.search.answers.facts import LaterResults, confirmation, make_answer
 from daemon.search.answers.sentences import ending_words
 from grammars.text import codec
 from tests.daemon.search.pretended import made_trial, make_task, seconds
@@ -32,7 +32,6 @@ def test_a_search_that_finds_nothing_says_what_that_is_worth():
         "0.514",
         "the budget of 20 runs is spent",
     )
-    assert answer.failing_share == pytest.approx(1.0 - 0.05 ** (1.0 / 15))
     assert answer.told_failure is None
 
 
@@ -146,19 +145,11 @@ def test_random_runs_are_not_called_space_filling():
 
 def test_nothing_is_said_of_the_space_when_nothing_was_drawn():
     answer = make_answer(TASK, [explored(0, 5.0, 0.1), explored(1, 6.0, 0.1, guided=True)])
-    assert (answer.space_filling, answer.failing_share) == (0, None)
+    assert answer.space_filling == 0
     assert "no run was drawn without looking at results: how much fails is not known" in (
         answer.sentences
     )
     assert make_answer(TASK, []).sentences == ()
-
-
-def test_the_share_that_fails_is_bounded_from_above():
-    assert failing_share(0, 16) == pytest.approx(1.0 - 0.05 ** (1.0 / 16))
-    share = failing_share(3, 16)
-    assert share is not None
-    assert 3 / 16 < share < 0.5
-    assert failing_share(0, 0) is None
 
 
 @pytest.mark.parametrize(
