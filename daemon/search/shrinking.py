@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import tempfile
-from collections.abc import Collection, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -31,15 +31,13 @@ from daemon.model.run_state import RunState
 from daemon.model.search_answer import ShrunkScenario
 from daemon.model.trials import Trial
 from daemon.search.execution.point_runner import PointRunner
-from grammars.model.behaviour import Reaction, Walk
 from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun, enumerate_words
 
 SHRINK_RUNS: Final = 100
 """Runs that are spent at most to shrink a failure."""
-_NAMED: Final = 2
-"""So many things that were left out are named, more of them are counted."""
-_NAMED_LEFT: Final = 3
+_NAMED: Final = 3
+"""So many things of a kind are named, more of them are counted."""
 
 
 def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
@@ -77,7 +75,7 @@ def left_words(story: Blame) -> str:
 
 def _some(names: Sequence[str], whole: int, noun: str) -> str:
     """Return ``2 of 3 objects (kitchen_door, living_room_door)``."""
-    shown = [*names[:_NAMED_LEFT], "…"] if len(names) > _NAMED_LEFT else list(names)
+    shown = [*names[:_NAMED], "…"] if len(names) > _NAMED else list(names)
     listed = f" ({', '.join(shown)})" if shown else ""
     return f"{len(names)} of {count_noun(whole, noun)}{listed}"
 
@@ -138,43 +136,17 @@ class _SearchExecutor:
 
 
 def left_out(whole: Candidate, part: Candidate) -> str:
-    """Return what a candidate lacks, in a few words: ``without bedroom_door, 2 waypoints``."""
-    told = [
-        *_missing([o.name for o in whole.scene.objects], [o.name for o in part.scene.objects], ""),
-        *_missing(
-            [w.id for w in whole.spec.mission.waypoints],
-            [w.id for w in part.spec.mission.waypoints],
-            "waypoint",
-        ),
-        *_missing(
-            [b.joint for b in whole.spec.behaviours],
-            [b.joint for b in part.spec.behaviours],
-            "behaviour",
-        ),
-    ]
-    words = [f"without {', '.join(told)}"] if told else []
-    if whole.spec.sut != part.spec.sut:
-        words.append("with fewer parameters of the system under test")
-    if _has_other_values(whole, part):
-        words.append("with fewer values of layers")
-    return ", ".join(words) or "with all of it"
+    """Return what a candidate lacks, in a few words: ``without bedroom_door, waypoint home``."""
+    kept = set(_part_names(part))
+    missing = [name for name in dict.fromkeys(_part_names(whole)) if name not in kept]
+    if missing:
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+        return f"without {', '.join(missing[:_NAMED])}{more}"
+    values = [(one.spec.sut, one.spec.behaviours, one.scene.objects) for one in (whole, part)]
+    return "with all of it" if values[0] == values[1] else "with fewer values"
 
 
-def _has_other_values(whole: Candidate, part: Candidate) -> bool:
-    """Return whether something in it is not as in the whole; waiting for a leg counts for none.
-
-    Legs have other numbers when waypoints are left out.
-    """
-    waiting = (Reaction, Walk)
-    told = [b for b in part.spec.behaviours if not isinstance(b, waiting)]
-    return not (
-        set(told) <= set(whole.spec.behaviours)
-        and set(part.scene.objects) <= set(whole.scene.objects)
-    )
-
-
-def _missing(whole: Sequence[str], part: Collection[str], kind: str) -> list[str]:
-    missing = list(dict.fromkeys(name for name in whole if name not in part))
-    if len(missing) > _NAMED:
-        return [count_noun(len(missing), kind or "object")]
-    return [f"{kind} {name}".strip() for name in missing]
+def _part_names(candidate: Candidate) -> Iterator[str]:
+    yield from (one.name for one in candidate.scene.objects)
+    yield from (f"waypoint {one.id}" for one in candidate.spec.mission.waypoints)
+    yield from (f"behaviour {one.joint}" for one in candidate.spec.behaviours)

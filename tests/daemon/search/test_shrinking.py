@@ -131,7 +131,7 @@ def test_what_was_left_out_is_told(case):
         "without waypoint kitchen, waypoint home"
     )
     plain = [e for e in everything if e.kind != "override"]
-    assert left_out(full, whole.candidate(plain, oracle)) == "with fewer values of layers"
+    assert left_out(full, whole.candidate(plain, oracle)) == "with fewer values"
 
 
 def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
