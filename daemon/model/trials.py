@@ -182,14 +182,14 @@ def smallest_margin(trials: Iterable[Trial]) -> Trial | None:
     return min((one for one in trials if one.value is not None), key=_compared, default=None)
 
 
-def smallest_so_far(trials: Iterable[Trial]) -> list[float]:
-    """Return the smallest value after each trial; not a number before the first that has one."""
-    smallest, values = math.nan, list[float]()
-    for trial in trials:
-        if not smallest <= trial.compared and not math.isnan(trial.compared):
-            smallest = trial.compared
-        values.append(smallest)
-    return values
+def smallest_so_far(values: Iterable[float]) -> list[float]:
+    """Return the smallest of values after each; not a number before the first that is one."""
+    smallest, least = math.nan, list[float]()
+    for value in values:
+        if not value >= smallest and not math.isnan(value):
+            smallest = value
+        least.append(smallest)
+    return least
 
 
 def first_failure(trials: Iterable[Trial]) -> Trial | None:

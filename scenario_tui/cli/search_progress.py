@@ -117,7 +117,8 @@ class SearchWatch:
         if best is not None and best.value is not None:
             text.append(f"  {margin(best.value.margin, best.value.unit)}")
             if dispensable < 2:
-                text.append(f"  {sparkline(smallest_so_far(explored), _CURVE)}")
+                smallest = smallest_so_far(trial.compared for trial in explored)
+                text.append(f"  {sparkline(smallest, _CURVE)}")
         if row.phase != "explore" and dispensable < 3:
             text.append(f"  {phase_words(row)}", style="dim")
         elif dispensable < 1 and (left := self._seconds_left()) is not None:

@@ -132,7 +132,7 @@ def _plot_margins(task: SearchTask, trials: Sequence[Trial], other: Sequence[Tri
     ):  # fmt: skip
         failed = list(accumulate(int(one.fails) for one in runs))
         top = max([top, *failed[-1:]])
-        _step(above, runs, smallest_so_far(runs), last, colour, label)
+        _step(above, runs, smallest_so_far(one.compared for one in runs), last, colour, label)
         _step(below, runs, failed, last, colour, beside)
     above.x_limits = below.x_limits = (-0.5, last - 0.5 if last > 1 else 1.0)
     below.y_limits = (0.0, max(1.0, 1.08 * top))

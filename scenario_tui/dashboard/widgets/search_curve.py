@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from rich.style import Style
 
 from daemon.model.search import SearchTask
-from daemon.model.trials import Trial
+from daemon.model.trials import Trial, smallest_so_far
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.searches import SearchTrials
@@ -41,7 +42,7 @@ class SearchCurve:
     """What is drawn of a search: ``at`` (n,) are positions of runs that have a margin.
 
     ``value`` (n,) is what is compared: the margin in ``unit``, or its multiple of the scale of its
-    oracle where that is empty. ``fails`` and ``guided`` (n,) say so of each run. ``best`` and
+    oracle where that is empty. ``fails`` (n,) says so of each run. ``best`` and
     ``baseline`` (m,) are the smallest value so far at each of the ``m`` runs known, of all
     proposals and of those chosen without looking at results; NaN before the first. ``phases`` are
     the positions at which phases begin. ``room`` is how many runs the graph is wide.
@@ -67,9 +68,9 @@ def search_curve(search: SearchTrials) -> SearchCurve:
     """Return what is drawn of a search."""
     trials, task = search.trials, search.row.task
     value = np.array([one.compared for one in trials], dtype=np.float64)
-    explores = np.array([one.explores for one in trials], dtype=np.bool_)
-    guided = np.array([one.proposal.guided for one in trials], dtype=np.bool_)
     known = np.isfinite(value)
+    best = [one.compared if one.explores else math.nan for one in trials]
+    drawn = [math.nan if one.proposal.guided else v for one, v in zip(trials, best, strict=True)]
     phases: dict[str, int] = {}
     for at, one in enumerate(trials):
         phases.setdefault(one.proposal.phase, at)
@@ -79,8 +80,8 @@ def search_curve(search: SearchTrials) -> SearchCurve:
         np.flatnonzero(known),
         value[known],
         np.array([one.fails for one in trials], dtype=np.bool_)[known],
-        _smallest(value, known & explores),
-        _smallest(value, known & explores & ~guided),
+        np.array(smallest_so_far(best)),
+        np.array(smallest_so_far(drawn)),
         tuple(
             (at, _sign(one))
             for at, one in enumerate(trials)
@@ -88,13 +89,6 @@ def search_curve(search: SearchTrials) -> SearchCurve:
         ),
         tuple((at, phase) for phase, at in phases.items() if at),
     )
-
-
-def _smallest(value: Floats, counts: npt.NDArray[np.bool_]) -> Floats:
-    """Return the smallest value up to each run of those that count, NaN before the first."""
-    least = np.minimum.accumulate(np.where(counts, value, np.inf))
-    found: Floats = np.where(np.isfinite(least), least, np.nan)
-    return found
 
 
 def _sign(trial: Trial) -> str:

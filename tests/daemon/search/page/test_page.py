@@ -108,7 +108,7 @@ def test_every_failure_is_a_cross_and_the_smallest_margin_a_line():
     svg = search_figures(row, rows)["margins"]
     crosses = max(re.findall(r'<path d="([^"]+)" style="[^"]*var\(--bad\)', svg), key=len)
     assert crosses.count("M") == 2 * failed > 0
-    values = smallest_so_far(points)
+    values = smallest_so_far(point.compared for point in points)
     assert values == list(np.minimum.accumulate([p.compared for p in points]))
     assert "space-filling runs alone" in svg
 
@@ -127,7 +127,7 @@ def test_runs_without_a_margin_leave_gaps():
     row, rows = searched(DOOR, *OTHERS, margin=broken, stop="budget", runs=6)
     points = point_trials(row.task, rows)
     assert any(math.isnan(point.compared) for point in points)
-    assert smallest_so_far(points)[-1] == 0.2
+    assert smallest_so_far(point.compared for point in points)[-1] == 0.2
     page = search_page(row, rows)
     assert "nan" not in page
     assert "‼" in page
