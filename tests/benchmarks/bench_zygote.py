@@ -52,7 +52,7 @@ def cpu_of(kind):
             if number == WARM:
                 before = sum(server.cpu_times())
             lease = Lease("c.0", "c", 1, number, "c/S1.mcap", make_spec(number))
-            attempt = Attempt.prepare(Path(folder) / "c.0" / "attempt-1", lease)
+            attempt = Attempt.prepare(Path(folder) / "c.0" / f"attempt-{number}", lease)
             execution = pool.start(attempt, scene, RunLimits())
             while execution.end is None:
                 wait(execution.waitables)

@@ -14,8 +14,11 @@ the outbox of a worker: what the daemon has not acknowledged stays in it and is 
 from __future__ import annotations
 
 import fcntl
+import os
 import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -34,6 +37,9 @@ from grammars.text import codec
 _LOCK: Final = "lock"
 """Stands in the lock of a worker without a key: the daemon's owner started it."""
 _SHOWN_OUTPUT: Final = 2000
+_FIRST_PAUSE: Final = 2.0
+_LONGEST_PAUSE: Final = 120.0
+"""Seconds until something that could not be removed or taken over is tried again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +51,7 @@ class Attempt:
 
     @classmethod
     def prepare(cls, folder: Path, lease: Lease) -> Attempt:
-        """Make the folder of a leased run, in place of one of the same name; raises ``OSError``."""
-        if folder.exists():
-            shutil.rmtree(folder)
+        """Make the folder of a leased run; raises ``OSError``."""
         folder.mkdir(parents=True)
         # Not synchronised: what a power cut takes from here runs again.
         try:
@@ -69,7 +73,7 @@ class Attempt:
     @property
     def finished(self) -> bool:
         """Whether there is a result, and so a complete trace."""
-        return (self.folder / RESULT).exists()
+        return (self.folder / RESULT).is_file()
 
     def result(self) -> RunResult:
         """The result; raises ``OSError`` or ``ValueError`` when it cannot be read."""
@@ -84,12 +88,6 @@ class Attempt:
         # Nothing of one that ended before it had begun.
         return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
-    def discard(self) -> None:
-        """Remove the folder, and the run's when this was its last attempt; raises ``OSError``."""
-        shutil.rmtree(self.folder)
-        if not any(self.folder.parent.iterdir()):
-            self.folder.parent.rmdir()
-
 
 @dataclass(frozen=True, slots=True)
 class AdoptedWork:
@@ -103,7 +101,8 @@ class Spool:
     """This worker's part of the spool.
 
     Its disk may become unusable while the worker works. Then nothing of it is lost, ``log`` gets
-    the reason once, and what could not be removed or taken over is tried again.
+    the reason once, and what could not be removed or taken over is tried again, less and less
+    often. A folder that is in the way for good is put aside.
     """
 
     def __init__(
@@ -114,7 +113,8 @@ class Spool:
     ) -> None:
         self._paths = paths
         self._log = log
-        self._remains: list[Attempt] = []
+        self._remains: list[Path] = []
+        self._adopt_at = self._pause = 0.0
         self._problems: set[str] = set()
         self._folder = paths.spool / worker
         # Locked before it has its name: nobody adopts it in between.
@@ -130,15 +130,33 @@ class Spool:
         # With its token: a run that was deleted and submitted again begins with attempt 1 again,
         # while the one of before may still be ending here.
         folder = self._folder / lease.run / f"attempt-{lease.attempt}.{lease.token}"
+        self._remove(folder)
         return Attempt.prepare(folder, lease)
 
     def discard(self, attempt: Attempt) -> None:
-        """Remove the folder of an attempt, later if that is not possible now."""
+        """Remove the folder of an attempt, and the run's with its last one.
+
+        One that cannot be removed is put aside, or tried again later.
+        """
+        if not self._remove(attempt.folder):
+            self._remains.append(attempt.folder)
+        with suppress(OSError):  # there are other attempts
+            attempt.folder.parent.rmdir()
+
+    def _remove(self, folder: Path) -> bool:
+        """Remove a folder or put it aside; return whether it has gone."""
+        if not os.path.lexists(folder):
+            return True
         try:
-            attempt.discard()
+            shutil.rmtree(folder)
         except OSError as error:
-            self._remains.append(attempt)
-            self._tell(f"the folder of an attempt cannot be removed: {error}")
+            try:
+                aside = self._paths.put_aside(folder)
+            except OSError:
+                self._tell(f"{folder} cannot be removed: {error}")
+                return False
+            self._tell(f"{folder} cannot be removed, it lies in {aside} now: {error}")
+        return True
 
     def _tell(self, problem: str) -> None:
         if problem not in self._problems:
@@ -151,17 +169,20 @@ class Spool:
         The folders of the others go; their leases are to be given back. Leases are used under the
         name they were granted to: what workers with other keys left waits for such a one.
         """
-        remains, self._remains = self._remains, []
-        for attempt in remains:
-            if attempt.folder.exists():
-                self.discard(attempt)
+        if time.monotonic() < self._adopt_at:
+            return AdoptedWork()
+        self._remains = [folder for folder in self._remains if not self._remove(folder)]
+        failed = bool(self._remains)
         finished: list[Attempt] = []
         unfinished: list[Lease] = []
         for folder in self._others():
             try:
-                self._adopt_folder(folder, finished, unfinished)
+                failed |= not self._adopt_folder(folder, finished, unfinished)
             except OSError as error:
                 self._tell(f"{folder} cannot be taken over: {error}")
+                failed = True
+        self._pause = min(2.0 * self._pause or _FIRST_PAUSE, _LONGEST_PAUSE) if failed else 0.0
+        self._adopt_at = time.monotonic() + self._pause
         return AdoptedWork(tuple(finished), tuple(unfinished))
 
     def _others(self) -> list[Path]:
@@ -172,28 +193,30 @@ class Spool:
             return []
         return [folder for folder in folders if folder != self._folder and is_id(folder.name)]
 
-    def _adopt_folder(self, folder: Path, finished: list[Attempt], unfinished: list[Lease]) -> None:
-        """Add what the owner of ``folder`` left, unless he lives; raises ``OSError``."""
+    def _adopt_folder(self, folder: Path, finished: list[Attempt], unfinished: list[Lease]) -> bool:
+        """Add what the owner of ``folder`` left, unless he lives; return whether it has gone then.
+
+        Raises ``OSError``.
+        """
         lock = _try_lock(folder)
         if lock is None:
-            return
+            return True
         with lock:
             # A removed folder can still be locked by who had its lock open: the first to
             # come has adopted it, name and all.
             if not folder.exists():
-                return
+                return True
             for attempt in _attempts(folder):
                 if attempt.finished:
                     finished.append(self._move(attempt))
                 else:
                     unfinished.append(attempt.lease)
             # A run's process may be dying and still write: what is left goes later.
-            shutil.rmtree(folder)
+            return self._remove(folder)
 
     def _move(self, attempt: Attempt) -> Attempt:
         target = self._folder / attempt.lease.run / attempt.folder.name
-        if target.exists():
-            shutil.rmtree(target)
+        self._remove(target)
         target.parent.mkdir(exist_ok=True)
         attempt.folder.rename(target)
         return Attempt(attempt.lease, target)
@@ -230,6 +253,8 @@ def _lock(folder: Path) -> IO[str]:
 
 def _attempts(folder: Path) -> Iterator[Attempt]:
     for path in sorted(folder.glob("*/attempt-*")):
+        if not (path / LEASE).is_file():
+            continue  # a pipe, say, that would keep who reads it
         try:
             attempt = Attempt.read(path)
         except (OSError, ValueError):

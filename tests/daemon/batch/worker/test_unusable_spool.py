@@ -67,11 +67,16 @@ def test_a_folder_that_cannot_be_removed_ends_no_worker(tmp_path):
         (attempt,) = (tmp_path / "elsewhere" / "work").glob("*/spool/*/*/attempt-*")
         busy = attempt / "busy"
         busy.mkdir()
-        with mounted(busy, "-t", "tmpfs", "tmpfs"):
+        subprocess.run(["mount", "-t", "tmpfs", "tmpfs", str(busy)], check=True)
+        try:
             gate.touch()
             eventually(lambda: finished(client, 1))
             eventually(lambda: "cannot be removed" in worker.output)
             client.submit(make_submission("d", 2))
             eventually(lambda: finished(client, 3))
-        eventually(lambda: not attempt.exists())
-        assert worker.process.poll() is None, worker.output
+            assert not attempt.exists()
+            assert worker.process.poll() is None, worker.output
+        finally:
+            # It has been put aside, with what is mounted in it.
+            (busy,) = (tmp_path / "elsewhere" / "work").rglob("busy")
+            subprocess.run(["umount", "-l", str(busy)], check=True)
