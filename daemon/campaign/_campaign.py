@@ -9,7 +9,6 @@ from __future__ import annotations
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +18,9 @@ from daemon.campaign._findings import AllowedWarning
 from daemon.model.assessments import AssessmentRules
 from daemon.model.search import SearchTask
 from daemon.model.spec import OracleText, RunSpec, Script, SutReference
+from daemon.model.submission import CellRun, Submission
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic
-
-if TYPE_CHECKING:
-    from daemon.model.submission import Submission
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +86,6 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     campaign twice is submitting it once; ``fresh`` asks for a new id, to run everything again.
     Repeats beyond those every cell gets are in reserve, for cells that are not decided by then.
     """
-    # What only hands runs over is loaded when there are some to hand over.
-    from daemon.model.submission import CellRun, Submission
-
     cells: list[RunSpec] = []
     scripts: dict[bytes, tuple[int, Script]] = {}
     runs: list[CellRun] = []

@@ -37,6 +37,7 @@ from daemon.campaign._survey import survey_campaign
 from daemon.campaign._unused import CampaignUse, find_unused
 from daemon.model.assessments import AssessmentRules
 from daemon.model.spec import SutReference
+from daemon.model.submission import MOST_RUNS, too_many_runs
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.model.robot import Robot
@@ -116,6 +117,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     text, scenarios = survey.text, survey.scenarios
     loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent))
     loader.findings += survey.problems
+    _refuse_too_many(scenarios, loader)
     pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
     # What was left out of the file is not to be missed a second time.
     if survey.lost and text.oracles is None:
@@ -171,6 +173,18 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         allowed=tuple(meant),
     )
     return campaign, loader
+
+
+def _refuse_too_many(scenarios: Sequence[ResolvedScenario], loader: _CampaignLoader) -> None:
+    """Refuse a campaign with more runs than the daemon takes, before their behaviours are drawn."""
+    cells = sum(
+        len(scenario.suts) * (scenario.vary.samples or 1 if scenario.vary else 1)
+        for scenario in scenarios
+    )
+    count = cells * repeat_policy(loader.text.repeats).at_most
+    if count > MOST_RUNS:
+        where = loader.document.where(("repeats",))
+        raise InputError((*loader.findings, Diagnostic(where, too_many_runs(count))))
 
 
 def _oracle_layers(text: CampaignFile, document: YamlDocument) -> tuple[LayerReference, ...]:

@@ -134,7 +134,7 @@ def text_digest(text: bytes) -> str:
     return hashlib.sha256(text).hexdigest()
 
 
-def run_digest(cell: str, script: str, repeat: int, seed: int) -> str:
+def run_digest(cell: str, script: str, repeat: int, seed: int | str) -> str:
     """Return the digest of a run by those of its cell and its script."""
     return text_digest(f"{cell} {script} {repeat} {seed}".encode())
 

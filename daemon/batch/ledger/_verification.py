@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sqlite3
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import is_intact
@@ -18,7 +18,7 @@ from daemon.batch.ledger._results import read_engine_problems
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
-from daemon.model.spec import RunResult, run_digest, text_digest
+from daemon.model.spec import RunResult, TraceInfo, run_digest, text_digest
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
@@ -27,19 +27,15 @@ VerificationProgress: TypeAlias = Callable[[str, int, int], None]
 
 _PAGE: Final = 500
 _QUICK: Final = 1000
-"""Results, and specifications, of a quick look: the newest."""
+"""Runs of a quick look: the newest."""
 _NAMED: Final = 3
 
-_RESULTS: Final = (
-    "SELECT run.serial, run.id, run.digest, run.trace_name, run.trace_at, run.outcome, run.oracle,"
-    " run.margin, run.unit, run.simulated, result.digest, result.body"
-    " FROM run JOIN result ON result.run = run.id WHERE run.serial > ?"
-    f" ORDER BY run.serial LIMIT {_PAGE}"
-)
-_SPECS: Final = (
-    "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed FROM run"
+_RUNS: Final = (
+    "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed, trace_name,"
+    " trace_at, result.digest, result.body, outcome, oracle, margin, unit, simulated FROM run"
     " JOIN cell ON cell.campaign = run.campaign AND cell.number = run.cell"
     " JOIN script ON script.campaign = run.campaign AND script.number = run.script"
+    " LEFT JOIN result ON result.run = run.id"
     f" WHERE run.serial > ? ORDER BY run.serial LIMIT {_PAGE}"
 )
 
@@ -62,25 +58,6 @@ class ContentReport:
     foreign: tuple[str, ...]
 
 
-@dataclass(slots=True)
-class _Findings:
-    """Names of what is wrong, by what is wrong with it."""
-
-    by_words: defaultdict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
-
-    def add(self, words: str, name: str) -> None:
-        self.by_words[words].append(name)
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        return tuple(_line(words, names) for words, names in self.by_words.items())
-
-
-def _line(words: str, names: list[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"{words}: {', '.join(names[:_NAMED])}{more}"
-
-
 def verify_contents(
     paths: StatePaths,
     *,
@@ -94,77 +71,111 @@ def verify_contents(
     newest results, and at no scene and no file. Nothing is locked for longer than some hundred
     rows take: a daemon may be working. Raises :class:`DaemonError` when the ledger cannot be read.
     """
-    found = _Findings()
+    look = _Look(paths, traces)
     try:
         with closing(connect_reader(paths.ledger)) as db:
             last = int(db.execute("SELECT ifnull(max(serial), 0) FROM run").fetchone()[0])
-            start = max(0, last - _QUICK) if quick else 0
-            results, seen = _verify_results(db, paths, found, (start, last), traces, progress)
-            specs = _verify_specs(db, found, (start, last), progress)
-            waiting = _waiting_inputs(db, found)
+            at = start = max(0, last - _QUICK) if quick else 0
+            # In parts: between them the ledger is nobody's, and its WAL can be emptied.
+            while rows := db.execute(_RUNS, (at,)).fetchall():
+                for at, *row in rows:  # noqa: B007  (where the next part begins)
+                    look.at_run(*row)
+                progress("runs", at - start, last - start)
+            missing = look.missing_inputs(db)
             foreign = dict.fromkeys(words for _, words in read_engine_problems(db))
     except UNREADABLE as error:
         raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
-    scenes = files = 0
     if not quick:
-        scenes = _verify_files(paths.scenes.glob("*.json"), "scenes", found, progress)
         kept = (path for path in paths.files.glob("*") if is_digest(path.name))
-        files = _verify_files(kept, "files", found, progress)
-    missing = _missing(paths, waiting)
-    lines = found.lines
-    return ContentReport(results, specs, scenes, files, seen, lines, missing, tuple(foreign))
+        for what, files in (("scenes", paths.scenes.glob("*.json")), ("files", kept)):
+            every = sorted(files)
+            for i, path in enumerate(every, start=1):
+                look.at_file(what, path)
+                progress(what, i, len(every))
+    return ContentReport(
+        results=look.counts["results"],
+        specifications=look.counts["specifications"],
+        scenes=look.counts["scenes"],
+        files=look.counts["files"],
+        traces=look.counts["traces"],
+        problems=tuple(_line(words, names) for words, names in look.found.items()),
+        missing=missing,
+        foreign=tuple(foreign),
+    )
 
 
-def _waiting_inputs(db: sqlite3.Connection, found: _Findings) -> frozenset[str]:
-    try:
-        return needed_inputs(db, waiting=True)
-    except sqlite3.OperationalError as error:
-        found.add("specifications name no scene or no files", str(error))
-        return frozenset()
+def _line(words: str, names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"{words}: {', '.join(names[:_NAMED])}{more}"
 
 
-def _pages(
-    db: sqlite3.Connection, query: str, bounds: tuple[int, int], what: str,
-    progress: VerificationProgress,
-) -> Iterator[tuple[Any, ...]]:  # fmt: skip
-    """Rows in parts: between them the ledger is nobody's, and its WAL can be emptied."""
-    start, last = bounds
-    at = start
-    while rows := db.execute(query, (at,)).fetchall():
-        for serial, *row in rows:
-            at = serial
-            yield tuple(row)
-        progress(what, at - start, last - start)
+class _Look:
+    """Counts what is verified, and keeps names of what is wrong, by what is wrong with it.
 
+    With ``hashing`` traces are read, not only measured.
+    """
 
-def _verify_results(
-    db: sqlite3.Connection,
-    paths: StatePaths,
-    found: _Findings,
-    bounds: tuple[int, int],
-    hashing: bool,
-    progress: VerificationProgress,
-) -> tuple[int, int]:
-    """Verify results, and the traces they are about; returns how many of each."""
-    results = traces = 0
-    for run, spec, trace, url, *columns, digest, body in _pages(
-        db, _RESULTS, bounds, "results", progress
-    ):
-        results += 1
+    def __init__(self, paths: StatePaths, hashing: bool) -> None:
+        self._paths, self._hashing = paths, hashing
+        self.counts: Counter[str] = Counter()
+        self.found: defaultdict[str, list[str]] = defaultdict(list)
+
+    def at_run(
+        self, run: str, digest: str, cell: bytes, script: bytes, repeat: int, seed: str,
+        trace: str, url: str, kept: str | None, body: bytes | None, *columns: object,
+    ) -> None:  # fmt: skip
+        """Verify a run's specification, and its result and trace if it has any."""
+        self.counts["specifications"] += 1
+        if run_digest(text_digest(cell), text_digest(script), repeat, seed) != digest:
+            self.found["specifications differ from their digest"].append(run)
+        if body is None:
+            return
+        self.counts["results"] += 1
         try:
             result = codec.from_json(RunResult, body)
         except ValueError:
-            found.add("results cannot be read", run)
-            continue
-        if result.digest != digest:
-            found.add("results differ from their digest", run)
-        if result.spec != spec:
-            found.add("results are of another specification than their run", run)
-        if tuple(columns) != _columns(result):
-            found.add("verdicts of runs differ from their results", run)
+            self.found["results cannot be read"].append(run)
+            return
+        if result.digest != kept:
+            self.found["results differ from their digest"].append(run)
+        if result.spec != digest:
+            self.found["results are of another specification than their run"].append(run)
+        if columns != _columns(result):
+            self.found["verdicts of runs differ from their results"].append(run)
         if not url:
-            traces += _verify_trace(paths, trace, result, hashing, found)
-    return results, traces
+            self._at_trace(trace, result.trace)
+
+    def _at_trace(self, name: str, recorded: TraceInfo) -> None:
+        try:
+            path = self._paths.trace(name)
+            if path.stat().st_size != recorded.size:
+                self.found["traces have another size than was recorded"].append(str(path))
+            elif self._hashing and file_sha256(path) != recorded.sha256:
+                self.found["traces differ from their digest"].append(str(path))
+        except FileNotFoundError:
+            return  # removed to make room: its run says so
+        except (OSError, ValueError) as error:
+            self.found["traces cannot be read"].append(f"{name} ({error})")
+        self.counts["traces"] += 1
+
+    def at_file(self, what: str, path: Path) -> None:
+        """Verify a scene or a file."""
+        self.counts[what] += 1
+        try:
+            if not is_intact(path) and path.exists():  # else housekeeping was faster
+                self.found[f"{what} differ from their digest"].append(str(path))
+        except OSError as error:
+            self.found[f"{what} cannot be read"].append(f"{path} ({error.strerror})")
+
+    def missing_inputs(self, db: sqlite3.Connection) -> tuple[str, ...]:
+        """Return the scenes and files that runs wait for and that are not there."""
+        try:
+            waiting = needed_inputs(db, waiting=True)
+        except sqlite3.OperationalError as error:
+            self.found["specifications name no scene or no files"].append(str(error))
+            return ()
+        places = (*self._paths.scenes.glob("*.json"), *self._paths.files.glob("*"))
+        return tuple(sorted(waiting - {path.stem for path in places}))
 
 
 def _columns(result: RunResult) -> tuple[object, ...]:
@@ -172,58 +183,3 @@ def _columns(result: RunResult) -> tuple[object, ...]:
     if verdict is None:
         return (str(result.outcome), "", None, "", simulated)
     return (str(result.outcome), verdict.oracle, verdict.margin, verdict.unit, simulated)
-
-
-def _verify_trace(
-    paths: StatePaths, name: str, result: RunResult, hashing: bool, found: _Findings
-) -> int:
-    try:
-        path = paths.trace(name)
-        size = path.stat().st_size
-        if size != result.trace.size:
-            found.add("traces have another size than was recorded", str(path))
-        elif hashing and file_sha256(path) != result.trace.sha256:
-            found.add("traces differ from their digest", str(path))
-    except FileNotFoundError:
-        return 0  # removed to make room: its run says so
-    except (OSError, ValueError) as error:
-        found.add("traces cannot be read", f"{name} ({error})")
-    return 1
-
-
-def _verify_specs(
-    db: sqlite3.Connection,
-    found: _Findings,
-    bounds: tuple[int, int],
-    progress: VerificationProgress,
-) -> int:
-    count = 0
-    for run, digest, cell, script, *numbers in _pages(
-        db, _SPECS, bounds, "specifications", progress
-    ):
-        count += 1
-        if run_digest(text_digest(cell), text_digest(script), *numbers) != digest:
-            found.add("specifications differ from their digest", run)
-    return count
-
-
-def _verify_files(
-    paths: Iterable[Path],
-    what: str,
-    found: _Findings,
-    progress: VerificationProgress,
-) -> int:
-    every = sorted(paths)
-    for i, path in enumerate(every, start=1):
-        try:
-            if not is_intact(path) and path.exists():  # else housekeeping was faster
-                found.add(f"{what} differ from their digest", str(path))
-        except OSError as error:
-            found.add(f"{what} cannot be read", f"{path} ({error.strerror})")
-        progress(what, i, len(every))
-    return len(every)
-
-
-def _missing(paths: StatePaths, waiting: Iterable[str]) -> tuple[str, ...]:
-    there = {path.stem for path in (*paths.scenes.glob("*.json"), *paths.files.glob("*"))}
-    return tuple(sorted(set(waiting) - there))

@@ -104,6 +104,14 @@ def test_what_is_submitted_is_told_all_of_it_too(folder):
     ]  # fmt: skip
 
 
+def test_more_runs_than_the_daemon_takes_are_told_before_anything_is_drawn(folder):
+    changes = (("seed: 3", "seed: 3\nrepeats: 100000"), ("[pilot]", "[pilot, idle]"))
+    change(folder, "tiny.yaml", *changes)
+    with pytest.raises(InputError, match=r"has 400000 runs.*may have 200000: split") as caught:
+        prepare_submission(folder / "tiny.yaml")
+    assert caught.value.diagnostics[0].where.line == 3
+
+
 @pytest.mark.parametrize(
     ("layer", "old", "new", "errors"),
     [
