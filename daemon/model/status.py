@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import zip_longest
 from typing import Final
 
 from daemon.model.run_state import UNFINISHED_STATES, RunState
@@ -77,7 +76,22 @@ class SubmissionReceipt:
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignRow:
+class RunCounts:
+    """How runs stand: how many are in each state, and how many gave each outcome."""
+
+    queued: int
+    running: int
+    done: int
+    lost: int
+    cancelled: int
+    passed: int
+    failed: int
+    inconclusive: int
+    errors: int
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignRow(RunCounts):
     """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
 
     While it is ``paused`` no more runs start; those of higher ``priority`` start first. ``search``
@@ -93,15 +107,6 @@ class CampaignRow:
     submitted_at: float
     finished_at: float | None
     total: int
-    queued: int
-    running: int
-    done: int
-    lost: int
-    cancelled: int
-    passed: int
-    failed: int
-    inconclusive: int
-    errors: int
     cached: int = 0
     paused: bool = False
     priority: int = 0
@@ -297,14 +302,13 @@ class DiskUsage:
 
 
 @dataclass(frozen=True, slots=True)
-class DaemonOverview:
+class DaemonOverview(RunCounts):
     """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately,
     ``seconds_left`` how long what waits and runs probably takes, ``None`` while nobody knows.
 
-    ``trouble`` says why no run can start (the daemon's own worker broke, the disk is full, every
-    worker is in trouble), empty when some can. ``troubles`` are all there are, that one first, also
-    those of single workers and of inputs that runs wait for. ``causes`` are theirs, in order; a
-    daemon of another version may not tell them.
+    ``troubles`` are all there are, also those of single workers and of inputs that runs wait for.
+    While it is ``halted`` no run can start, as the first of them says: the daemon's own worker
+    broke, the disk is full, every worker is in trouble.
     """
 
     version: str
@@ -313,21 +317,11 @@ class DaemonOverview:
     now: float
     campaigns: int
     workers: int
-    queued: int
-    running: int
-    done: int
-    lost: int
-    cancelled: int
-    passed: int
-    failed: int
-    inconclusive: int
-    errors: int
     rate: float
     seconds_left: float | None
-    trouble: str = ""
-    troubles: tuple[str, ...] = ()
+    halted: bool = False
+    troubles: tuple[Trouble, ...] = ()
     preparation: Preparation | None = None
-    causes: tuple[TroubleCause, ...] = ()
 
     @property
     def preparing(self) -> str:
@@ -335,10 +329,9 @@ class DaemonOverview:
         return self.preparation.words if self.preparation else ""
 
     @property
-    def known_troubles(self) -> tuple[Trouble, ...]:
-        """All troubles with their causes."""
-        told = zip_longest(self.troubles, self.causes, fillvalue=TroubleCause.OTHER)
-        return tuple(Trouble(words, cause) for words, cause in told)
+    def trouble(self) -> str:
+        """Why no run can start, empty when some can."""
+        return self.troubles[0].words if self.halted else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,14 +71,10 @@ class StatusOutput(Output, schema="status"):
         console.print(wrap_parts(parts, console.width), markup=False)
         if overview.preparing:
             console.print(overview.preparing, markup=False, soft_wrap=True)
-        if overview.trouble:
-            last = overview.trouble.strip().splitlines()[-1]
-            words = f"! no run can start: {last}"
+        for number, trouble in enumerate(overview.troubles):
+            what = "no run can start: " if overview.halted and number == 0 else ""
+            words = f"! {what}{trouble.words.strip().splitlines()[-1]}"
             console.print(words, markup=False, style="yellow", soft_wrap=True)
-        for trouble in overview.troubles:
-            if trouble != overview.trouble:
-                words = f"! {trouble.strip().splitlines()[-1]}"
-                console.print(words, markup=False, style="yellow", soft_wrap=True)
 
 
 def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:

@@ -27,7 +27,7 @@ def quota(folder, *, runs=10, seconds=60.0):
         most = runs + PER_MINUTE * seconds / 60.0
         report.expect(tried <= most, f"{tried} executions in {seconds:g} s, at most {most:g}")
         named = eventually(lambda: client.overview().troubles)
-        report.fact("said of it", named[0][-80:])
+        report.fact("said of it", named[0].words[-80:])
         mark.unlink()
         eventually(lambda: finished(client, runs), 300.0)
         report.executions = log.begun.total()

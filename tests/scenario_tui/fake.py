@@ -47,6 +47,8 @@ from daemon.model.status import (
     RunPage,
     RunRow,
     SubmissionReceipt,
+    Trouble,
+    TroubleCause,
     WorkerRow,
 )
 from daemon.model.verbs import DaemonClient
@@ -248,11 +250,10 @@ def campaign_row(name, id, rows, submitted_at):
 
     open_runs = states(RunState.QUEUED) + states(RunState.RUNNING)
     return CampaignRow(
-        id, name, "Corridor task with static and moving doors", submitted_at,
+        *map(states, RunState), outcomes(Outcome.PASS), outcomes(Outcome.FAIL),
+        outcomes(Outcome.INCONCLUSIVE), outcomes(Outcome.ERROR), id, name,
+        "Corridor task with static and moving doors", submitted_at,
         None if open_runs else submitted_at + 120.0, len(rows),
-        states(RunState.QUEUED), states(RunState.RUNNING), states(RunState.DONE),
-        states(RunState.LOST), states(RunState.CANCELLED), outcomes(Outcome.PASS),
-        outcomes(Outcome.FAIL), outcomes(Outcome.INCONCLUSIVE), outcomes(Outcome.ERROR),
     )  # fmt: skip
 
 
@@ -326,9 +327,13 @@ class FakeDaemon(DaemonClient):
         }  # fmt: skip
         left = 95.0 if total["queued"] + total["running"] else None
         return DaemonOverview(
-            "0.1.0", "state", NOW - 3600.0, self.now, len(rows), 1, **total, rate=12.5,
-            seconds_left=left, trouble=self.trouble,
-            troubles=tuple(filter(None, (self.trouble, *self.troubles))),
+            **total, version="0.1.0", state="state", started_at=NOW - 3600.0, now=self.now,
+            campaigns=len(rows), workers=1, rate=12.5, seconds_left=left, halted=bool(self.trouble),
+            troubles=tuple(
+                Trouble(words, TroubleCause.OTHER)
+                for words in (self.trouble, *self.troubles)
+                if words
+            ),
             preparation=self.preparation,
         )  # fmt: skip
 

@@ -11,7 +11,7 @@ from daemon.batch.ledger._connection import (
     connect,
     schema_problem,
 )
-from daemon.batch.ledger._reader import LedgerReader, count_states
+from daemon.batch.ledger._reader import LedgerReader
 from daemon.batch.ledger._retention import (
     RetentionPolicy,
     SweepResult,
@@ -43,7 +43,6 @@ __all__ = [
     "VerificationProgress",
     "check_integrity",
     "connect",
-    "count_states",
     "find_strays",
     "remove_strays",
     "schema_problem",

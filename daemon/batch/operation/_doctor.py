@@ -253,10 +253,10 @@ def _answering(
     else:
         waiting = f"{overview.queued} runs queued, {overview.running} running"
         yield ok("daemon", f"answers at {endpoint_text(endpoint.address)}, {waiting}")
-    for number, trouble in enumerate(overview.known_troubles):
+    for number, trouble in enumerate(overview.troubles):
         last = trouble.words.strip().splitlines()[-1]
         remedy = _remedy(trouble.cause, paths)
-        if number == 0 and overview.trouble:
+        if number == 0 and overview.halted:
             yield problem("daemon", f"no run can start: {last}", remedy)
         else:
             yield warning("trouble", last, remedy)

@@ -8,10 +8,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft, count_states
+from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._housekeeping import Housekeeping
@@ -122,8 +122,7 @@ class Handlers(SearchHandlers):
         now = time.time()
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
-        standing: Any = count_states(counts)
-        halts, troubles = self._standing_troubles(ledger)
+        halted, troubles = self._standing_troubles(ledger)
         workers = [row for row in self.registry.rows() if not row.away]
         return DaemonOverview(
             version=self.version,
@@ -132,12 +131,11 @@ class Handlers(SearchHandlers):
             now=now,
             campaigns=campaigns,
             workers=len(workers),
-            **standing,
+            **counts,
             rate=rate,
             seconds_left=self._time_left(ledger).all,
-            trouble=troubles[0].words if halts else "",
-            troubles=tuple(trouble.words for trouble in troubles),
-            causes=tuple(trouble.cause for trouble in troubles),
+            halted=halted,
+            troubles=troubles,
             preparation=next(filter(None, (w.preparation for w in workers)), self.starting()),
         )
 

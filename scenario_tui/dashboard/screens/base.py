@@ -161,8 +161,8 @@ class BaseScreen(Screen[None]):
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
         overview = self.dashboard.daemon_state.overview
-        if overview is not None and (overview.trouble or overview.troubles):
-            why = " ".join((overview.trouble or overview.troubles[0]).split())
+        if overview is not None and overview.troubles:
+            why = " ".join(overview.troubles[0].words.split())
             text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
         return text
 

@@ -67,7 +67,7 @@ class WorkersScreen(BaseScreen):
         nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
         # Beside those that stop everything: what keeps one worker, or some runs, from it.
         troubles = state.overview.troubles if state.overview else ()
-        others = [words for words in troubles if words.strip() != trouble]
+        others = [one.words for one in troubles[bool(trouble) :]]
         message = "" if state.workers and not trouble else nobody
         busy = [f"{row.id}: {row.preparing}" for row in state.workers if row.preparing]
         message = "\n\n".join(filter(None, (message, *busy, *(f"! {words}" for words in others))))

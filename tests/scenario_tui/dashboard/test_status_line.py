@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.status import Preparation, PreparationPhase
+from daemon.model.status import Preparation, PreparationPhase, Trouble, TroubleCause
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.status_line import status_text
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
@@ -17,6 +17,7 @@ LARGE = replace(
 )  # fmt: skip
 CAMPAIGNS = FakeDaemon().campaigns()
 JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3)}
+HALTED = replace(LARGE, halted=True, troubles=(Trouble("the disk is full", TroubleCause.SPACE),))
 
 
 def line(width, **known):
@@ -46,7 +47,7 @@ def test_where_it_is_narrow_words_go_before_numbers(overview, width, expected):
 
 @pytest.mark.parametrize("width", range(1, 200))
 def test_it_never_runs_over(width):
-    for overview in (SMALL, LARGE, replace(LARGE, trouble="the disk is full")):
+    for overview in (SMALL, LARGE, HALTED):
         assert len(line(width, overview=overview)) <= width
     for problem in ("no daemon answers at tcp/127.0.0.1:7447: start one", "keys: unreadable"):
         assert len(line(width, connected=False, problem=problem, refused=True)) <= width
@@ -54,7 +55,7 @@ def test_it_never_runs_over(width):
 
 @pytest.mark.parametrize("width", [198, 78, 38, 18])
 def test_that_no_run_can_start_is_said_at_every_width(width):
-    shown = line(width, overview=replace(LARGE, trouble="the disk is full"))
+    shown = line(width, overview=HALTED)
     assert "! no run" in shown
     assert "! no worker" in line(width, overview=replace(SMALL, workers=0))
 

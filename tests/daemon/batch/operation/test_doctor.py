@@ -5,7 +5,6 @@ import os
 import sqlite3
 import time
 from contextlib import closing
-from dataclasses import replace
 
 import pytest
 
@@ -13,7 +12,7 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.operation import FindingLevel, examine
 from daemon.batch.operation._doctor import _answering
 from daemon.batch.paths import Endpoint, StatePaths
-from daemon.model.status import DaemonOverview, TroubleCause
+from daemon.model.status import DaemonOverview, Trouble, TroubleCause
 from grammars.text import codec
 from tests.daemon.batch.samples import SCENE, make_submission
 
@@ -142,16 +141,13 @@ def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(place
 )
 def test_the_cause_of_a_trouble_and_not_its_words_decides_its_remedy(places, cause, remedy):
     words = ("worker processes cannot be forked", "the disk of another is full")
-    # From campaigns to seconds_left.
-    numbers = (0, 1, *(0,) * 9, 0.0, None)
-    overview = DaemonOverview("0", str(places.state), 0.0, 0.0, *numbers, troubles=words)
-    halted = replace(overview, trouble=words[0], causes=(cause, cause))
-    findings = list(_answering(halted, places, NOBODY))[1:]
+    troubles = tuple(Trouble(one, cause) for one in words)
+    # From version to seconds_left.
+    others = ("0", str(places.state), 0.0, 0.0, 0, 1, 0.0, None)
+    overview = DaemonOverview(*(0,) * 9, *others, halted=True, troubles=troubles)
+    findings = list(_answering(overview, places, NOBODY))[1:]
     assert [finding.level for finding in findings] == [FindingLevel.PROBLEM, FindingLevel.WARNING]
     assert all(remedy in finding.remedy for finding in findings)
-    # A daemon of another version tells no causes.
-    untold = list(_answering(overview, places, NOBODY))[1:]
-    assert all("worker.log" in finding.remedy for finding in untold)
 
 
 def test_an_endpoint_is_judged(places):

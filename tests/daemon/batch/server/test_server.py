@@ -223,7 +223,7 @@ def test_runs_of_another_engine_wait_and_the_daemon_says_so_from_its_start(tmp_p
     with daemon_at(places.state, slots=1) as daemon, daemon.client() as client:
         assert words in daemon.noted("held")[0]["why"]
         (trouble,) = client.overview().troubles
-        assert trouble.startswith(words)
+        assert trouble.words.startswith(words)
         client.submit(make_submission("new", 1))
         eventually(lambda: client.overview().done == 1)
         assert (client.campaign("old").queued, client.runs("old").rows[0].attempt) == (2, 0)
@@ -231,4 +231,4 @@ def test_runs_of_another_engine_wait_and_the_daemon_says_so_from_its_start(tmp_p
         assert client.overview().troubles == ()
         # Retried, they wait again: at the latest when one is asked for.
         client.retry("old")
-        eventually(lambda: any(words in said for said in client.overview().troubles))
+        eventually(lambda: any(words in said.words for said in client.overview().troubles))

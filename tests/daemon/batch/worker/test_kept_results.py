@@ -50,7 +50,7 @@ def spooled(folder):
 
 def keeps_results(client):
     """Whether people see that a worker cannot deliver."""
-    return "results cannot be delivered" in "".join(client.overview().troubles)
+    return "results cannot be delivered" in str(client.overview().troubles)
 
 
 def assert_executed_once(client, log, runs):
@@ -114,7 +114,7 @@ def test_no_run_is_blamed_for_a_scene_that_the_daemon_fails_to_send(tmp_path, fa
     settings = {"module": "tests.daemon.batch.failing_daemon", "attempts": 1}
     with daemon_and_worker(tmp_path, **settings) as (_, client, worker):
         client.submit(make_submission("c", 2))
-        eventually(lambda: "not started" in "".join(client.overview().troubles))
+        eventually(lambda: "not started" in str(client.overview().troubles))
         (tmp_path / "faults" / GET.name).unlink()
         eventually(lambda: finished(client, 2))
         assert {row.state for row in client.runs("c").rows} == {RunState.DONE}

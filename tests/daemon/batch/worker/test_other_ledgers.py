@@ -106,7 +106,7 @@ def test_a_restored_copy_does_not_take_the_results_of_what_came_after_it(tmp_pat
     shutil.copy(copy, state / "ledger.db")
     with daemon_at(state) as daemon, daemon.client() as client, worker_for(daemon, 1):
         eventually(lambda: finished(client, 1))
-        eventually(lambda: "2 finished runs wait" in "".join(client.overview().troubles))
+        eventually(lambda: "2 finished runs wait" in str(client.overview().troubles))
         assert client.overview().trouble == ""
         eventually(lambda: spooled(tmp_path) == 2)
     for path in state.glob("ledger.db*"):

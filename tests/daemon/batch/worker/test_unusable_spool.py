@@ -52,7 +52,7 @@ def test_a_spool_that_becomes_read_only_ends_no_worker(tmp_path):
         (spool,) = (tmp_path / "elsewhere" / "work").glob("*/spool")
         with read_only(spool):
             gate.touch()
-            eventually(lambda: "Read-only file system" in "".join(client.overview().troubles))
+            eventually(lambda: "Read-only file system" in str(client.overview().troubles))
         eventually(lambda: finished(client, 4))
         assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
         assert worker.process.poll() is None, worker.output
