@@ -5,7 +5,6 @@ What can be said of the file alone is said when it is loaded (:mod:`daemon.campa
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -23,11 +22,9 @@ from grammars.preflight import check_run, check_scene
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, parse_yaml
 
-_CORNERS: Final = 64
-"""All corners of up to six parameters; of more, the lowest, the highest and some that are fixed."""
 _MOST_CHOICES: Final = 20
 """Of a longer list the first and the last choices are tried."""
-_MOST_TOLD: Final = 5
+_HINT: Final = "narrow the range, or write what must hold under such that: [a < b]"
 _DRAWN: Final = 1_000
 """So many points are held against the inequalities."""
 _RARE: Final = 0.01
@@ -36,8 +33,8 @@ _RARE: Final = 0.01
 def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
     """Return what keeps a search from being run, and warnings about its points.
 
-    The scenario as written, every parameter at both of its ends, the centre and the corners of the
-    space are composed, and all but the corners held against what the pre-flight finds.
+    The scenario as written, every parameter at both of its ends and the centre of the space are
+    composed and held against what the pre-flight finds.
     """
     task = case.task
     places = _Places(parse_yaml(case.campaign.source, case.campaign.file), task.name)
@@ -47,7 +44,7 @@ def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
     except ValueError as error:
         return (*found, Diagnostic(places.at(), f"{task.name}: {error}"))
     found += _check_inequalities(case, space, places)
-    return (*found, *_PointTrial(case, space, places).findings())
+    return (*found, *_check_points(case, space, places))
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,100 +91,40 @@ def _check_inequalities(
         yield Diagnostic(where, message, hint, Severity.WARNING)
 
 
-class _PointTrial:
-    """Points of a search that are composed, to see which of them make no run."""
+def _check_points(case: SearchCase, space: SearchSpace, places: _Places) -> Iterator[Diagnostic]:
+    """Yield the values that make no run."""
+    task, centre = case.task, space.at([0.5] * space.dimensions)
+    pairs = zip(task.parameters, centre, strict=True)
+    base = tuple(middle if p.written is None else p.written for p, middle in pairs)
+    try:
+        written = case.cell_at(base, 0, 0)
+    except InputError as error:
+        message = f"{task.name}: the scenario as written makes no run: {_first(error.diagnostics)}"
+        yield Diagnostic(places.at(), message)
+        return
+    # What is wrong with the scenario as it stands is told of it, not of every value.
+    known = frozenset(_errors(written))
 
-    def __init__(self, case: SearchCase, space: SearchSpace, places: _Places) -> None:
-        self._case, self._space, self._places = case, space, places
-        self._parameters = case.task.parameters
-        self._centre = space.at([0.5] * space.dimensions)
-        pairs = zip(self._parameters, self._centre, strict=True)
-        self._base: Point = tuple(middle if p.written is None else p.written for p, middle in pairs)
-        self._known: frozenset[str] = frozenset()
-        self._scene: Scene | None = None
-
-    def findings(self) -> Iterator[Diagnostic]:
-        """Yield what refuses which values."""
+    def refusal(point: Point) -> str:
+        """Return why an allowed point makes no run; empty for one that does."""
+        if not space.allowed(point):
+            return ""
         try:
-            base = self._case.cell_at(self._base, 0, 0)
-        except InputError as error:
-            refusal = _first(error.diagnostics)
-            message = f"{self._case.task.name}: the scenario as written makes no run: {refusal}"
-            yield Diagnostic(self._places.at(), message)
-            return
-        # What is wrong with the scenario as it stands is told of it, not of every value.
-        self._known, self._scene = frozenset(_errors(base)), base.scene
-        alone = list(self._ends())
-        yield from alone
-        refusal = self._tried(self._centre) if self._space.allowed(self._centre) else ""
-        if refusal and not alone:
-            message = f"{self._case.task.name}: the middle of all ranges makes no run: {refusal}"
-            yield Diagnostic(self._places.at(), message, self._hint())
-        if not alone and not refusal:
-            yield from self._corners()
-
-    def _ends(self) -> Iterator[Diagnostic]:
-        """Yield what refuses a parameter at an end, with the others as written."""
-        for index, parameter in enumerate(self._parameters):
-            for value in _ends_of(parameter):
-                point = with_value(self._base, index, value)
-                refusal = self._tried(point) if self._space.allowed(point) else ""
-                if refusal:
-                    message = f"{parameter.name} at {parameter.text(value)} makes no run: {refusal}"
-                    yield Diagnostic(self._places.of(parameter), message, self._hint())
-
-    def _corners(self) -> Iterator[Diagnostic]:
-        """Yield what refuses values that are far out together."""
-        told: set[tuple[int, ...]] = set()
-        for corner in _corners(self._parameters):
-            if len(told) == _MOST_TOLD:
-                return
-            if not self._space.allowed(corner):
-                continue
-            refusal = self._refusal(corner)
-            if not refusal:
-                continue
-            point, moved = self._fewest(corner)
-            if moved in told:
-                continue
-            told.add(moved)
-            values = " and ".join(
-                f"{self._parameters[i].name} at {self._text(i, point)}" for i in moved
-            )
-            message = f"{values} make no run: {self._refusal(point) or refusal}"
-            where = self._places.of(self._parameters[moved[0]])
-            yield Diagnostic(where, message, self._hint(), Severity.WARNING)
-
-    def _text(self, index: int, point: Point) -> str:
-        return self._parameters[index].text(point[index])
-
-    def _fewest(self, corner: Point) -> tuple[Point, tuple[int, ...]]:
-        """Return a point that is refused with as little as possible at the values of ``corner``."""
-        point, moved = corner, list(range(len(corner)))
-        for index in range(len(corner)):
-            nearer = with_value(point, index, self._base[index])
-            if self._refusal(nearer):
-                point = nearer
-                moved.remove(index)
-        return point, tuple(moved)
-
-    def _hint(self) -> str:
-        return "narrow the range, or write what must hold under such that: [a < b]"
-
-    def _tried(self, point: Point) -> str:
-        """Return why a point makes no run, or none that means anything."""
-        try:
-            cell = self._case.cell_at(point, 0, 0)
+            cell = case.cell_at(point, 0, 0)
         except InputError as error:
             return _first(error.diagnostics)
-        return next((said for said in _errors(cell, self._scene) if said not in self._known), "")
+        return next((words for words in _errors(cell, written.scene) if words not in known), "")
 
-    def _refusal(self, point: Point) -> str:
-        try:
-            self._case.cell_at(point, 0, 0)
-        except InputError as error:
-            return _first(error.diagnostics)
-        return ""
+    alone = False
+    for index, parameter in enumerate(task.parameters):
+        for value in _ends_of(parameter):
+            if words := refusal(with_value(base, index, value)):
+                alone = True
+                message = f"{parameter.name} at {parameter.text(value)} makes no run: {words}"
+                yield Diagnostic(places.of(parameter), message, _HINT)
+    if not alone and (words := refusal(centre)):
+        message = f"{task.name}: the middle of all ranges makes no run: {words}"
+        yield Diagnostic(places.at(), message, _HINT)
 
 
 def _errors(cell: CampaignCell, checked: Scene | None = None) -> list[str]:
@@ -215,17 +152,3 @@ def _ends_of(parameter: SearchParameter) -> tuple[PointValue, ...]:
     if len(choices) > _MOST_CHOICES:
         return (*choices[: _MOST_CHOICES // 2], *choices[-_MOST_CHOICES // 2 :])
     return choices or (parameter.low, parameter.high)
-
-
-def _corners(parameters: Sequence[SearchParameter]) -> Iterator[Point]:
-    """Yield points of which every value is at an end of its range, at most :data:`_CORNERS`."""
-    ends = [(_ends_of(p)[0], _ends_of(p)[-1]) for p in parameters]
-    if 2 ** len(ends) <= _CORNERS:
-        yield from itertools.product(*ends)
-        return
-    yield tuple(low for low, _ in ends)
-    yield tuple(high for _, high in ends)
-    draws = np.random.default_rng(np.random.SeedSequence(0))
-    for _ in range(_CORNERS - 2):
-        sides = draws.integers(0, 2, len(ends))
-        yield tuple(end[int(side)] for end, side in zip(ends, sides, strict=True))

@@ -78,13 +78,6 @@ def test_an_end_of_a_range_that_makes_no_run_is_told_where_it_stands(folder):
     assert "write what must hold under such that" in found
 
 
-def test_ends_that_make_no_run_together_are_a_warning(folder):
-    (found,) = said(folder, OVER.format("4 .. 13 s", "12 .. 20 s"))
-    assert (
-        ": warning: doors_moving.closes at 13 s and doors_moving.opens at 12 s make no run" in found
-    )
-
-
 def test_a_scenario_that_makes_no_run_is_told_once(folder):
     campaign = load(folder, OVER.format("4 .. 10 s", "12 .. 20 s"))
     (task,) = campaign.searches
