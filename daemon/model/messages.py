@@ -199,20 +199,16 @@ class WorkerInfo:
 class WelcomeReply:
     """What a worker must know before it starts: where to keep things, how often to renew.
 
-    ``identity`` names the state directory for good, ``probe`` only since this daemon's start: the
-    worker that reads it in the daemon's directory shares its file system. ``era`` names the time
-    since this daemon began to keep its ledger. The ledger knows all of its eras. So it recognises
-    requests that belong to another ledger, or to a later state than the one it is a copy of.
+    ``identity`` names the state directory for good. ``era`` names the time since this daemon began
+    to keep its ledger: the worker that reads it in the daemon's directory shares its file system.
+    The ledger knows all of its eras. So it recognises requests that belong to another ledger, or to
+    a later state than the one it is a copy of.
     """
 
     state: str
-    version: str
-    engine: str
-    lease: float
     renew: float
-    identity: str = ""
-    probe: str = ""
-    era: str = ""
+    identity: str
+    era: str
 
 
 @dataclass(frozen=True, slots=True)

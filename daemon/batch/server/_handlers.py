@@ -47,7 +47,6 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
     CampaignOrigin,
     CampaignRow,
@@ -100,7 +99,6 @@ class Handlers(SearchHandlers):
     stop: Callable[[], None]
     troubles: Callable[[], tuple[Trouble, ...]]
     marker: Marker
-    era: str
     starting: Callable[[], Preparation | None]
     draining: bool = False
 
@@ -196,17 +194,8 @@ class Handlers(SearchHandlers):
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
         self.registry.check_version(worker)
-        settings = self.settings
-        return WelcomeReply(
-            str(self.paths.state),
-            self.version,
-            ENGINE_VERSION,
-            settings.lease,
-            settings.renew,
-            self.marker.identity,
-            self.marker.probe,
-            self.era,
-        )
+        marker = self.marker
+        return WelcomeReply(str(self.paths.state), self.settings.renew, marker.identity, marker.era)
 
     def disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
         return replace(

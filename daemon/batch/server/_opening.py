@@ -1,35 +1,134 @@
-"""Opening of a state directory by the daemon that works on it."""
+"""Opening of a state directory by its daemon: lock, endpoints, ledger, and the contact file."""
 
 from __future__ import annotations
 
 import errno
-from contextlib import ExitStack
+import fcntl
+import os
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import Final
+from pathlib import Path
+from typing import IO, Final
 
-from daemon.batch.errors import DaemonError, Unavailable
+from daemon.batch.errors import AlreadyRunning, DaemonError, PlaceUnusable, Unavailable
 from daemon.batch.ledger import LedgerWriter
-from daemon.batch.paths import StatePaths
-from daemon.batch.permissions import secure_state
+from daemon.batch.paths import (
+    INSECURE_VARIABLE,
+    DaemonContact,
+    StatePaths,
+    is_encrypted,
+    is_local,
+)
+from daemon.batch.permissions import open_private, refuse_exposed_keys, secure_state
+from daemon.batch.security import DaemonCredentials, find_daemon_credentials, keys_folder
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.stores import Marker, write_marker
+from grammars.text import codec
+from grammars.text.files import write_atomically
 
+_PATIENCE: Final = 1.0
+_AGAIN: Final = 0.02
+"""Seconds to try for the lock of a state directory, and between two tries."""
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
-@dataclass(frozen=True, slots=True)
-class OpenedState:
-    """The ledger of a state directory, its marker, and the era of the ledger that begins."""
+@contextmanager
+def hold_alone(paths: StatePaths) -> Iterator[None]:
+    """Hold the lock of a state directory, which is made if need be.
 
-    ledger: LedgerWriter
-    marker: Marker
-    era: str
+    Raises :class:`AlreadyRunning` when another daemon has it, and :class:`DaemonError` when the
+    directory cannot be used.
+    """
+    with ExitStack() as stack:
+        try:
+            paths.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+            lock = stack.enter_context(os.fdopen(open_private(paths.lock), "a"))
+        except OSError as error:
+            words = f"{error.filename or paths.state} cannot be used: {error.strerror}"
+            raise PlaceUnusable(f"{words}; choose another directory with --state") from error
+        if not _lock_soon(lock):
+            contact = paths.read_contact()
+            where = f", process {contact.pid}" if contact else ""
+            raise AlreadyRunning(f"a daemon already keeps {paths.state}{where}")
+        yield
+
+
+def _lock_soon(lock: IO[str]) -> bool:
+    """Lock within a second; returns whether that was possible.
+
+    Programs that only look whether there is a daemon hold the lock for a moment.
+    """
+    deadline = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() >= deadline:
+                return False
+            time.sleep(_AGAIN)
+        else:
+            return True
+
+
+@dataclass(frozen=True, slots=True)
+class ListenSettings:
+    """``socket`` is for the daemon's owner on this machine; ``address`` for others, or empty.
+
+    ``keys`` say whom an encrypted address admits.
+    """
+
+    socket: str
+    address: str = ""
+    keys: DaemonCredentials | None = None
+
+    @property
+    def endpoints(self) -> tuple[str, ...]:
+        """All endpoints."""
+        return (self.socket, self.address) if self.address else (self.socket,)
+
+
+def prepare_endpoints(
+    paths: StatePaths, listen: str = "", keys: Path | None = None, *, insecure: bool = False
+) -> ListenSettings:
+    """Return where to listen, ready to do so.
+
+    Raises :class:`DaemonError` for plain TCP that other machines could reach, unless ``insecure``,
+    and :class:`daemon.batch.errors.KeysUnusable` when an encrypted address has no keys.
+    """
+    try:
+        paths.make_socket_folder()
+    except OSError as error:
+        words = f"cannot listen at {paths.socket}: {error.filename}: {error.strerror}"
+        raise DaemonError(words) from error
+    if listen and is_encrypted(listen):
+        credentials = find_daemon_credentials(keys)
+        refuse_exposed_keys(keys_folder(keys))
+        return ListenSettings(paths.endpoint, listen, credentials)
+    if listen and not (is_local(listen) or insecure or os.environ.get(INSECURE_VARIABLE)):
+        raise DaemonError(
+            f"{listen} would be open to every machine of the network: listen at tls/ with keys "
+            "(`scenario keys init`), or say --insecure"
+        )
+    # Said again, the daemon's own socket is still one.
+    return ListenSettings(paths.endpoint, "" if listen == paths.endpoint else listen)
+
+
+def exposure_warning(listen: str) -> str:
+    """Say who can reach a daemon that listens at ``listen`` without a key; empty for nobody."""
+    if not listen or is_encrypted(listen):
+        return ""
+    who = "everybody with an account on this machine"
+    if not is_local(listen):
+        who = "everybody in the network, unencrypted and unasked,"
+    return f"INSECURE: {who} can look, submit, cancel and stop the daemon through {listen}"
 
 
 def open_state(
     stack: ExitStack, paths: StatePaths, settings: DaemonSettings, log: EventLog
-) -> OpenedState:
-    """Open a state directory; ``stack`` closes the ledger.
+) -> tuple[LedgerWriter, Marker]:
+    """Open a state directory: its ledger, and the marker of this start; ``stack`` closes both.
 
     Raises :class:`Unavailable` while its disk has no room or another program holds the ledger,
     and :class:`DaemonError` for problems that waiting does not mend.
@@ -39,15 +138,34 @@ def open_state(
         tightened = secure_state(paths)
         if tightened:
             log.write("closed to others", paths=tightened)
-        marker = write_marker(paths)
+        ledger = stack.enter_context(LedgerWriter.open(paths, attempts=settings.attempts))
+        marker = write_marker(paths, ledger.begin_era())
     except OSError as error:
         where = error.filename or paths.state
         words = f"{where} cannot be written: {error.strerror}"
         if error.errno in _NO_ROOM:
             raise Unavailable(f"{words}: free some space and start the daemon again") from error
         raise DaemonError(words) from error
-    ledger = stack.enter_context(LedgerWriter.open(paths, attempts=settings.attempts))
-    era = ledger.begin_era()
     for why in ledger.holds():
         log.write("held", why=why)
-    return OpenedState(ledger, marker, era)
+    return ledger, marker
+
+
+class ContactFile:
+    """Says where the daemon is; written when there is room, found by the socket until then."""
+
+    def __init__(self, paths: StatePaths, endpoint: str, version: str) -> None:
+        self._path = paths.contact_file
+        self._contact = DaemonContact(endpoint, os.getpid(), version, time.time())
+        self._written = False
+
+    def write(self) -> None:
+        """Write it unless that is done, or there is no room for it."""
+        if not self._written:
+            with suppress(OSError):
+                write_atomically(self._path, codec.to_json(self._contact), mode=0o600)
+                self._written = True
+
+    def remove(self) -> None:
+        """Remove it."""
+        self._path.unlink(missing_ok=True)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
+from types import FrameType
 from typing import Final
 
 import zenoh
@@ -18,20 +21,19 @@ from daemon.batch import bus
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._contact import ContactFile, hold_alone
 from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
-from daemon.batch.server._opening import OpenedState, open_state
-from daemon.batch.server._processes import LocalWorker
-from daemon.batch.server._revoked_keys import RevokedKeys
-from daemon.batch.server._runtime import (
-    DaemonSettings,
-    EventLog,
+from daemon.batch.server._opening import (
+    ContactFile,
     ListenSettings,
+    hold_alone,
+    open_state,
     prepare_endpoints,
 )
-from daemon.batch.server._stopping import StopRequest
+from daemon.batch.server._processes import LocalWorker
+from daemon.batch.server._revoked_keys import RevokedKeys
+from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._threads import (
     JobQueue,
     LedgerJob,
@@ -40,7 +42,8 @@ from daemon.batch.server._threads import (
 )
 from daemon.batch.server._trace_mover import TraceMover
 from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
-from daemon.batch.stores import check_store_url
+from daemon.batch.stores import Marker, check_store_url
+from daemon.batch.tether import await_stdin_end
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase, Trouble, TroubleCause
@@ -96,11 +99,11 @@ def serve(
         if tether:
             stop.watch_tether()
         try:
-            opened = open_state(stack, paths, settings, log)
+            ledger, marker = open_state(stack, paths, settings, log)
         except DaemonError as error:
             log.write("failed", problem=repr(error))
             raise
-        daemon = _Daemon(paths, settings, log, listening, stop, opened)
+        daemon = _Daemon(paths, settings, log, listening, stop, ledger, marker)
         slots = available_cores() if slots is None else slots
         local = LocalWorker(
             paths,
@@ -125,6 +128,55 @@ def _checked(settings: DaemonSettings) -> DaemonSettings:
         raise DaemonError(f"traces cannot be kept there: {error}") from error
 
 
+class StopRequest:
+    """Whether, and how often, the daemon was told to stop; ``tether_cut`` when its parent is gone.
+
+    Safe to use from any thread and from handlers of signals.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.tether_cut = False
+        self._asked = threading.Event()
+
+    def __call__(self) -> None:
+        """Ask for it."""
+        self.count += 1
+        self._asked.set()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until it was asked for; returns whether it was."""
+        return self._asked.wait(seconds)
+
+    @property
+    def asked(self) -> bool:
+        """Whether it was asked for."""
+        return self._asked.is_set()
+
+    @contextmanager
+    def signals(self) -> Iterator[None]:
+        """Let SIGTERM and SIGINT ask for it."""
+
+        def on_signal(number: int, _: FrameType | None) -> None:
+            self()
+
+        kept = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
+        try:
+            yield
+        finally:
+            for number, handler in kept.items():
+                signal.signal(number, handler)
+
+    def watch_tether(self) -> None:
+        """Ask for it when standard input closes."""
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        await_stdin_end()
+        self.tether_cut = True
+        self()
+
+
 class _Daemon:
     def __init__(
         self,
@@ -133,14 +185,15 @@ class _Daemon:
         log: EventLog,
         listening: ListenSettings,
         stop: StopRequest,
-        opened: OpenedState,
+        ledger: LedgerWriter,
+        marker: Marker,
     ) -> None:
         self._paths = paths
         self._settings = settings
         self._log = log
         self._listening = listening
         self._stop = stop
-        self._opened = opened
+        self._ledger = ledger
         self._clock = LeaseClock(settings.tick)
         self._deadlines = LeaseDeadlines(settings.lease, self._clock)
         self._revoked = RevokedKeys(log, listening.keys)
@@ -160,8 +213,7 @@ class _Daemon:
             version=self._version,
             stop=stop,
             troubles=self._troubles,
-            marker=opened.marker,
-            era=opened.era,
+            marker=marker,
             starting=self._starting,
         )
 
@@ -217,13 +269,12 @@ class _Daemon:
         def report(problem: str) -> None:
             self._log.write("checkpoint", problem=problem)
 
-        ledger = self._opened.ledger
-        if leases := ledger.leases():
+        if leases := self._ledger.leases():
             self._log.write("resumed", leases=len(leases))
         overload = ReaderPool(self._paths, "overload")
         reader = ReaderPool(self._paths, "reader", _READERS)
         carrier = ReaderPool(self._paths, "carrier")
-        writer = WriterThread(ledger, partial(_publish, session), report)
+        writer = WriterThread(self._ledger, partial(_publish, session), report)
         # The preparer hands over to the writer, and so is the first to finish.
         preparer = ReaderPool(self._paths, "preparer")
         for jobs in (overload, reader, carrier, writer, preparer):

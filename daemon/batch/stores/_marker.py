@@ -13,21 +13,22 @@ from grammars.text.files import write_atomically
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """What stands in the marker: the directory's ``identity``, and the ``probe`` of one start."""
+    """Contents of the marker: the ``identity`` of the directory, and the ``era`` of its ledger."""
 
     identity: str
-    probe: str
+    era: str
 
 
-def write_marker(paths: StatePaths) -> Marker:
+def write_marker(paths: StatePaths, era: str) -> Marker:
     """Write a marker nobody can know from elsewhere, and return it.
 
-    The directory keeps its identity for good. The probe is new each time: a copy of the directory
-    on another machine, under the same path, is not mistaken for it. Raises ``OSError``.
+    The directory keeps its identity for good. The era is new with each start of a daemon: a copy of
+    the directory on another machine, under the same path, is not mistaken for it. Raises
+    ``OSError``.
     """
     known = read_marker(paths)
     identity = known.identity if known is not None else secrets.token_hex(8)
-    marker = Marker(identity, secrets.token_hex(16))
+    marker = Marker(identity, era)
     write_atomically(paths.marker, codec.to_json(marker), mode=0o600)
     return marker
 

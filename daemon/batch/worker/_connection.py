@@ -77,10 +77,10 @@ def choose_paths(state: Path | None, welcome: WelcomeReply) -> WorkerPaths:
 
 
 def _is_shared(paths: StatePaths, welcome: WelcomeReply) -> bool:
-    # The probe is a secret that only the daemon's own file system can tell: a path of the same
+    # The era is a secret that only the daemon's own file system can tell: a path of the same
     # name on another machine, or a copy of the directory from before, does not have it.
     marker = read_marker(paths)
-    if marker is None or not welcome.probe or marker.probe != welcome.probe:
+    if marker is None or marker.era != welcome.era:
         return False
     folders = (paths.spool, paths.incoming, paths.scenes)
     return all(os.access(folder, os.W_OK | os.X_OK) for folder in folders)

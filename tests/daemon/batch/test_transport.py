@@ -133,15 +133,14 @@ def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(rem
 def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_path):
     places = StatePaths(tmp_path / "state")
     places.make_folders()
-    old, marker = write_marker(places), write_marker(places)
-    assert (old.identity, old.probe != marker.probe) == (marker.identity, True)
-    welcome = WelcomeReply(str(places.state), "1", "2", 3.0, 1.0, marker.identity, marker.probe)
+    old, marker = write_marker(places, "first"), write_marker(places, "second")
+    assert old.identity == marker.identity
+    welcome = WelcomeReply(str(places.state), 1.0, marker.identity, marker.era)
     assert choose_paths(None, welcome) == WorkerPaths(places, shared=True)
     # The same path on another machine: a copy from a backup, say, has the marker of another start.
-    moved = replace(welcome, probe=old.probe)
+    moved = replace(welcome, era=old.era)
     own = StatePaths(places.state / "work" / marker.identity)
     assert choose_paths(places.state, moved) == WorkerPaths(own, shared=False)
-    assert choose_paths(places.state, replace(welcome, probe="")) == WorkerPaths(own, shared=False)
     with pytest.raises(WorkerBroken, match="which state directory"):
         choose_paths(places.state, replace(moved, identity="../../somewhere"))
     with pytest.raises(WorkerBroken, match="name one with --state"):
