@@ -165,11 +165,12 @@ class RetryRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class PriorityRequest:
-    """Let a campaign go before those of lower priority; 0 is usual."""
+class SteerRequest:
+    """Pause a campaign or go on with it, or give it another priority; ``None`` changes nothing."""
 
     campaign: IdText
-    priority: Annotated[int, Field(ge=-HIGHEST_PRIORITY, le=HIGHEST_PRIORITY)]
+    paused: bool | None = None
+    priority: Annotated[int, Field(ge=-HIGHEST_PRIORITY, le=HIGHEST_PRIORITY)] | None = None
 
 
 @dataclass(frozen=True, slots=True)

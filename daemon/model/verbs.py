@@ -34,13 +34,13 @@ from daemon.model.messages import (
     LeaseReply,
     LeaseRequest,
     LedgerAcknowledgement,
-    PriorityRequest,
     PutRequest,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
     RetryRequest,
     RunQuery,
+    SteerRequest,
     WelcomeReply,
     WorkerInfo,
 )
@@ -158,17 +158,13 @@ CANCEL: Final = Verb("cancel", IdRequest, Count,
     "Cancel what is queued or running; returns the number of runs.", STEERING, WRITER, slow=True)
 RETRY: Final = Verb("retry", RetryRequest, Count,
     "Queue runs again; returns how many.", STEERING, WRITER, slow=True)
-PAUSE: Final = Verb("pause", IdRequest, Count,
-    "Start no more runs of a campaign; returns how many wait. What is running goes on.",
+STEER: Final = Verb("steer", SteerRequest, Count,
+    "Start no more runs of a campaign, or go on; let it go before those of lower priority. Returns"
+    " how many wait. What is running goes on.",
     STEERING, WRITER)
-RESUME: Final = Verb("resume", IdRequest, Count,
-    "Go on with a paused campaign; returns how many of its runs are queued.", STEERING, WRITER)
 DELETE: Final = Verb("delete", DeleteRequest, tuple[DeletedCampaign, ...],
     "Remove campaigns of which nothing waits or runs, with results and traces; returns what goes.",
     STEERING, WRITER, 2 * _SMALL, slow=True)
-PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
-    "Let a campaign go before those of lower priority (-1000 to 1000, 0 is usual).",
-    STEERING, WRITER)
 SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
     "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
 SEARCH: Final = Verb("search", SearchSubmission, Empty,
@@ -260,9 +256,7 @@ class DaemonClient(ABC):
     get = _question(GET)
     put = _counting(PUT)
     cancel = _counting(CANCEL)
-    pause = _counting(PAUSE)
-    resume = _counting(RESUME)
-    prioritise = _question(PRIORITISE)
+    steer = _counting(STEER)
     delete = _question(DELETE)
     shutdown = _question(SHUTDOWN)
 

@@ -124,7 +124,7 @@ def pause(
     output = ResumeOutput if off else PauseOutput
 
     def ask(daemon: DaemonClient, id_: str) -> int:
-        return daemon.resume(id_) if off else daemon.pause(id_)
+        return daemon.steer(id_, paused=not off)
 
     _steer(output, ask, campaign, connect, state, as_json)
 
@@ -171,7 +171,7 @@ def priority(
 
     with DaemonTarget(connect, state).open() as daemon:
         row = find_campaign_or_search(daemon, campaign)
-        daemon.prioritise(row.id, number)
+        daemon.steer(row.id, priority=number)
     if as_json:
         PriorityOutput(row.id, number).emit()
     say(PRIORITY.outcome_text(row.id, priority=number))

@@ -57,12 +57,13 @@ def long_writes(folder, *, runs=200_000, working=4, lease=5.0):
         eventually(lambda: len(log.begun) == working)
         pulse = Pulse(daemon)
         many = make_submission("many", runs)
-        client.pause("work")  # no more of it is to start: what is started over, starts over itself
-        client.resume("work")
+        # No more of it is to start: what is started over, starts over itself.
+        client.steer("work", paused=True)
+        client.steer("work", paused=False)
         start = time.monotonic()
         client.submit(many)
         report.fact(f"{runs} runs submitted in", f"{time.monotonic() - start:.1f} s")
-        client.pause("many")
+        client.steer("many", paused=True)
         start = time.monotonic()
         client.cancel("many")
         report.fact(f"{runs} runs cancelled in", f"{time.monotonic() - start:.1f} s")

@@ -421,13 +421,10 @@ class FakeDaemon(DaemonClient):
     def _cancel(self, _):
         return Count(2)
 
-    _pause = _resume = _cancel
+    _steer = _cancel
 
     def _retry(self, _):
         return Count(1)
-
-    def _prioritise(self, _):
-        return Empty()
 
     def _searches(self, query):
         return tuple(

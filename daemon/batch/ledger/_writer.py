@@ -16,7 +16,7 @@ from daemon.batch.ledger._results import has_stopped_result, remove_result, reus
 from daemon.batch.ledger._search_updates import SearchUpdates
 from daemon.batch.ledger._searches import search_state
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import RetryRequest
+from daemon.model.messages import RetryRequest, SteerRequest
 from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
@@ -199,29 +199,27 @@ class LedgerWriter(SearchUpdates):
         query = "SELECT finished_at IS NULL FROM campaign WHERE id = ?"
         return bool(self._db.execute(query, (campaign,)).fetchone()[0])
 
-    def pause(self, campaign: str, now: float, *, paused: bool) -> int:
-        """Lease no more runs of a campaign, or go on; returns how many are queued.
+    def steer(self, request: SteerRequest, now: float) -> int:
+        """Lease no more runs of a campaign, go on, or change its priority; returns how many wait.
 
         What is running goes on. Doing it twice changes nothing.
         """
+        campaign, paused, priority = request.campaign, request.paused, request.priority
         self._require_campaign(campaign)
-        changed = self._db.execute(
-            "UPDATE campaign SET paused = ?1 WHERE id = ?2 AND paused <> ?1", (paused, campaign)
-        ).rowcount
-        if changed:
-            self.record_event(
-                now, "campaign", campaign, campaign, "paused" if paused else "resumed"
-            )
+        if paused is not None and self._set(campaign, "paused", paused):
+            state = "paused" if paused else "resumed"
+            self.record_event(now, "campaign", campaign, campaign, state)
+        if priority is not None and self._set(campaign, "priority", priority):
+            self.record_event(now, "campaign", campaign, campaign, "prioritised", str(priority))
         found = self._db.execute(
             "SELECT total(runs) FROM tally WHERE campaign = ? AND state = 'queued'", (campaign,)
         ).fetchone()
         return int(found[0])
 
-    def set_priority(self, campaign: str, priority: int, now: float) -> None:
-        """Let a campaign go before those of lower priority, from the next lease on."""
-        self._require_campaign(campaign)
-        self._db.execute("UPDATE campaign SET priority = ? WHERE id = ?", (priority, campaign))
-        self.record_event(now, "campaign", campaign, campaign, "prioritised", str(priority))
+    def _set(self, campaign: str, column: str, value: int) -> bool:
+        """Give a column of a campaign a value; returns whether it had another one."""
+        query = f"UPDATE campaign SET {column} = ?1 WHERE id = ?2 AND {column} <> ?1"
+        return self._db.execute(query, (value, campaign)).rowcount > 0
 
     def retry(self, request: RetryRequest, now: float) -> int:
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.

@@ -37,13 +37,13 @@ from daemon.model.messages import (
     LeaseRequest,
     LedgerAcknowledgement,
     LedgerAnswer,
-    PriorityRequest,
     PutRequest,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
     RetryRequest,
     RunQuery,
+    SteerRequest,
     WelcomeReply,
     WorkerInfo,
 )
@@ -278,18 +278,10 @@ class Handlers(SearchHandlers):
             self.log.write("deleted", campaigns=request.campaigns[:20], runs=sum(counts))
         return gone
 
-    def pause(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        self.log.write("paused", campaign=request.id)
-        return Count(ledger.pause(request.id, time.time(), paused=True))
-
-    def resume(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        self.log.write("resumed", campaign=request.id)
-        return Count(ledger.pause(request.id, time.time(), paused=False))
-
-    def prioritise(self, ledger: LedgerWriter, request: PriorityRequest) -> Empty:
-        ledger.set_priority(request.campaign, request.priority, time.time())
-        self.log.write("prioritised", **codec.to_plain(request))
-        return Empty()
+    def steer(self, ledger: LedgerWriter, request: SteerRequest) -> Count:
+        count = ledger.steer(request, time.time())
+        self.log.write("steered", **codec.to_plain(request))
+        return Count(count)
 
     def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
         now = time.time()

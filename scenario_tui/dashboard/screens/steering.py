@@ -186,12 +186,12 @@ class SteeringScreen(BaseScreen):
         if row is None:
             return
         if row.paused:
-            self._steer(RESUME, row, lambda daemon: daemon.resume(row.id))
+            self._steer(RESUME, row, lambda daemon: daemon.steer(row.id, paused=False))
         elif row.finished:
             self.notify(f"{row.id} is finished, there is nothing to pause")
         else:
             until = "it is resumed, what runs finishes"
-            self._steer(PAUSE, row, lambda daemon: daemon.pause(row.id), until=until)
+            self._steer(PAUSE, row, lambda daemon: daemon.steer(row.id, paused=True), until=until)
 
     def action_priority(self) -> None:
         """Ask for another priority."""
@@ -208,7 +208,7 @@ class SteeringScreen(BaseScreen):
                 self._steer(
                     PRIORITY,
                     row,
-                    lambda daemon: daemon.prioritise(row.id, number),
+                    lambda daemon: daemon.steer(row.id, priority=number),
                     answer,
                     priority=number,
                 )

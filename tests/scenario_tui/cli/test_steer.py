@@ -36,8 +36,8 @@ def test_a_campaign_is_paused_resumed_and_preferred(scenario, fake):
     assert resumed == {"schema": "scenario/resume/1", "campaign": CAMPAIGN, "runs": 2}
     preferred = json.loads(scenario("priority", "first", "--json", "--", "-3").out)
     assert preferred == {"schema": "scenario/priority/1", "campaign": CAMPAIGN, "priority": -3}
-    calls = [call for call in fake.calls if call[0] in ("pause", "resume", "prioritise")]
-    assert calls == [("pause", CAMPAIGN), ("resume", CAMPAIGN), ("prioritise", CAMPAIGN, -3)]
+    calls = [call[1:] for call in fake.calls if call[0] == "steer"]
+    assert calls == [(CAMPAIGN, True, None), (CAMPAIGN, False, None), (CAMPAIGN, None, -3)]
 
 
 def test_a_priority_has_bounds(scenario, fake):

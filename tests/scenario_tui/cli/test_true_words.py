@@ -11,7 +11,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
-from daemon.model.messages import Completion, ReleaseRequest
+from daemon.model.messages import Completion, ReleaseRequest, SteerRequest
 from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.submission import Submission
 from daemon.trace import read_trace
@@ -118,7 +118,7 @@ class Ledger:
         elif state == "cancelled":
             self.book.cancel("cancelled-1", self.now)
         # So that nothing of it is leased for the next one, which those that wait never are.
-        self.book.pause(f"{state}-1", self.now, paused=True)
+        self.book.steer(SteerRequest(f"{state}-1", paused=True), self.now)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def state(tmp_path_factory):
     for name in STATES:
         ledger.bring_to(name)
     for name in STATES:
-        ledger.book.pause(f"{name}-1", ledger.now, paused=name == "paused")
+        ledger.book.steer(SteerRequest(f"{name}-1", paused=name == "paused"), ledger.now)
     ledger.connection.close()
     with daemon_at(places.state) as daemon:
         daemon.client().close()

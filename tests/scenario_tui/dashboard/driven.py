@@ -37,17 +37,12 @@ class SteeredDaemon(FakeDaemon):
     def overview(self):
         return replace(super().overview(), state=self.state)
 
-    def pause(self, campaign):
-        self.paused = campaign == CAMPAIGN
-        return super().pause(campaign)
-
-    def resume(self, campaign):
-        self.paused = False
-        return super().resume(campaign)
-
-    def prioritise(self, campaign, priority):
-        self.priority = priority
-        super().prioritise(campaign, priority)
+    def steer(self, campaign, paused=None, priority=None):
+        if paused is not None:
+            self.paused = paused and campaign == CAMPAIGN
+        if priority is not None:
+            self.priority = priority
+        return super().steer(campaign, paused, priority)
 
     def told(self, verb):
         """What it was told to do by a verb."""

@@ -6,7 +6,7 @@ import pytest
 
 from daemon.batch.ledger import LedgerReader, LedgerWriter, PlannedRun, connect
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion
+from daemon.model.messages import Completion, SteerRequest
 from daemon.model.spec import SutReference
 from tests.daemon.batch.samples import (
     make_extension,
@@ -98,9 +98,9 @@ def test_campaigns_take_turns_and_those_of_higher_priority_go_before(ledger):
     ledger.executed("first", 1.0)
     for campaign, runs in (("small", 2), ("large", 6), ("paused", 50)):
         ledger.submit(campaign, runs)
-    ledger.book.pause("paused", NOW, paused=True)
+    ledger.book.steer(SteerRequest("paused", paused=True), NOW)
     assert ledger.left().campaigns == {"small": 4.0, "large": 8.0}
-    ledger.book.set_priority("large", 1, NOW)
+    ledger.book.steer(SteerRequest("large", priority=1), NOW)
     assert ledger.left().campaigns == {"small": 8.0, "large": 6.0}
     assert ledger.left().all == 8.0
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, RetryRequest
+from daemon.model.messages import Completion, RetryRequest, SteerRequest
 from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
@@ -48,8 +48,8 @@ def test_one_that_comes_later_need_not_wait_for_those_before(book):
 def test_higher_priority_goes_first(book):
     for name in ("a", "b", "c"):
         book.submit(make_submission(name, 2), NOW)
-    book.set_priority("b", 5, NOW)
-    book.set_priority("a", -1, NOW)
+    book.steer(SteerRequest("b", priority=5), NOW)
+    book.steer(SteerRequest("a", priority=-1), NOW)
     assert leased(book) == ["b.0", "b.1", "c.0", "c.1", "a.0", "a.1"]
 
 
@@ -65,31 +65,31 @@ def test_runs_a_worker_cannot_execute_wait_for_another_one(book):
 def test_a_paused_campaign_waits_and_finishes_what_runs(book):
     book.submit(make_submission("a", 3), NOW)
     (running,) = book.lease("w", 1, NOW)
-    assert book.pause("a", NOW, paused=True) == 2
+    assert book.steer(SteerRequest("a", paused=True), NOW) == 2
     assert leased(book) == []
     done = ("w", running.run, 1, running.token, make_result(running.spec))
     book.complete(Completion(*done), NOW)
     assert leased(book) == []
-    assert book.pause("a", NOW, paused=True) == 2
+    assert book.steer(SteerRequest("a", paused=True), NOW) == 2
     assert [event.state for event in book.events].count("paused") == 1
-    assert book.pause("a", NOW, paused=False) == 2
+    assert book.steer(SteerRequest("a", paused=False), NOW) == 2
     assert leased(book) == ["a.1", "a.2"]
 
 
 def test_a_paused_campaign_can_be_cancelled_and_tried_again(book):
     book.submit(make_submission("a", 2), NOW)
-    book.pause("a", NOW, paused=True)
+    book.steer(SteerRequest("a", paused=True), NOW)
     assert book.cancel("a", NOW) == 2
     assert book.retry(RetryRequest("a", ("cancelled",)), NOW) == 2
     assert leased(book) == []
-    book.pause("a", NOW, paused=False)
+    book.steer(SteerRequest("a", paused=False), NOW)
     assert leased(book) == ["a.0", "a.1"]
 
 
 def test_rows_say_so(tmp_path, book):
     book.submit(make_submission("a", 1), NOW)
-    book.pause("a", NOW, paused=True)
-    book.set_priority("a", 7, NOW)
+    book.steer(SteerRequest("a", paused=True), NOW)
+    book.steer(SteerRequest("a", priority=7), NOW)
     db = connect(tmp_path / "ledger.db")
     (row,) = LedgerReader(db, StatePaths(tmp_path)).campaigns()
     db.close()
@@ -98,9 +98,9 @@ def test_rows_say_so(tmp_path, book):
 
 def test_unknown_campaigns_are_refused(book):
     with pytest.raises(Refused, match="no campaign x"):
-        book.pause("x", NOW, paused=True)
+        book.steer(SteerRequest("x", paused=True), NOW)
     with pytest.raises(Refused, match="no campaign x"):
-        book.set_priority("x", 1, NOW)
+        book.steer(SteerRequest("x", priority=1), NOW)
 
 
 STEPS = st.lists(
@@ -138,10 +138,10 @@ def test_leases_follow_the_plain_rule(sizes, steps):
             assert leased(book, number) == expected
         elif step == "priority":
             rank[names[number]] += 1
-            book.set_priority(names[number], rank[names[number]], NOW)
+            book.steer(SteerRequest(names[number], priority=rank[names[number]]), NOW)
         else:
             (paused.add if step == "pause" else paused.discard)(names[number])
-            book.pause(names[number], NOW, paused=step == "pause")
+            book.steer(SteerRequest(names[number], paused=step == "pause"), NOW)
     running = db.execute("SELECT count(*) FROM run WHERE state = ?", (RunState.RUNNING,))
     assert running.fetchone()[0] == turn
     db.close()

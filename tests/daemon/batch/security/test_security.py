@@ -341,9 +341,7 @@ def test_viewers_change_nothing_and_only_workers_touch_leases():
         "submit",
         "cancel",
         "retry",
-        "pause",
-        "resume",
-        "prioritise",
+        "steer",
         "shutdown",
     }
     working = {"welcome", "lease", "renew", "complete", "release"}

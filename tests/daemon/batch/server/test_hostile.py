@@ -34,12 +34,12 @@ from daemon.model.messages import (
     LeaseRef,
     LeaseRequest,
     LedgerAnswer,
-    PriorityRequest,
     PutRequest,
     ReleaseRequest,
     RenewRequest,
     RetryRequest,
     RunQuery,
+    SteerRequest,
     WorkerInfo,
 )
 from daemon.model.proposals import ProposalQuery
@@ -208,9 +208,7 @@ def valid(target):
         verbs.CANCEL: IdRequest("camp"),
         verbs.RETRY: RetryRequest("camp", ("pass",)),
         verbs.DELETE: DeleteRequest(("camp",)),
-        verbs.PAUSE: IdRequest("camp"),
-        verbs.RESUME: IdRequest("camp"),
-        verbs.PRIORITISE: PriorityRequest("camp", 3),
+        verbs.STEER: SteerRequest("camp", True, 3),
         verbs.SEARCH: make_search("sought"),
         verbs.SEARCHES: SearchQuery("sought"),
         verbs.PROPOSALS: ProposalQuery("sought"),
@@ -224,6 +222,7 @@ def valid(target):
     }
 
 
+OPTIONAL = {"lease", "paused", "priority"}
 IDS = {"id", "campaign", "run", "scene", "sha256", "worker", "spec"}
 """Fields that name something: no other text names it."""
 
@@ -243,7 +242,7 @@ def spoilt(document, *, ids):
 
 def fits(wrong, leaf, name, *, ids):
     """Whether a value may well do in place of ``leaf``, so that nothing says it is wrong."""
-    if leaf is None or (wrong is None and name == "lease"):
+    if leaf is None or (wrong is None and name in OPTIONAL):
         return True
     if isinstance(leaf, str):
         known = isinstance(wrong, str) and not (ids and name in IDS)
@@ -303,7 +302,7 @@ def test_numbers_out_of_range_are_refused(target):
         (verbs.PROPOSALS, "limit"),
         (verbs.GET, "offset"),
         (verbs.GET, "count"),
-        (verbs.PRIORITISE, "priority"),
+        (verbs.STEER, "priority"),
         (verbs.LEASE, "count"),
         (verbs.COMPLETE, "token"),
         (verbs.RELEASE, "token"),
@@ -337,7 +336,7 @@ def test_ids_never_become_paths(target, tmp_path):
     outside = Path(target.daemon.state).parent
     before = sorted(outside.iterdir())
     for name in (UP, "/etc/passwd", "..", ".", "~", "camp/../..", "camp\x00", "C:\\x", "file:///x"):
-        for verb in (verbs.RUN, verbs.DECLARED, verbs.CANCEL, verbs.PAUSE):
+        for verb in (verbs.RUN, verbs.DECLARED, verbs.CANCEL):
             target.complaint(verb, dumped({"id": name}))
         target.complaint(verbs.GET, dumped({"sha256": INFO.sha256, "run": name}))
         target.complaint(verbs.GET, dumped({"sha256": name}))

@@ -200,7 +200,7 @@ def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused
 
         assert eventually(said) > 0.0
         assert client.overview().seconds_left is not None
-        client.pause("c")
+        client.steer("c", paused=True)
         paused = client.campaign("c")
         assert paused is not None
         assert paused.paused
