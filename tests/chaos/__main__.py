@@ -21,6 +21,7 @@ from tests.chaos.disk import full_disk
 from tests.chaos.long_writes import long_writes
 from tests.chaos.network import network
 from tests.chaos.output import output
+from tests.chaos.plugins import plugins
 from tests.chaos.quota import full_start, quota
 from tests.chaos.report import Report, table
 from tests.chaos.stacks import stacks
@@ -43,6 +44,7 @@ def _scenarios(runs, seed):
         "storm": lambda folder: storm(folder, seed=seed),
         "long": long_writes,
         "trees": trees,
+        "plugins": plugins,
         "quota": quota,
         "full": full_start,
         "bits": lambda folder: bits(folder, seed=seed),
