@@ -41,7 +41,8 @@ _SOCKET_PATH: Final = re.compile(r"/[^?#\x00-\x1f]+\Z")
 _LONGEST_SOCKET: Final = 100
 """Bytes of a socket's path: systems take 103 or 107."""
 _SPARE_SPACE: Final = 32 * 2**20
-"""Bytes that must be free before a run starts: some long traces and the ledger's growth."""
+_SPARE_FILES: Final = 1000
+"""Bytes and files that must be free before a run starts: some long traces, the ledger's growth."""
 
 
 def is_endpoint(text: str) -> bool:
@@ -235,15 +236,18 @@ class StatePaths:
         The same words however much is left: another amount is no other trouble.
         """
         try:
-            free = shutil.disk_usage(self.state).free
+            disk = os.statvfs(self.state)
         except OSError as error:
             return f"{self.state} cannot be used: {error.strerror}"
-        if free >= _SPARE_SPACE:
+        wanted = []
+        if disk.f_bavail * disk.f_frsize < _SPARE_SPACE:
+            wanted.append(f"{_SPARE_SPACE // 2**20} MiB")
+        # Some file systems have no table of files that could be full, and say 0 of 0.
+        if disk.f_files and disk.f_favail < _SPARE_FILES:
+            wanted.append(f"{_SPARE_FILES} files (inodes)")
+        if not wanted:
             return ""
-        return (
-            f"the disk of {self.state} is full: "
-            f"runs wait until {_SPARE_SPACE // 2**20} MiB are free"
-        )
+        return f"the disk of {self.state} is full: runs wait until {' and '.join(wanted)} are free"
 
     def disk(self) -> DiskUsage:
         """Measure the file system of the state directory; raises ``OSError``."""

@@ -131,7 +131,7 @@ def bundle(
     key: KeyName,
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="PATH", help="A .tar file, or a folder to make."),
+        typer.Option("--output", "-o", metavar="FILE.tar", help="The archive to write."),
     ],
     keys: Keys = None,
 ) -> None:

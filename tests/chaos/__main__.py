@@ -31,9 +31,10 @@ from tests.chaos.trees import trees
 from tests.chaos.violence import violence
 
 
-def _scenarios(runs, seed):
+def _scenarios(options):
+    seed, strength = options.seed, {"kills": options.kills, "operators": options.operators}
     return {
-        "violence": lambda folder: violence(folder, runs=runs, seed=seed),
+        "violence": lambda folder: violence(folder, runs=options.runs, seed=seed, **strength),
         "disk": full_disk,
         "torn": lambda folder: torn(folder, seed=seed),
         "clock": lambda folder: clock(folder, seed=seed),
@@ -65,12 +66,14 @@ def _perform(name, act, folder):
 
 def main():
     """Run the chosen scenarios, or all; returns the exit code."""
-    known = _scenarios(0, 0)
     parser = argparse.ArgumentParser(prog="python -m tests.chaos", description=__doc__)
-    parser.add_argument("scenario", nargs="*", help=f"some of {', '.join(known)}; default: all")
+    parser.add_argument("scenario", nargs="*", help="some by name; default: all")
     parser.add_argument("--runs", type=int, default=2000, help="runs of the scenario violence")
+    parser.add_argument("--kills", type=int, default=0, help="of violence, evenly, of empty runs")
+    parser.add_argument("--operators", type=int, default=2, help="who steer during violence")
     parser.add_argument("--seed", type=int, default=1, help="what is struck, and when")
     options = parser.parse_args()
+    known = _scenarios(options)
     unknown = [name for name in options.scenario if name not in known]
     if unknown:
         parser.error(f"no scenario {', '.join(unknown)}; there are: {', '.join(known)}")
@@ -78,7 +81,7 @@ def main():
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     violated = False
     rows = []
-    for name, act in _scenarios(options.runs, options.seed).items():
+    for name, act in known.items():
         if options.scenario and name not in options.scenario:
             continue
         with tempfile.TemporaryDirectory(prefix=f"chaos-{name}-") as folder:

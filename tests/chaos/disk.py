@@ -1,6 +1,7 @@
 """The disk is full again and again while runs, traces and the ledger want to grow."""
 
 import os
+import shutil
 import sqlite3
 import subprocess
 import time
@@ -14,7 +15,8 @@ from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
 SIZE = 64
-BALLAST = 100_000
+INODES = 6000
+BALLAST = 20_000
 SLOTS = 2
 
 
@@ -27,7 +29,7 @@ def may_mount():
 def small_disk(folder):
     """A file system of ``SIZE`` MiB for the block."""
     folder.mkdir()
-    options = f"size={SIZE}m"
+    options = f"size={SIZE}m,nr_inodes={INODES}"
     subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], check=True)
     try:
         yield folder
@@ -45,8 +47,19 @@ def fill(path):
             file.write(bytes(512))
 
 
-def full_disk(folder, *, runs=60, times=4, hold=3.0):
-    """Fill the disk while runs execute, empty it again; at the end every run has its result."""
+def fill_with_names(path):
+    """Make empty files until no more can be named."""
+    path.mkdir()
+    with suppress(OSError):
+        for number in range(INODES):
+            (path / str(number)).touch()
+
+
+def full_disk(folder, *, runs=500, times=4, hold=3.0):
+    """Fill the disk while runs execute, empty it again; at the end every run has its result.
+
+    Every other time it has room, but no name for another file.
+    """
     report = Report("full disk: runs wait, nothing is lost, nobody is blamed")
     if not may_mount():
         report.fact("skipped", "mounting a small file system needs root")
@@ -63,7 +76,7 @@ def full_disk(folder, *, runs=60, times=4, hold=3.0):
                 asked = {"until": str(gate), "ballast": BALLAST}
                 client.submit(make_submission(f"full-{turn}", runs // times, **asked))
                 eventually(lambda: client.overview().running == SLOTS)
-                _stuff(client, disk / "ballast", gate, hold)
+                _stuff(client, disk / "ballast", gate, hold, fill_with_names if turn % 2 else fill)
                 eventually(lambda turn=turn: finished(client, (turn + 1) * (runs // times)))
             eventually(lambda: not list((state / "spool").glob("*/*/attempt-*")))
         report.fact("times full while runs were under way", times)
@@ -75,10 +88,13 @@ def full_disk(folder, *, runs=60, times=4, hold=3.0):
     return report
 
 
-def _stuff(client, ballast, gate, hold):
+def _stuff(client, ballast, gate, hold, how):
     """Fill the disk for a while; the runs under way have something to write when it is full."""
-    fill(ballast)
+    how(ballast)
     eventually(lambda: "is full" in client.overview().trouble)
     gate.touch()
     time.sleep(hold)
-    ballast.unlink()
+    if ballast.is_dir():
+        shutil.rmtree(ballast)
+    else:
+        ballast.unlink()

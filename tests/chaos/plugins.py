@@ -21,8 +21,8 @@ from tests.daemon.batch.samples import make_spec, submission_of
 MARK = "SCENARIO_CHAOS_PLUGINS"
 HONEST = 4
 """Runs of a system that behaves, between the others."""
-WALL = 3.0
-SLOTS = 3
+WALL = 10.0
+SLOTS = 4
 MEMORY = 3 * 2**30
 
 

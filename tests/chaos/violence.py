@@ -16,12 +16,20 @@ from daemon.batch.errors import DaemonError
 from tests.chaos.links import Link, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import DaemonPart, Part, daemon_at, free_endpoint, worker_for
+from tests.daemon.batch.harness import (
+    DaemonPart,
+    Part,
+    daemon_at,
+    eventually,
+    free_endpoint,
+    worker_for,
+)
 from tests.daemon.batch.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.executor:execute"
 LOCAL, REMOTE = 2, 4
 FREEZES = (0.5, 6.0)
+CAMPAIGNS = 4
 
 
 @dataclass(slots=True)
@@ -35,15 +43,15 @@ class Yard:
     done: Counter[str] = field(default_factory=Counter)
     _thaws: list[threading.Timer] = field(default_factory=list)
 
-    def strike(self):
-        """Do one of the things that happen to processes and cables."""
+    def strike(self, *, kill=False):
+        """Do one of the things that happen to processes and cables, or ``kill`` one of these."""
         deeds = [
             (self._kill_daemon, 3.0),
             (self._kill_local, 2.0),
             (self._kill_worker, 3.0),
             (self._freeze, 2.0),
             (self._cut, 1.0),
-        ]
+        ][: 3 if kill else None]
         act = self.rng.choices([deed for deed, _ in deeds], [weight for _, weight in deeds])[0]
         act()
 
@@ -145,25 +153,30 @@ def attempts_below(folder):
     return [path for spool in spools for path in spool.glob("*/*/attempt-*")]
 
 
-def violence(folder, *, runs=2000, seed=1, every=2.0, limit=285.0):
-    """Strike every ``every`` seconds until nothing is under way; then look at what is left."""
+def violence(folder, *, runs=2000, seed=1, kills=0, operators=0, every=2.0, limit=285.0):
+    """Strike every ``every`` seconds until nothing is under way; then look at what is left.
+
+    With ``kills`` there are that many, spread evenly over the runs, and the runs do nothing.
+    ``operators`` list, cancel, retry, pause and prioritise meanwhile, all at once.
+    """
     report = Report("violence: kills, freezes and cut cables under load")
     isolated = may_make_namespaces()
     report.fact("network", "a namespace per worker" if isolated else "a relay per worker")
     rng = random.Random(seed)
-    specs = [make_spec(i, sleep=round(rng.uniform(0.0, 0.05), 3)) for i in range(runs)]
+    sleeps = (0.0 if kills else round(rng.uniform(0.0, 0.05), 3) for _ in range(runs))
+    specs = [make_spec(i, sleep=sleep) for i, sleep in enumerate(sleeps)]
+    campaigns = {f"chaos-{i}": specs[i::CAMPAIGNS] for i in range(CAMPAIGNS)}
     with yard(folder, seed, isolated=isolated) as scene:
         with scene.daemon.client() as client:
-            client.submit(submission_of("chaos", *specs))
-        deadline = time.monotonic() + limit
-        before = (0, runs)
-        while before[1] and time.monotonic() < deadline:
-            time.sleep(every)
-            before = progress(scene.daemon.endpoint) or before
-            if before[1]:
-                scene.strike()
-                scene.revive()
+            for name, some in campaigns.items():
+                client.submit(submission_of(name, *some))
+        with operating(scene.daemon.endpoint, tuple(campaigns), operators, seed) as seen:
+            if kills:
+                _kill_evenly(scene, runs, kills)
+            else:
+                _strike_often(scene, runs, every, limit)
         scene.settle()
+        _go_on(scene.daemon, campaigns)
         _await_end(scene, folder, runs)
         for what, count in sorted(scene.done.items()):
             report.fact(what, count)
@@ -171,7 +184,80 @@ def violence(folder, *, runs=2000, seed=1, every=2.0, limit=285.0):
         left = attempts_below(folder)
         report.expect(not left, f"spools keep {len(left)} attempts: {left[:2]}")
         verify(report, scene.daemon.state, runs)
+        _check_seen(report, scene.daemon, campaigns, seen)
     return report
+
+
+def _strike_often(scene, runs, every, limit):
+    deadline = time.monotonic() + limit
+    before = (0, runs)
+    while before[1] and time.monotonic() < deadline:
+        time.sleep(every)
+        before = progress(scene.daemon.endpoint) or before
+        if before[1]:
+            scene.strike()
+            scene.revive()
+
+
+def _kill_evenly(scene, runs, kills):
+    for number in range(1, kills + 1):
+        due = runs * number // (kills + 1)
+        eventually(lambda due=due: (progress(scene.daemon.endpoint) or (0,))[0] >= due, 900.0)
+        scene.strike(kill=True)
+        scene.revive()
+
+
+@contextmanager
+def operating(endpoint, campaigns, count, seed):
+    """People who steer campaigns for the block; yields digests of results they were told of."""
+    seen: dict[str, str] = {}
+    closing = threading.Event()
+
+    def steer(number):
+        rng = random.Random(f"{seed}-{number}")
+        while not closing.wait(rng.uniform(0.1, 2.0)):
+            campaign = rng.choice(campaigns)
+            with suppress(DaemonError), Client.open(endpoint, timeout=5.0) as client:
+                deed = rng.choice(("list", "list", "cancel", "pause", "prioritise"))
+                if deed == "cancel":
+                    client.cancel(campaign)
+                    client.retry(campaign, only="cancelled")
+                elif deed == "pause":
+                    client.pause(campaign)
+                    client.resume(campaign)
+                elif deed == "prioritise":
+                    client.prioritise(campaign, rng.randint(-5, 5))
+                else:
+                    page = client.runs(campaign, state="done", limit=200, results=True)
+                    seen.update((row.id, row.result.trace.sha256) for row in page.rows)
+
+    threads = [threading.Thread(target=steer, args=(number,)) for number in range(count)]
+    for thread in threads:
+        thread.start()
+    try:
+        yield seen
+    finally:
+        closing.set()
+        for thread in threads:
+            thread.join()
+
+
+def _go_on(daemon, campaigns):
+    """Undo what operators were about to undo when the daemon was killed."""
+    with daemon.client() as client:
+        for name in campaigns:
+            client.resume(name)
+            client.retry(name, only="cancelled")
+
+
+def _check_seen(report, daemon, campaigns, seen):
+    """Whatever an operator was told of a result is still so."""
+    with daemon.client() as client:
+        rows = [row for name in campaigns for row in client.all_runs(name, results=True)]
+    now = {row.id: row.result.trace.sha256 for row in rows if row.result is not None}
+    changed = [run for run, digest in seen.items() if now.get(run) != digest]
+    report.fact("results that operators saw", len(seen))
+    report.expect(not changed, f"{len(changed)} results are gone or others: {changed[:3]}")
 
 
 def _await_end(scene, folder, runs, patience=60.0):

@@ -271,7 +271,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def pack_key(folder: Path, name: str, output: Path) -> None:
-    """Write the key ``name`` with what goes with it to ``output``: a new ``.tar``, or a new folder.
+    """Write the key ``name`` with what goes with it to ``output``, a new tar archive.
 
     In the archive everything lies below ``keys``, the default place of keys among a user's
     settings. A daemon gets the register too. Readable by its owner only. Raises
@@ -288,12 +288,7 @@ def pack_key(folder: Path, name: str, output: Path) -> None:
     if issued.role is Role.DAEMON:
         files[REGISTER_FILE] = (folder / REGISTER_FILE).read_bytes()
     try:
-        if output.suffix == ".tar":
-            _write(output, _archive(files, issued.issued_at))
-        else:
-            output.mkdir(mode=0o700)
-            for file, data in files.items():
-                _write(output / file, data)
+        _write(output, _archive(files, issued.issued_at))
     except FileExistsError as error:
         raise KeysUnusable(f"{output} is there already: name another file") from error
 

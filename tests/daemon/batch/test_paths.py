@@ -1,5 +1,6 @@
-import shutil
+import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import assume, given
@@ -108,15 +109,27 @@ def test_an_unreadable_contact_is_no_contact(tmp_path):
     assert places.read_contact() is None
 
 
-def test_a_full_disk_is_said_before_runs_start(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("few", "fewer", "words"),
+    [
+        ({"f_bavail": 3}, {"f_bavail": 2}, "until 32 MiB are free"),
+        ({"f_favail": 3}, {"f_favail": 2}, r"until 1000 files (inodes) are free"),
+        ({"f_bavail": 3, "f_favail": 3}, {"f_favail": 2}, "until 32 MiB and 1000 files"),
+    ],
+)
+def test_a_full_disk_is_said_before_runs_start(tmp_path, monkeypatch, few, fewer, words):
     places = StatePaths.find(tmp_path)
     assert places.disk_shortage() == ""
-    usage = shutil.disk_usage(tmp_path)._replace(free=3 * 2**20)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    disk = {"f_bavail": 2**30, "f_frsize": 4096, "f_files": 2**20, "f_favail": 2**19}
+    monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(**disk))
+    assert places.disk_shortage() == ""
+    disk |= few
     said = places.disk_shortage()
-    assert "is full: runs wait until 32 MiB are free" in said
-    usage = usage._replace(free=2 * 2**20)
+    assert f"is full: runs wait {words}" in said
+    disk |= fewer
     assert places.disk_shortage() == said  # whoever watches is told once
+    disk |= {"f_bavail": 2**30, "f_files": 0, "f_favail": 0}
+    assert places.disk_shortage() == ""  # no such table
 
 
 def test_a_state_directory_that_is_gone_is_said(tmp_path):

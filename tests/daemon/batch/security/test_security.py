@@ -246,9 +246,17 @@ def with_register(keys, name, folder):
     return folder
 
 
+def unpacked(keys, name, folder):
+    """Where the key is after its bundle was unpacked."""
+    pack_key(keys, name, folder / f"{name}.tar")
+    with tarfile.open(folder / f"{name}.tar") as opened:
+        opened.extractall(folder / name, filter="data")
+    return folder / name / "keys"
+
+
 def test_a_remote_worker_executes_runs_over_tls(daemon, keys, tmp_path):
-    pack_key(keys, "worker", tmp_path / "there")
-    with worker_for(daemon, 2, "--keys", str(tmp_path / "there")), owner(daemon) as mine:
+    there = unpacked(keys, "worker", tmp_path)
+    with worker_for(daemon, 2, "--keys", str(there)), owner(daemon) as mine:
         mine.submit(make_submission("remote", 4))
         eventually(lambda: mine.campaigns()[0].done == 4)
 
@@ -417,18 +425,15 @@ def test_damaged_keys_are_said(keys, tmp_path):
 
 def test_a_bundle_unpacks_into_a_key_and_is_never_overwritten(keys, tmp_path):
     archive = tmp_path / "worker.tar"
-    pack_key(keys, "worker", archive)
+    assert find_credentials(Role.WORKER, unpacked(keys, "worker", tmp_path)).name == "worker"
     assert stat.S_IMODE(archive.stat().st_mode) == 0o600
-    with tarfile.open(archive) as opened:
-        opened.extractall(tmp_path, filter="data")
-    assert find_credentials(Role.WORKER, tmp_path / "keys").name == "worker"
     for refused in ("worker.unknown", "viewer.anna", "../worker"):
         with pytest.raises(KeysUnusable, match="there is no key"):
             pack_key(keys, refused, tmp_path / "other.tar")
     with pytest.raises(KeysUnusable, match="is there already"):
         pack_key(keys, "worker", archive)
-    pack_key(keys, "daemon", tmp_path / "daemon")
-    assert find_daemon_credentials(tmp_path / "daemon").credentials.role is Role.DAEMON
+    there = unpacked(keys, "daemon", tmp_path)
+    assert find_daemon_credentials(there).credentials.role is Role.DAEMON
 
 
 def test_openssl_agrees_with_the_certificates(keys):
