@@ -27,7 +27,7 @@ def test_a_clock_that_is_set_costs_no_lease(tmp_path):
 
 @pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
 def test_runs_wait_while_the_disk_is_full(tmp_path):
-    held(full_disk(tmp_path, runs=2, times=2, hold=0.2))
+    held(full_disk(tmp_path, runs=4, times=2, hold=0.2))
 
 
 def test_of_a_tree_of_processes_nothing_is_left(tmp_path):
