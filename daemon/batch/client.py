@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
@@ -42,10 +43,6 @@ _LARGEST_SNAPSHOT: Final = 2**16
 """Bytes of JSON; a building with hundreds of joints takes some thousands."""
 _SLOW_TIMEOUT: Final = 600.0
 """Seconds to wait for the answer to a slow verb."""
-
-
-def _from_json(kind: type[T]) -> Callable[[bytes], T]:
-    return lambda payload: codec.from_json(kind, payload)
 
 
 def read_snapshot(payload: bytes) -> LiveSnapshot:
@@ -129,29 +126,6 @@ class _Feed(threading.Thread, Generic[T]):
             self.join()
 
 
-class Subscription:
-    """Calls back with what the daemon publishes, from threads of its own, until closed.
-
-    ``forget`` is told when it is: who watches one run after another all day keeps none of them.
-    """
-
-    def __init__(self, forget: Callable[[Subscription], object]) -> None:
-        self._feeds: list[_Feed[Any]] = []
-        self._forget = forget
-
-    def close(self) -> None:
-        """Stop calling back; afterwards no call is under way (unless this is one)."""
-        while self._feeds:
-            self._feeds.pop().close()
-        self._forget(self)
-
-    def __enter__(self) -> Subscription:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
 class Client(DaemonClient):
     """A connection to the daemon. Thread-safe; it reconnects when the daemon comes back."""
 
@@ -165,7 +139,7 @@ class Client(DaemonClient):
         self._session = session
         self._credentials = credentials
         self._timeout = timeout
-        self._subscriptions: set[Subscription] = set()
+        self._subscriptions: set[ExitStack] = set()
         self.endpoint = endpoint
 
     @classmethod
@@ -213,33 +187,38 @@ class Client(DaemonClient):
         self,
         on_event: Callable[[ChangeEvent], None],
         on_live: Callable[[LiveSnapshot], None] | None = None,
-    ) -> Subscription:
+    ) -> ExitStack:
         """Call back on every event, and on snapshots of running runs."""
-        subscription = Subscription(self._subscriptions.discard)
-        self._subscriptions.add(subscription)
-        feeds = subscription._feeds
-        changes = _from_json(ChangeEvent)
-        feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, changes, on_event))
+        changes = partial(codec.from_json, ChangeEvent)
+        feeds: list[_Feed[Any]]
+        feeds = [_Feed(self._session, EVENTS, _EVENTS_KEPT, changes, on_event)]
         if on_live is not None:
             feeds.append(_Feed(self._session, f"{LIVE}/*/*", _LIVE_KEPT, read_snapshot, on_live))
-        return subscription
+        return self._subscription(feeds)
 
     def watch(
         self,
         run: str,
         on_live: Callable[[LiveSnapshot], None],
         on_judged: Callable[[LiveJudgement], None] | None = None,
-    ) -> Subscription:
+    ) -> ExitStack:
         """Call back on detailed snapshots of one run while it runs, and on how it is judged.
 
         What comes under its name and speaks of another run is left out.
         """
-        subscription = Subscription(self._subscriptions.discard)
-        self._subscriptions.add(subscription)
-        feeds, key = subscription._feeds, f"{LIVE}/*/*/{run}"
-        seen = _of_run(run, read_snapshot)
-        feeds.append(_Feed(self._session, key, _WATCHED_KEPT, seen, on_live))
+        key, seen = f"{LIVE}/*/*/{run}", _of_run(run, read_snapshot)
+        feeds: list[_Feed[Any]] = [_Feed(self._session, key, _WATCHED_KEPT, seen, on_live)]
         if on_judged is not None:
             judged = _of_run(run, _read_judgement)
             feeds.append(_Feed(self._session, f"{key}/{JUDGED}", _JUDGED_KEPT, judged, on_judged))
+        return self._subscription(feeds)
+
+    def _subscription(self, feeds: Sequence[_Feed[Any]]) -> ExitStack:
+        """Return what ends the feeds when it is closed; afterwards no call is under way."""
+        subscription = ExitStack()
+        # Who watches one run after another all day keeps none of them.
+        subscription.callback(self._subscriptions.discard, subscription)
+        for feed in feeds:
+            subscription.callback(feed.close)
+        self._subscriptions.add(subscription)
         return subscription
