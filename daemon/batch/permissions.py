@@ -1,14 +1,14 @@
 """Whose the state directory is, and who else may write or read in it.
 
 Whoever writes there decides what runs and what results say; what was submitted and what came out is
-for its owner to show. So folders have mode 0700 and files 0600, whatever the umask says.
+for its owner to show. So its folders have mode 0700, and no file in them is in anybody's reach.
 """
 
 from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,6 @@ from daemon.batch.paths import StatePaths
 
 _WRITE: Final = stat.S_IWGRP | stat.S_IWOTH
 _ANY: Final = stat.S_IRWXG | stat.S_IRWXO
-_FILES: Final = ("ledger.db*", "*.log*", "*.json", "daemon.lock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,24 +45,13 @@ def find_exposure(paths: Iterable[Path]) -> Exposure:
     return Exposure(tuple(foreign), tuple(writable), tuple(readable))
 
 
-def state_folders(paths: StatePaths) -> tuple[Path, ...]:
-    """The folders of a state directory that there are, itself first."""
-    return tuple(folder for folder in paths.folders if folder.is_dir())
-
-
-def state_files(paths: StatePaths) -> Iterator[Path]:
-    """Files of a state directory that are nobody else's business: the ledger, logs, contacts."""
-    for pattern in _FILES:
-        yield from (path for path in paths.state.glob(pattern) if path.is_file())
-
-
 def secure_state(paths: StatePaths) -> tuple[Path, ...]:
     """See to it that a state directory is ours alone; returns what others could read until now.
 
     Raises :class:`DaemonError` when it belongs to somebody else or others can write there: nobody
     knows what they have put into it.
     """
-    found = find_exposure(state_folders(paths))
+    found = find_exposure(paths.folders)
     if found.foreign:
         raise DaemonError(
             f"{found.foreign[0]} belongs to somebody else: run the daemon as its owner, "
@@ -75,14 +63,9 @@ def secure_state(paths: StatePaths) -> tuple[Path, ...]:
             f"others can write in {names}, and so decide what runs and what results say: "
             f"chmod go-rwx {names}, or choose a directory of your own with --state"
         )
-    files = find_exposure(state_files(paths))
     for folder in found.readable:
         folder.chmod(0o700)
-    for path in (*files.writable, *files.readable):
-        # One that somebody else owns in our folder was put there by us as another user.
-        with suppress(FileNotFoundError):
-            path.chmod(0o600)
-    return (*found.readable, *files.writable, *files.readable)
+    return found.readable
 
 
 def find_key_exposure(folder: Path) -> Exposure:

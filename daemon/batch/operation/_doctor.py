@@ -36,7 +36,7 @@ from daemon.batch.paths import (
     is_local,
     is_same_folder,
 )
-from daemon.batch.permissions import find_exposure, state_files, state_folders
+from daemon.batch.permissions import find_exposure
 from daemon.batch.security import keys_folder
 from daemon.model.execution import available_cores
 from daemon.model.spec import ENGINE_VERSION
@@ -131,7 +131,7 @@ def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
 
 
 def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
-    found = find_exposure((*state_folders(paths), *state_files(paths)))
+    found = find_exposure(paths.folders)
     remedy = f"chmod -R go-rwx {paths.state}"
     if found.foreign:
         yield problem(
