@@ -11,10 +11,11 @@ import pytest
 
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog, admit_submission
 from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._runtime import EventLog
+from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._uploads import Uploads
-from daemon.batch.worker import InputCache, WorkerPaths
+from daemon.batch.worker._connection import InputCache, WorkerPaths
 from daemon.campaign import load_sut
 from daemon.model import attachments
 from daemon.model.attachments import (

@@ -11,7 +11,7 @@ from mcap_ros2.decoder import DecoderFactory
 from daemon.analysis.verification import verify
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import admit_submission
+from daemon.batch.server._submissions import admit_submission
 from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import user_files_folder
 from daemon.run import execute

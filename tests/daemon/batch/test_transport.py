@@ -22,7 +22,7 @@ from daemon.batch.stores import (
     trace_reference,
     write_marker,
 )
-from daemon.batch.worker import WorkerPaths, choose_paths
+from daemon.batch.worker._connection import WorkerPaths, choose_paths
 from daemon.model import verbs
 from daemon.model.messages import (
     FilePart,

@@ -7,7 +7,7 @@ import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import read_extension
+from daemon.batch.server._search_handlers import read_extension
 from daemon.batch.stores import file_sha256, file_size
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.messages import Completion

@@ -15,7 +15,7 @@ from daemon.batch.ledger import (
     connect,
 )
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import admit_submission
+from daemon.batch.server._submissions import admit_submission
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
     AssessmentRules,

@@ -8,7 +8,7 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import read_extension
+from daemon.batch.server._search_handlers import read_extension
 from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
 from daemon.model.proposals import ProposalQuery
 from daemon.model.run_state import RunState

@@ -16,7 +16,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.server import LeaseClock, LeaseDeadlines
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines
 from daemon.model.messages import (
     Completion,
     LeaseRef,

@@ -9,7 +9,7 @@ import pytest
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerWriter, find_strays, remove_strays
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import admit_submission
+from daemon.batch.server._submissions import admit_submission
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import SCENE, make_submission

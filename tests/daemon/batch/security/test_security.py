@@ -26,7 +26,8 @@ from daemon.batch.security import (
     strip_control_characters,
 )
 from daemon.batch.security.authority import create_authority, issue_key, pack_key, revoke_key
-from daemon.batch.server import exposure_warning, prepare_endpoints
+from daemon.batch.server import exposure_warning
+from daemon.batch.server._opening import prepare_endpoints
 from daemon.model import verbs
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
 from daemon.model.messages import ALIVE, ASK, EVENTS, JUDGED, LIVE, WORK

@@ -8,7 +8,8 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.batch.security import find_daemon_credentials
 from daemon.batch.security.authority import create_authority, revoke_key
-from daemon.batch.server import EventLog, RevokedKeys
+from daemon.batch.server._revoked_keys import RevokedKeys
+from daemon.batch.server._runtime import EventLog
 
 NOW = datetime.now(UTC).replace(microsecond=0)
 

@@ -7,8 +7,8 @@ import pytest
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import _search_handlers, read_extension
-from daemon.batch.server._search_handlers import SearchClients
+from daemon.batch.server import _search_handlers
+from daemon.batch.server._search_handlers import SearchClients, read_extension
 from daemon.model.search import MOST_PROPOSALS, SearchSubmission
 from daemon.model.submission import CellRun
 from grammars.text import codec

@@ -7,7 +7,7 @@ import pytest
 
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog
+from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import WriterThread
 from daemon.batch.server._trace_mover import TraceMover
 from daemon.batch.stores import local_copy

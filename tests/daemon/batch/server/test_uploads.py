@@ -15,8 +15,8 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog
 from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._uploads import Uploads
 from daemon.model.messages import (
     PART,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from daemon.batch.server import LeaseClock, LeaseDeadlines, WorkerRegistry
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 from daemon.model.messages import LeaseRef, WorkerInfo
 
 TICK = 0.5

@@ -10,7 +10,7 @@ import pytest
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import admit_submission
+from daemon.batch.server._submissions import admit_submission
 from daemon.model.submission import MOST_RUNS
 from tests.chaos.light import LightWorker
 from tests.daemon.batch.harness import daemon_at, eventually

@@ -10,8 +10,11 @@ import pytest
 from daemon.batch.errors import Failed, Refused, Rejected, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
-from daemon.batch.worker import BackgroundAsks, Spool, WorkerPaths, WorkerTrouble
+from daemon.batch.worker._attempts import Spool
+from daemon.batch.worker._background import BackgroundAsks
+from daemon.batch.worker._connection import WorkerPaths
 from daemon.batch.worker._deliveries import Deliveries
+from daemon.batch.worker._trouble import WorkerTrouble
 from daemon.model import verbs
 from daemon.model.messages import (
     PART,

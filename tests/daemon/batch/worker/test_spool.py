@@ -11,7 +11,8 @@ import pytest
 from daemon.batch.operation._checks import check_leftovers
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import LEASE, RESULT
-from daemon.batch.worker import AdoptedWork, Spool, _attempts
+from daemon.batch.worker import _attempts
+from daemon.batch.worker._attempts import AdoptedWork, Spool
 from daemon.model.messages import Lease
 from tests.daemon.batch.samples import make_spec
 
