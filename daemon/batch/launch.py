@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Final
 
+from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.batch.paths import StatePaths, is_same_folder
 from daemon.batch.permissions import open_private_log
-from daemon.batch.tether import end_tethered
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 20.0
@@ -87,9 +89,8 @@ def embedded_daemon(
     """
     paths = StatePaths.find(state)
     paths.make_folders()
-    command = [*_command(paths, slots, executor), "--tether"]
-    command += ["--wall", f"{wall}"] if wall else []
-    command += ["--attempts", f"{attempts}"] if attempts else []
+    settings = {"attempts": attempts} if attempts else {}
+    command = _command(paths, slots, executor, settings, tether=True, limits={"wall": wall})
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,
@@ -102,13 +103,34 @@ def embedded_daemon(
         try:
             yield _wait_until_up(process, paths, output)
         finally:
-            end_tethered(process, _LEAVE_LIMIT)
+            _end_tethered(process)
 
 
-def _command(paths: StatePaths, slots: int | None, executor: str) -> list[str]:
-    command = python_command("-m", "daemon", "serve", "--state", str(paths.state))
-    command += ["--executor", executor]
-    return command if slots is None else [*command, "--slots", str(slots)]
+def _command(
+    paths: StatePaths,
+    slots: int | None,
+    executor: str,
+    settings: Mapping[str, object] = {},
+    **more: object,
+) -> list[str]:
+    try:
+        quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
+    except ValueError as error:
+        raise DaemonError(f"the quota of traces: {error}") from error
+    order = {"state": str(paths.state), "slots": slots, "executor": executor, **more}
+    order["settings"] = {"quota": quota, **settings}
+    return python_command("-m", "daemon", "serve", json.dumps(order))
+
+
+def _end_tethered(process: subprocess.Popen[bytes]) -> None:
+    """End a daemon by its standard input, and kill it when it does not leave."""
+    assert process.stdin is not None
+    process.stdin.close()
+    try:
+        process.wait(_LEAVE_LIMIT)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _wait_until_up(

@@ -5,7 +5,11 @@ from __future__ import annotations
 import ctypes
 import os
 import resource
+import select
 import signal
+import sys
+import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -76,3 +80,24 @@ def _prctl(option: int, value: int) -> None:
     if _LIBC.prctl(option, value, 0, 0, 0):
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))
+
+
+def when_stdin_ends(react: Callable[[], object]) -> None:
+    """Call ``react`` in a thread when nobody holds the other end of standard input any more.
+
+    By that a process knows that whoever started it is gone, or has let go of it.
+    """
+
+    def watch() -> None:
+        descriptor = sys.stdin.fileno()
+        # A terminal that hung up, or a socket whose peer was killed, ends by an error.
+        with suppress(OSError):
+            while True:
+                try:
+                    if not os.read(descriptor, 4096):
+                        break
+                except BlockingIOError:  # whoever made it does not wait for it: nothing has ended
+                    select.select([descriptor], [], [])
+        react()
+
+    threading.Thread(target=watch, name="tether", daemon=True).start()

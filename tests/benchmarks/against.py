@@ -123,7 +123,7 @@ class Checkout:
     def _daemon(self):
         state = Path(self._environment["SCENARIO_STATE"])
         log = self._stack.enter_context((self._temporary / "daemon.log").open("wb"))
-        command = ["-m", "daemon", "serve", "--state", str(state), "--slots", "0"]
+        command = ["-c", _PROGRAM, "daemon", "--state", str(state), "--slots", "0"]
         process = subprocess.Popen(
             [sys.executable, "-P", *command],
             cwd=self._folder, env=self._environment, stdout=log, stderr=log,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
+from dataclasses import asdict
 from typing import Final
 
 from daemon.batch.numba_cache import numba_cache_environment
@@ -29,30 +29,36 @@ _LONGEST_TAIL: Final = 2000
 """Characters of the log that say why a process died."""
 
 
-class KeptProcess:
-    """Starts a process, starts it again when it dies, and ends it.
+class LocalWorker:
+    """The daemon's own worker: started, and started again when it dies.
 
-    ``name`` is what messages call it, ``output`` the file of what it writes, and ``stdin`` as
-    :class:`subprocess.Popen` has it. ``trouble`` holds its last words from its death until a new
-    one has settled.
+    SIGTERM lets it finish its runs, SIGQUIT gives them back. When the daemon dies it finishes them
+    too; one of a daemon with a ``tether`` exits at once. ``trouble`` holds its last words from its
+    death until a new one has settled.
     """
 
     def __init__(
         self,
-        name: str,
-        command: Sequence[str],
-        output: Path,
+        paths: StatePaths,
         log: EventLog,
         *,
-        environment: Mapping[str, str] | None,
-        stdin: int | None,
+        endpoint: str,
+        slots: int,
+        executor: str,
+        limits: RunLimits,
+        tether: bool,
     ) -> None:
-        self._name = name
-        self._command = tuple(command)
-        self._output = output
+        order = {
+            "connect": endpoint,
+            "slots": slots,
+            "executor": executor,
+            "limits": asdict(limits),
+            "tether": "exit" if tether else "finish",
+        }
+        self._command = python_command("-m", "daemon", "worker", json.dumps(order))
+        self._output = paths.worker_log
         self._log = log
-        self._environment = environment
-        self._stdin = stdin
+        self._environment = numba_cache_environment(paths)
         self._process: subprocess.Popen[bytes] | None = None
         self._started = 0.0
         self._pause = _FIRST_PAUSE
@@ -60,39 +66,35 @@ class KeptProcess:
         self._log_start = 0
         self.trouble = ""
 
-    def supervise(self, *, wanted: bool = True) -> None:
-        """Start it, if ``wanted``, unless it runs or has just died; call this every now and then.
-
-        One that is not wanted any more ends by itself.
-        """
+    def supervise(self) -> None:
+        """Start it unless it runs or has just died; call this every now and then."""
         now = time.monotonic()
-        if self.trouble and now - self._started > _SETTLED and (self.alive or not wanted):
-            self.trouble = ""
         if self._process is not None:
             code = self._process.poll()
             if code is None:
+                if now - self._started > _SETTLED:
+                    self.trouble = ""
                 self._rotate()
                 return
-            self._end(code, now)
-        if wanted and now >= self._next_start:
+            self._end(self._process, code, now)
+        if now >= self._next_start:
             try:
                 self._start(now)
             except OSError as error:
-                self._pause = min(2 * self._pause, _LONGEST_PAUSE)
-                self._next_start = now + self._pause
-                self.trouble = f"the {self._name} cannot be started: {error}"
+                self._pause_until(now, steady=False)
+                self.trouble = f"the local worker cannot be started: {error}"
 
-    def _end(self, code: int, now: float) -> None:
-        process, self._process = self._process, None
-        if process is not None and process.stdin is not None:
-            process.stdin.close()
-        steady = now - self._started > _STEADY
+    def _pause_until(self, now: float, *, steady: bool) -> None:
         self._pause = _FIRST_PAUSE if steady else min(2 * self._pause, _LONGEST_PAUSE)
         self._next_start = now + self._pause
+
+    def _end(self, process: subprocess.Popen[bytes], code: int, now: float) -> None:
+        assert process.stdin is not None
+        process.stdin.close()
+        self._process = None
+        self._pause_until(now, steady=now - self._started > _STEADY)
         self.trouble = self._log_tail(code)
-        self._log.write(
-            f"{self._name} ended", code=code, restart_in=self._pause, words=self.trouble
-        )
+        self._log.write("local worker ended", code=code, restart_in=self._pause, words=self.trouble)
 
     def _rotate(self) -> None:
         """Put a log aside that has grown; the process goes on at the beginning of the file.
@@ -115,7 +117,7 @@ class KeptProcess:
             self._log_start = output.seek(0, os.SEEK_END)
             self._process = subprocess.Popen(
                 self._command,
-                stdin=self._stdin,
+                stdin=subprocess.PIPE,  # its end tells that the daemon is gone
                 stdout=output,
                 stderr=output,
                 # Ctrl-C in the daemon's terminal is for the daemon, which ends it in order.
@@ -123,7 +125,7 @@ class KeptProcess:
                 env=self._environment,
             )
         self._started = now
-        self._log.write(f"{self._name} started", pid=self._process.pid)
+        self._log.write("local worker started", pid=self._process.pid)
 
     def _log_tail(self, code: int) -> str:
         words = ""
@@ -131,12 +133,7 @@ class KeptProcess:
             size = log.seek(0, os.SEEK_END)
             log.seek(max(self._log_start, size - 4 * _LONGEST_TAIL))
             words = log.read().decode("utf-8", "replace").strip()
-        return words[-_LONGEST_TAIL:] or f"the {self._name} ended with code {code}"
-
-    @property
-    def alive(self) -> bool:
-        """Whether the process runs."""
-        return self._process is not None and self._process.poll() is None
+        return words[-_LONGEST_TAIL:] or f"the local worker ended with code {code}"
 
     @property
     def pid(self) -> int:
@@ -157,33 +154,3 @@ class KeptProcess:
         except subprocess.TimeoutExpired:
             return False
         return True
-
-
-class LocalWorker(KeptProcess):
-    """The daemon's own worker: SIGTERM lets it finish its runs, SIGQUIT gives them back."""
-
-    def __init__(
-        self,
-        paths: StatePaths,
-        log: EventLog,
-        *,
-        endpoint: str,
-        slots: int,
-        executor: str,
-        limits: RunLimits,
-        tether: bool,
-    ) -> None:
-        command = python_command("-m", "daemon", "worker", "--connect", endpoint)
-        command += ["--slots", str(slots), "--executor", executor]
-        command += ["--wall", str(limits.wall), "--memory", str(limits.memory)]
-        command += ["--nice", str(limits.nice)]
-        command += ["--parent", str(os.getpid())] + (["--tether"] if tether else [])
-        super().__init__(
-            "local worker",
-            command,
-            paths.worker_log,
-            log,
-            environment=numba_cache_environment(paths),
-            # A tethered daemon's standard input is the tether: both see its end.
-            stdin=None if tether else subprocess.DEVNULL,
-        )

@@ -43,11 +43,11 @@ from daemon.batch.server._threads import (
 from daemon.batch.server._trace_mover import TraceMover
 from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import Marker, check_store_url
-from daemon.batch.tether import await_stdin_end
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase, Trouble, TroubleCause
 from daemon.model.verbs import ServerThread
+from daemon.supervision.child import when_stdin_ends
 from grammars.text import codec
 
 _READERS: Final = 4
@@ -169,10 +169,9 @@ class StopRequest:
 
     def watch_tether(self) -> None:
         """Ask for it when standard input closes."""
-        threading.Thread(target=self._watch, daemon=True).start()
+        when_stdin_ends(self._cut_tether)
 
-    def _watch(self) -> None:
-        await_stdin_end()
+    def _cut_tether(self) -> None:
         self.tether_cut = True
         self()
 
@@ -329,7 +328,7 @@ class _Daemon:
         # without blame), at last killed: then the next daemon queues them, when their leases end.
         self._handlers.draining = True
         self._log.write("leaving")
-        if local is None or not local.alive:
+        if local is None or local.wait(0.0):
             return
         local.signal(signal.SIGTERM)
         deadline = time.monotonic() + self._settings.patience

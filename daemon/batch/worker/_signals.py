@@ -1,11 +1,10 @@
-"""What a worker is told from outside: signals, its parent's death, hints that there is work.
+"""What a worker is told from outside: signals, hints that there is work.
 
 All of them wake the loop, which waits for sockets, through a socket.
 """
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 from collections.abc import Iterator
@@ -48,32 +47,27 @@ class WakeupSocket:
 class WorkerSignals(WakeupSocket):
     """Set by signal handlers and callbacks, read by the worker's loop, which it wakes.
 
-    SIGTERM or SIGINT, or the death of process ``parent``: finish what runs, then leave
-    (``drain``). SIGQUIT or a second signal: give everything back (``abort``).
+    SIGTERM or SIGINT: finish what runs, then leave (``drain``: take no more runs). SIGQUIT or a
+    second signal: give everything back (``abort``).
     """
 
-    def __init__(self, *, parent: int = 0) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self._parent = parent
-        self._leaving = False
+        self.drain = False
         self.abort = False
 
-    @property
-    def drain(self) -> bool:
-        """Whether to take no more runs."""
-        # Asked once a second anyway: no signal comes when a parent dies.
-        if self._parent and os.getppid() != self._parent:
-            self._leaving = True
-        return self._leaving
+    def leave(self) -> None:
+        """Finish what runs, then leave."""
+        self.drain = True
+        self.wake()
 
     @contextmanager
     def handled(self) -> Iterator[None]:
         """Handle signals meanwhile; only in the main thread."""
 
         def on_signal(number: int, _: FrameType | None) -> None:
-            self.abort = self.abort or self._leaving or number == signal.SIGQUIT
-            self._leaving = True
-            self.wake()
+            self.abort = self.abort or self.drain or number == signal.SIGQUIT
+            self.leave()
 
         # Nothing but flags and a byte: a handler may run between any two instructions of the loop.
         numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGQUIT)

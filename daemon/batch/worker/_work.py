@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from daemon.batch import bus
 from daemon.batch.errors import Unreachable, WorkerBroken
 from daemon.batch.paths import StatePaths, is_encrypted
 from daemon.batch.security import find_credentials
-from daemon.batch.tether import exit_when_stdin_closes
 from daemon.batch.worker._attempts import Backend, Spool
 from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
 from daemon.batch.worker._loop import WorkerLoop
@@ -28,7 +28,7 @@ from daemon.model.execution import (
 )
 from daemon.model.messages import ALIVE, WORK, WelcomeReply
 from daemon.model.verbs import Role
-from daemon.supervision.child import lower_session
+from daemon.supervision.child import lower_session, when_stdin_ends
 from grammars.text.terminal_text import printable
 
 _ASK_AGAIN: Final = 1.0
@@ -42,9 +42,8 @@ def work(
     state: Path | None = None,
     limits: RunLimits | None = None,
     executor: str = DEFAULT_EXECUTOR,
-    parent: int = 0,
     keys: Path | None = None,
-    tether: bool = False,
+    tether: Literal["", "finish", "exit"] = "",
     dask: str = "",
     nice: int = 0,
     commands: bool | None = None,
@@ -55,9 +54,9 @@ def work(
     at the address ``dask`` that executes them). Where the daemon's state directory can be reached,
     under the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a
     folder of its own, in ``state`` or the user's state folder, and sends traces.
-    ``executor`` (``module:function``) executes runs and is never taken from the network. With
-    ``parent`` the worker finishes and leaves when that process is not its parent any more; with
-    ``tether`` it dies when its standard input closes. With ``nice`` the session it leads steps
+    ``executor`` (``module:function``) executes runs and is never taken from the network. When
+    its standard input closes, with ``tether``, the worker exits at once, or finishes and leaves.
+    With ``nice`` the session it leads steps
     back behind others, not only each run behind the worker. ``commands``: whether runs may start
     commands that stand in SUT files; ``None``: only those of a daemon on this machine. To be called
     from the main thread.
@@ -68,15 +67,17 @@ def work(
     :class:`WorkerBroken` when runs cannot be executed here.
     """
     # One sequence, in an order that matters, and half of the length is what it promises: not split.
-    if tether:
-        exit_when_stdin_closes()
+    if tether == "exit":
+        when_stdin_ends(lambda: os._exit(1))
     if nice:
         lower_session(nice)
     # Before anything is forked that inherits it.
     decide_on_commands(commands, elsewhere=is_encrypted(connect))
     with ExitStack() as stack:
-        signals = WorkerSignals(parent=parent)
+        signals = WorkerSignals()
         stack.callback(signals.close)
+        if tether == "finish":
+            when_stdin_ends(signals.leave)
         stack.enter_context(signals.handled())
         # Before the session is opened: what is forked from here on never sees Zenoh. And a worker
         # that cannot execute runs shall not have leased any.

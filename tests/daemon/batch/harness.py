@@ -12,6 +12,7 @@ from pathlib import Path
 
 import psutil
 
+from daemon.batch.amounts import parse_size
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from tests.daemon.batch.prepared_parts import start_prepared
@@ -81,11 +82,28 @@ def _runs(process):
         return False
 
 
+def order(options):
+    """The JSON of ``--name value`` options: whatever a daemon or a worker can be told."""
+    known = {"--quota": parse_size, "--slots": json.loads, "--step-back": json.loads}
+    known |= dict.fromkeys(("--lease", "--attempts", "--patience"), json.loads)
+    known |= dict.fromkeys(("--wall", "--memory", "--nice"), json.loads)
+    groups = {"settings": {"lease", "attempts", "patience", "quota", "traces"}}
+    groups["limits"] = {"wall", "memory", "nice"}
+    names = {"traces": "store", "step-back": "nice"}
+    told = {}
+    for option, text in zip(options[::2], options[1::2], strict=True):
+        name = option.removeprefix("--")
+        group = next((group for group, members in groups.items() if name in members), None)
+        place = told.setdefault(group, {}) if group else told
+        place[names.get(name, name)] = known.get(option, str)(text)
+    return json.dumps(told)
+
+
 class Part:
     """A daemon or worker process of this test."""
 
     def __init__(self, command, log, *options, module="daemon", through=(), cold=False):
-        self._command = [*through, sys.executable, "-m", module, command, *options]
+        self._command = [*through, sys.executable, "-m", module, command, order(options)]
         self._log = log
         # Elsewhere, in benchmarks, what is started is started as by everybody.
         forked = module == "daemon" and not through and not cold

@@ -52,14 +52,14 @@ def test_a_forked_part_is_a_process_as_others_are(tmp_path, monkeypatch):
         first.wait(0.0)
     first.kill()
     assert first.process.poll() == -signal.SIGKILL
-    wrong = Part("serve", tmp_path / "wrong.log", "--slots", "none")
-    assert wrong.wait() == 2
-    assert "invalid int value" in wrong.output
+    wrong = Part("serve", tmp_path / "wrong.log", "--slots", '"none"')
+    assert wrong.wait() == 1
+    assert "unable to parse string as an integer" in wrong.output
 
 
 def test_in_an_environment_of_its_own_a_part_is_not_forked(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert start_prepared(["serve"], ROOT, 1) is None
-    part = Part("serve", tmp_path / "log", "--slots", "none")
+    part = Part("serve", tmp_path / "log", "--slots", '"none"')
     assert isinstance(part.process, subprocess.Popen)
-    assert part.wait() == 2
+    assert part.wait() == 1

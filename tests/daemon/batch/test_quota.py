@@ -2,7 +2,9 @@
 
 import pytest
 
-from daemon.batch.amounts import parse_size, size_text
+from daemon.batch.amounts import QUOTA_VARIABLE, parse_size, size_text
+from daemon.batch.errors import DaemonError
+from daemon.batch.launch import ensure_daemon
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
 
@@ -62,12 +64,10 @@ def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path)
         assert len(client.workers()) == 1
 
 
-def test_a_quota_that_is_no_size_is_refused(tmp_path):
-    with (
-        pytest.raises(AssertionError, match="the quota of traces: '20' is not a size"),
-        daemon_at(tmp_path / "state", quota="20") as daemon,
-    ):
-        daemon.client()
+def test_a_quota_that_is_no_size_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv(QUOTA_VARIABLE, "20")
+    with pytest.raises(DaemonError, match="the quota of traces: '20' is not a size"):
+        ensure_daemon(tmp_path / "state")
 
 
 def test_sizes_are_read_as_they_are_written():

@@ -1,5 +1,6 @@
 """A daemon on a full disk, where others can write, on a damaged ledger; what a kill leaves."""
 
+import json
 import os
 import stat
 import subprocess
@@ -63,7 +64,8 @@ def _fill(path):
 
 def served(state):
     """Start a daemon that is expected to refuse; returns its code and its words."""
-    command = [sys.executable, "-m", "daemon", "serve", "--state", str(state), "--slots", "0"]
+    order = json.dumps({"state": str(state), "slots": 0})
+    command = [sys.executable, "-m", "daemon", "serve", order]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     return done.returncode, done.stderr
 

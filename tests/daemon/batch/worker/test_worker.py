@@ -109,12 +109,12 @@ def test_results_are_bounded_where_they_are_made(client):
     client.submit(submission_of("large", *specs))
     eventually(lambda: done(client, "large"))
     cut, lost = (client.run(f"large.{number}") for number in range(2))
-    assert cut.result is not None
-    assert (cut.row.outcome, len(cut.result.verdicts)) == (Outcome.PASS, 1)
-    assert "notes were cut" in cut.result.note
-    assert lost.result is not None
-    assert (lost.row.outcome, lost.result.verdicts) == (Outcome.ERROR, ())
-    assert "5000 verdicts were left out" in lost.result.note
+    assert cut.row.result is not None
+    assert (cut.row.outcome, len(cut.row.result.verdicts)) == (Outcome.PASS, 1)
+    assert "notes were cut" in cut.row.result.note
+    assert lost.row.result is not None
+    assert (lost.row.outcome, lost.row.result.verdicts) == (Outcome.ERROR, ())
+    assert "5000 verdicts were left out" in lost.row.result.note
 
 
 def test_an_exception_is_never_a_verdict(client):

@@ -8,12 +8,12 @@ import threading
 
 import pytest
 
-from daemon.batch.tether import await_stdin_end
+from daemon.supervision.child import when_stdin_ends
 
 HELD = """
 import os, time
-from daemon.batch.tether import exit_when_stdin_closes
-exit_when_stdin_closes()
+from daemon.supervision.child import when_stdin_ends
+when_stdin_ends(lambda: os._exit(1))
 os.write(0, b"!")
 while True:
     time.sleep(60.0)
@@ -50,13 +50,12 @@ def test_a_tether_that_does_not_wait_has_not_ended_yet(monkeypatch):
     with os.fdopen(theirs) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         monkeypatch.setattr(os, "read", watched_read)
-        waiting = threading.Thread(target=await_stdin_end)
-        waiting.start()
+        ended = threading.Event()
+        when_stdin_ends(ended.set)
         assert asked.wait(60.0)
         asked.clear()
         os.write(ours, b"?")  # still held
         assert asked.wait(60.0)
-        assert waiting.is_alive()
+        assert not ended.is_set()
         os.close(ours)
-        waiting.join(60.0)
-        assert not waiting.is_alive()
+        assert ended.wait(60.0)
