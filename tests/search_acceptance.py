@@ -277,6 +277,7 @@ def _by_daemon(state, slots, runs, *, kill=False):
 
 def _begin(daemon, submission, case):
     """Begin a search, or go on with it, in a process that can be killed."""
+    daemon.client().close()  # as soon as it answers
     process = multiprocessing.get_context("spawn").Process(
         target=_run_client, args=(daemon.endpoint, submission, case)
     )

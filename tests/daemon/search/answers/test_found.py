@@ -9,7 +9,7 @@ import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.search.answers.facts import make_answer
-from daemon.search.answers.found import export_found, write_found
+from daemon.search.answers.found import copy_campaign, export_found, write_found
 from tests.daemon.search.pretended import make_task
 
 FOUND = """\
@@ -54,3 +54,17 @@ def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
     launch = exported.made["launch"][0].read_text(encoding="utf-8")
     (named,) = re.findall(r'default="[^"/]*\)/(maps/[^"]*)"', launch)
     assert (folder / "gazebo" / named).is_file()
+
+
+def test_a_copied_campaign_means_the_same_runs_without_any_file_around_it(folder, tmp_path):
+    above = tmp_path / "shared.mission.yaml"
+    above.write_bytes((folder / "courier.mission.yaml").read_bytes())
+    file = folder / "own.yaml"
+    file.write_text(FOUND.replace("mission: courier", "mission: ../shared.mission.yaml"))
+    (run,) = expand(load_campaign(file)).specs
+    copied = copy_campaign(file, tmp_path / "handed on")
+    for name in ("demo", "robots", "suts"):
+        shutil.rmtree(tmp_path / name)
+    above.unlink()
+    (again,) = expand(load_campaign(copied / "own.yaml")).specs
+    assert again.digest == run.digest
