@@ -32,9 +32,9 @@ class Proposal:
     not.
     """
 
-    position: int
-    number: int
-    repeat: int
+    position: NonNegativeInt
+    number: NonNegativeInt
+    repeat: NonNegativeInt
     phase: Phase
     method: str
     guided: bool
@@ -49,7 +49,6 @@ class ExtendRequest:
     What is there already at its position is left as it is, so that asking twice is harmless.
     """
 
-    campaign: IdText
     client: ShortText
     proposals: Annotated[tuple[Proposal, ...], Field(min_length=1, max_length=1000)]
     runs: Submission

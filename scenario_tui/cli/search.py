@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -216,16 +217,15 @@ def watch_search(
     """
     from scenario_tui.cli.progress import watch_work
     from scenario_tui.cli.search_files import write_search_files
-    from scenario_tui.text.search_text import resuming_command
 
     campaign = watched.campaign
     try:
         row = watch_work(target.open, campaign, watched)
     except KeyboardInterrupt:
-        again = f"scenario search {campaign}"
-        if watched.client is not None and watched.row is not None:
+        if watched.client is not None:
             watched.client.leave()
-            again = resuming_command(watched.row)
+        words = ("scenario", "search", *([str(file)] if file is not None else []), campaign)
+        again = shlex.join(words)
         say(f"\ngo on with `{again}`, end it with `scenario cancel {campaign}`")
         return ExitCode.INTERRUPTED
     with target.open() as daemon:

@@ -447,7 +447,7 @@ class FakeDaemon(DaemonClient):
         return Empty()
 
     def _extend(self, request):
-        self._search_of(request.campaign)
+        self._search_of(request.runs.campaign)
         return Count(len(request.proposals))
 
     def _progress(self, progress):

@@ -79,16 +79,12 @@ def read_extension(payload: bytes, paths: StatePaths) -> ExtendRequest:
 
 def _extension_problems(request: ExtendRequest) -> Iterator[str]:
     proposals, runs = request.proposals, request.runs
-    if runs.campaign != request.campaign:
-        yield f"the runs are of {runs.campaign!r}, not of {request.campaign!r}"
     if len(runs.runs) != len(proposals) or runs.reserve:
         yield f"there are {len(runs.runs)} runs for {len(proposals)} proposals"
         return
     for place, (proposal, run) in enumerate(zip(proposals, runs.runs, strict=True)):
         if proposal.position != proposals[0].position + place:
             yield f"proposals follow one after the other, not at {proposal.position}"
-        if min(proposal.position, proposal.number, proposal.repeat) < 0:
-            yield f"proposals are counted from 0, not {proposal.position}"
         if proposal.repeat != run.repeat:
             yield f"repeat {run.repeat} was proposed as repeat {proposal.repeat}"
 
@@ -129,7 +125,7 @@ class SearchHandlers:
         return read_extension(payload, self.paths)
 
     def extend(self, ledger: LedgerWriter, request: ExtendRequest) -> Count:
-        self.clients.require(request.campaign, request.client)
+        self.clients.require(request.runs.campaign, request.client)
         return Count(ledger.extend(request.proposals, request.runs, time.time()))
 
     def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:

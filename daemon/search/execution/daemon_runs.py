@@ -295,10 +295,9 @@ class DaemonRuns:
         files = {digest for spec in specs for digest in spec.files}
         if not files <= self._sent:
             self._daemon.send_files(specs)
-        campaign, client = self._campaign, self._progress.client
-        runs = Submission.of(campaign, specs, scenes.values())
+        runs = Submission.of(self._campaign, specs, scenes.values())
         proposals = tuple(proposal for proposal, _ in part)
-        self._daemon.ask(EXTEND, ExtendRequest(campaign, client, proposals, runs))
+        self._daemon.ask(EXTEND, ExtendRequest(self._progress.client, proposals, runs))
         self._said_at = time.monotonic()
         self._sent.update(files, scenes)
 

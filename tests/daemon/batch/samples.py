@@ -114,4 +114,4 @@ def make_extension(campaign, first, count=1, *, client="lab", send_scenes=True, 
     specs = (make_spec(scenario=TASK.scenario_of(n), number=n, **parameters) for n in positions)
     scenes = (SCENE,) if send_scenes else ()
     runs = Submission.of(campaign, tuple(specs), scenes)
-    return ExtendRequest(campaign, client, tuple(map(make_proposal, positions)), runs)
+    return ExtendRequest(client, tuple(map(make_proposal, positions)), runs)

@@ -197,4 +197,4 @@ def test_requests_of_clients_are_held_to_the_search(daemon):
         good = make_extension("t", 0, 2)
         asked.begin_search(make_search("t"))
         with pytest.raises(Refused, match="2 runs for 1 proposals"):
-            asked.ask(EXTEND, ExtendRequest("t", "lab", good.proposals[:1], good.runs))
+            asked.ask(EXTEND, ExtendRequest("lab", good.proposals[:1], good.runs))

@@ -46,7 +46,7 @@ def ledger(tmp_path, monkeypatch):
     specs = tuple(replace(first, scenario=TASK.scenario_of(n), seed=n) for n in range(2))
     runs = Submission.of(SEARCH, specs, (CORRIDOR,))
     proposals = (make_proposal(0), make_proposal(1))
-    request = ExtendRequest(SEARCH, "lab", proposals, runs)
+    request = ExtendRequest("lab", proposals, runs)
     staged = read_extension(codec.to_json(request), places)
     with book.transaction():
         book.extend(proposals, staged.runs, 1.0)

@@ -81,7 +81,6 @@ def test_runs_that_are_not_what_was_proposed_are_refused(places):
     later = tuple(replace(one, position=one.position + 5 * one.number) for one in good.proposals)
     noisy = tuple(run._replace(repeat=1) for run in good.runs.runs)
     for wrong, words in (
-        (replace(good, campaign="t"), "the runs are of 's', not of 't'"),
         (replace(good, proposals=good.proposals[:1]), "2 runs for 1 proposals"),
         (replace(good, proposals=later), "proposals follow one after the other, not at 30"),
         (replace(good, runs=replace(good.runs, runs=noisy)), "repeat 1 was proposed as repeat 0"),
