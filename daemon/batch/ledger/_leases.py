@@ -46,6 +46,12 @@ _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))
 """Also names of columns of the table ``run``."""
 _READ_STATE: Final = f"SELECT {', '.join(_FIELDS)} FROM run WHERE id = ?"
 _WRITE_STATE: Final = f"UPDATE run SET {' = ?, '.join(_FIELDS)} = ? WHERE id = ?"
+# What ``transitions.advance`` makes of a run that is retried: there may be 200,000.
+RETRY: Final = (
+    "UPDATE run SET state = 'queued', token = 0, reason = '', strikes = 0,"
+    " lapses = 0, nondeterministic = 0,"
+    " outdated = CASE state WHEN 'done' THEN granted ELSE outdated END WHERE id = ?"
+)
 _KEPT_EVENTS: Final = 10_000
 _PRUNED_EVERY: Final = 1000
 
@@ -67,18 +73,9 @@ class RunUpdates:
         return None if row is None else ExecutionState(RunState(row[0]), *row[1:])
 
     def _apply(
-        self,
-        run: str,
-        event: RunEvent,
-        now: float,
-        before: ExecutionState | None = None,
-        *,
-        quiet: bool = False,
+        self, run: str, event: RunEvent, now: float, before: ExecutionState | None = None
     ) -> RunTransition:
-        """Let an event happen to a run; ``quiet`` leaves telling and closing to the caller.
-
-        Whoever changes all runs of a campaign is quiet: one event says it, not 100,000.
-        """
+        """Let an event happen to a run, and tell of it."""
         before = before or self._execution_state(run)
         if before is None:
             raise Refused(f"there is no run {run}")
@@ -87,7 +84,7 @@ class RunUpdates:
         if after != before:
             values = (getattr(after, name) for name in _FIELDS)
             self._db.execute(_WRITE_STATE, (*values, run))
-        if after.state is not before.state and not quiet:
+        if after.state is not before.state:
             campaign = self._campaign_of(run)
             # Why the attempt before left no result was told when it ended.
             stale = after.state is RunState.RUNNING and after.reason == before.reason

@@ -12,10 +12,9 @@ import sqlite3
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._entry import enter_runs
-from daemon.batch.ledger._leases import LeaseUpdates
+from daemon.batch.ledger._leases import RETRY, LeaseUpdates
 from daemon.batch.ledger._results import reuse_results
 from daemon.batch.ledger._searches import no_search, read_task, search_state
-from daemon.batch.ledger.transitions import Retried
 from daemon.model.assessments import AssessmentRules
 from daemon.model.proposals import Proposal
 from daemon.model.search import MOST_SEARCH_RUNS, SearchSubmission
@@ -137,11 +136,9 @@ class SearchUpdates(LeaseUpdates):
         self._db.execute("UPDATE search SET state = 'waiting' WHERE campaign = ?", (campaign,))
         self._db.execute("UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,))
         rows = self._db.execute(
-            "SELECT id FROM run WHERE campaign = ? AND state = 'cancelled' ORDER BY position",
-            (campaign,),
+            "SELECT id FROM run WHERE campaign = ? AND state = 'cancelled'", (campaign,)
         ).fetchall()
-        for (run,) in rows:
-            self._apply(run, Retried(), now, quiet=True)
+        self._db.executemany(RETRY, rows)
         self.record_event(now, "campaign", campaign, campaign, "retried")
 
     def _refuse_unfinished_search(self, campaign: str) -> None:

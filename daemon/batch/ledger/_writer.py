@@ -12,6 +12,7 @@ from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._deletion import remove_campaign, remove_files, shorten_file
 from daemon.batch.ledger._entry import enter_runs
+from daemon.batch.ledger._leases import RETRY
 from daemon.batch.ledger._results import has_stopped_result, remove_result, reuse_results
 from daemon.batch.ledger._search_updates import SearchUpdates
 from daemon.batch.ledger._searches import search_state
@@ -25,17 +26,12 @@ from grammars.text.files import sync_directory
 
 T = TypeVar("T")
 
-# What ``transitions.advance`` makes of each run of a campaign that is cancelled, and of one that is
-# retried: at once, since there may be 200,000.
+# What ``transitions.advance`` makes of each run of a campaign that is cancelled: there may be
+# 200,000.
 _CANCEL: Final = (
     "UPDATE run SET state = CASE result WHEN '' THEN 'cancelled' ELSE 'done' END, token = 0,"
     " reason = 'cancelled', nondeterministic = 0"
     " WHERE campaign = ? AND state IN ('queued', 'running')"
-)
-_RETRY: Final = (
-    "UPDATE run SET state = 'queued', token = 0, reason = '', strikes = 0,"
-    " lapses = 0, nondeterministic = 0,"
-    " outdated = CASE state WHEN 'done' THEN granted ELSE outdated END WHERE id = ?"
 )
 
 
@@ -239,7 +235,7 @@ class LedgerWriter(SearchUpdates):
         chosen = [row for row in rows if {row[1], row[2]} & words or "all" in words]
         if not chosen:
             return 0
-        self._db.executemany(_RETRY, ((run,) for run, *_ in chosen))
+        self._db.executemany(RETRY, ((run,) for run, *_ in chosen))
         for run, _, outcome, repeatable in chosen:
             # Only errors can be stopped, and reading a result takes time.
             stopped = outcome == Outcome.ERROR and has_stopped_result(self._db, run)

@@ -151,21 +151,13 @@ def open_state(
     return ledger, marker
 
 
-class ContactFile:
-    """Says where the daemon is; written when there is room, found by the socket until then."""
+def write_contact(paths: StatePaths, contact: DaemonContact) -> None:
+    """Say where the daemon is, unless that is said, or there is no room: its socket is known."""
+    if not paths.contact_file.exists():
+        with suppress(OSError):
+            write_atomically(paths.contact_file, codec.to_json(contact), mode=0o600)
 
-    def __init__(self, paths: StatePaths, endpoint: str, version: str) -> None:
-        self._path = paths.contact_file
-        self._contact = DaemonContact(endpoint, os.getpid(), version, time.time())
-        self._written = False
 
-    def write(self) -> None:
-        """Write it unless that is done, or there is no room for it."""
-        if not self._written:
-            with suppress(OSError):
-                write_atomically(self._path, codec.to_json(self._contact), mode=0o600)
-                self._written = True
-
-    def remove(self) -> None:
-        """Remove it."""
-        self._path.unlink(missing_ok=True)
+def remove_contact(paths: StatePaths) -> None:
+    """Remove what this daemon, or one that was killed, has said."""
+    paths.contact_file.unlink(missing_ok=True)

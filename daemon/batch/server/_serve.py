@@ -20,16 +20,17 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerWriter
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._opening import (
-    ContactFile,
     ListenSettings,
     hold_alone,
     open_state,
     prepare_endpoints,
+    remove_contact,
+    write_contact,
 )
 from daemon.batch.server._processes import LocalWorker
 from daemon.batch.server._revoked_keys import RevokedKeys
@@ -247,11 +248,13 @@ class _Daemon:
             keeper.start()
             stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
-        contact = ContactFile(self._paths, self._listening.socket, self._version)
-        stack.callback(contact.remove)
+        remove_contact(self._paths)
+        stack.callback(remove_contact, self._paths)
+        where = self._listening.socket
+        contact = DaemonContact(where, os.getpid(), self._version, time.time())
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stop.asked:
-            contact.write()
+            write_contact(self._paths, contact)
             self._revoked.look()
             if local is not None:
                 local.supervise()
