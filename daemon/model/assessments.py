@@ -159,8 +159,31 @@ class WorstRun:
     verdict: Verdict
 
 
+class _ExpectedVerdict:
+    """What verdicts have in common that may be as expected, or not."""
+
+    __slots__ = ()
+    verdict: Outcome
+    met: bool
+    contradicted: bool
+    state: str
+
+    @property
+    def word(self) -> str:
+        """The verdict; where runs are missing that could decide it, what they are."""
+        undecided = self.verdict is Outcome.INCONCLUSIVE
+        return self.state if undecided and self.state != "done" else str(self.verdict)
+
+    @property
+    def needs_attention(self) -> bool:
+        """Whether it is not as expected: while runs are to come, or were cancelled, only when they
+        could not mend it.
+        """
+        return self.contradicted or (not self.met and self.state in _ENDED_STATES)
+
+
 @dataclass(frozen=True, slots=True)
-class CellVerdict:
+class CellVerdict(_ExpectedVerdict):
     """One oracle over all repeats of a scenario with a system under test.
 
     ``n`` counts all repeats, ``missing`` those without a result. ``low`` and ``high`` bound the
@@ -193,27 +216,6 @@ class CellVerdict:
     why: str
     contradicted: bool = False
     state: str = "done"
-
-    @property
-    def word(self) -> str:
-        """The verdict; where runs are missing that could decide it, what they are."""
-        return _word(self.verdict, self.state)
-
-    @property
-    def needs_attention(self) -> bool:
-        """Whether it is not as expected: while runs are to come, or were cancelled, only when they
-        could not mend it.
-        """
-        return _needs_attention(self)
-
-
-def _needs_attention(verdict: CellVerdict | ComparisonVerdict) -> bool:
-    return verdict.contradicted or (not verdict.met and verdict.state in _ENDED_STATES)
-
-
-def _word(verdict: Outcome, state: str) -> str:
-    undecided = verdict is Outcome.INCONCLUSIVE
-    return state if undecided and state != "done" else str(verdict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,12 +266,12 @@ class CellAssessment:
 
     @property
     def needs_attention(self) -> bool:
-        """Whether some oracle is not as expected, see :class:`CellVerdict`."""
+        """Whether some oracle is not as expected, see :attr:`CellVerdict.needs_attention`."""
         return any(oracle.needs_attention for oracle in self.oracles)
 
 
 @dataclass(frozen=True, slots=True)
-class ComparisonVerdict:
+class ComparisonVerdict(_ExpectedVerdict):
     """A comparison with one system under test: ``mean`` of left minus right [``unit``].
 
     ``low`` and ``high`` are one-sided 95 % bounds of the mean, by which it is judged, ``interval``
@@ -299,16 +301,6 @@ class ComparisonVerdict:
     contradicted: bool = False
     state: str = "done"
     interval: tuple[float, float] | None = None
-
-    @property
-    def word(self) -> str:
-        """The verdict; where runs are missing that could decide it, what they are."""
-        return _word(self.verdict, self.state)
-
-    @property
-    def needs_attention(self) -> bool:
-        """Whether it is not as expected, see :class:`CellVerdict`."""
-        return _needs_attention(self)
 
 
 @dataclass(frozen=True, slots=True)
