@@ -16,12 +16,16 @@ from typing import Final
 
 from daemon.model.proposals import Phase, Proposal
 from daemon.model.search import SearchTask
-from daemon.model.search_answer import Confirmation, SearchAnswer
+from daemon.model.search_answer import (
+    Confirmation,
+    NearestFailure,
+    SearchAnswer,
+    ShrunkScenario,
+)
 from daemon.model.trials import Trial, first_failure
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.facts import (
     FailureKey,
-    LaterResults,
     confirmation,
     failure_key,
     make_answer,
@@ -106,10 +110,12 @@ class _SearchProgram:
     case: SearchCase
     runs: DaemonRuns
     explored: list[Trial] = field(default_factory=list)
-    later: LaterResults = field(default_factory=LaterResults)
+    confirmed: Confirmation | None = None
+    nearest: NearestFailure | None = None
+    shrunk: ShrunkScenario | None = None
     space: SearchSpace = field(init=False)
     points: PointRunner = field(init=False)
-    _confirmed: dict[int, Confirmation | None] = field(default_factory=dict)
+    _repeated: dict[int, Confirmation | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.space = SearchSpace(self.case.task)
@@ -128,7 +134,9 @@ class _SearchProgram:
             ended=ended,
             executed=self.points.executed,
             reused=self.points.reused,
-            later=self.later,
+            confirmed=self.confirmed,
+            nearest=self.nearest,
+            shrunk=self.shrunk,
             holding=self._holding(),
         )
 
@@ -148,13 +156,13 @@ class _SearchProgram:
         failures = self._failures()
         first = first_failure(failures)
         if first is not None:
-            self.later = LaterResults(self._confirm(first))
+            self.confirmed = self._confirm(first)
             if "nearest" in self.task.then:
                 self._bring_near(failures)
             told = self.answer().told_failure
             if "shrink" in self.task.then and told is not None:
                 self._report("shrink", f"shrinking run {told.number}")
-                self.later = replace(self.later, shrunk=shrink_failure(self.points, told))
+                self.shrunk = shrink_failure(self.points, told)
         return self.with_found(self.answer(ended))
 
     def _explore(self, method: SearchMethod) -> str:
@@ -213,11 +221,11 @@ class _SearchProgram:
         number, count = failure.number, max(self.task.confirm, least)
         if not self.task.repeatable:
             count = max(count, MEDIAN_OF)
-        if count and number not in self._confirmed:
+        if count and number not in self._repeated:
             times = count_noun(count, "time")
             self._report("confirm", f"run {number} again, {times} with other noise")
-            self._confirmed[number] = confirmation(self.points.repeat(failure, count))
-        return self._confirmed.get(number)
+            self._repeated[number] = confirmation(self.points.repeat(failure, count))
+        return self._repeated.get(number)
 
     def _bring_near(self, failures: Sequence[Trial]) -> None:
         task = self.task
@@ -228,7 +236,7 @@ class _SearchProgram:
         )
         if nearest is None:
             return
-        self.later = replace(self.later, nearest=nearest)
+        self.nearest = nearest
         # Where one noise decided it is not known yet what the others say of this very point.
         result, holds = nearest.result, nearest.holds
         repeats = self._confirm(result, 0 if holds else self.points.others)
@@ -237,7 +245,7 @@ class _SearchProgram:
             luck = noise_words(repeats)
             told = nearest_sentence(task, result, nearest.changes, nearest.passes, luck)
             nearest = replace(nearest, sentence=told)
-        self.later = replace(self.later, nearest=nearest)
+        self.nearest = nearest
 
     def with_found(self, answer: SearchAnswer) -> SearchAnswer:
         """Return an answer with the campaign file of its failure, if it has one."""

@@ -88,7 +88,6 @@ class KnownSearches:
         if row is None:
             return None
         if shown is None or shown.row.campaign != campaign:
-            shown = SearchTrials(row)
             known = self._ask(daemon, row, ())
         elif row is shown.row:
             return shown

@@ -23,7 +23,6 @@ from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
-    NOTHING,
     Styles,
     margin,
     margin_bar,
@@ -33,7 +32,7 @@ from scenario_tui.text.formatting import (
 
 if TYPE_CHECKING:
     from daemon.model.proposals import Proposal
-    from daemon.model.search import PointValue, SearchParameter, SearchTask
+    from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchAnswer, SearchRow
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
@@ -59,11 +58,6 @@ def sparkline(values: Sequence[float], width: int = 24) -> str:
         return BLOCKS[0] * len(shown)
     top = len(BLOCKS) - 1
     return "".join(BLOCKS[round(top * (value - low) / (high - low))] for value in shown)
-
-
-def value_text(parameter: SearchParameter, value: PointValue | None) -> str:
-    """Return a value of a parameter for people; ``–`` for none."""
-    return NOTHING if value is None else parameter.shown(value)
 
 
 def proposal_lines(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -31,15 +31,6 @@ _FEWEST: Final = 5
 """With fewer runs than these, a correlation says nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class LaterResults:
-    """What is found out about failures after the exploration."""
-
-    confirmed: Confirmation | None = None
-    nearest: NearestFailure | None = None
-    shrunk: ShrunkScenario | None = None
-
-
 def make_answer(
     task: SearchTask,
     explored: Sequence[Trial],
@@ -47,7 +38,9 @@ def make_answer(
     ended: str = "",
     executed: int = 0,
     reused: int = 0,
-    later: LaterResults | None = None,
+    confirmed: Confirmation | None = None,
+    nearest: NearestFailure | None = None,
+    shrunk: ShrunkScenario | None = None,
     holding: Sequence[bool] = (),
 ) -> SearchAnswer:
     """Return the answer of a search that has learnt these points, sentences included.
@@ -55,7 +48,6 @@ def make_answer(
     ``holding`` says of each explored failure that was repeated whether most noises confirm it.
     The text of the found scenario is not in it: it is written in the end.
     """
-    later = later or LaterResults()
     outcomes = Counter(trial.outcome for trial in explored)
     judged = [
         one for one in explored if one.is_drawn and one.outcome in (Outcome.PASS, Outcome.FAIL)
@@ -72,9 +64,9 @@ def make_answer(
         space_filling_failed=sum(trial.fails for trial in judged),
         first=first_failure(explored),
         best=smallest_margin(explored),
-        confirmed=later.confirmed,
-        nearest=later.nearest,
-        shrunk=later.shrunk,
+        confirmed=confirmed,
+        nearest=nearest,
+        shrunk=shrunk,
         findings=distinct_failures(explored),
         influence=parameter_influence(task, explored),
         refused=outcomes[None],

@@ -7,7 +7,7 @@ import pytest
 from daemon.model.proposals import Proposal
 from daemon.model.search_answer import NearestFailure, SearchAnswer, ShrunkScenario
 from daemon.model.trials import Trial
-from daemon.search.answers.facts import LaterResults, confirmation, make_answer
+from daemon.search.answers.facts import confirmation, make_answer
 from daemon.search.answers.sentences import ending_words
 from grammars.text import codec
 from tests.daemon.search.pretended import made_trial, make_task, seconds
@@ -58,7 +58,9 @@ def test_a_search_that_finds_failures_tells_of_them_in_order():
         ended="time",
         executed=30,
         reused=2,
-        later=LaterResults(confirmed, nearest, shrunk),
+        confirmed=confirmed,
+        nearest=nearest,
+        shrunk=shrunk,
     )
     assert answer.sentences == (
         "3 of 8 runs fail, the first is run 1: keeps-clear fails by 0.01 m near kitchen_door",
@@ -88,7 +90,7 @@ def test_the_repeats_of_another_nearest_failure_are_told_as_well():
     all_of_them, some = confirmation(repeats[:2]), confirmation(repeats)
     nearer = made_trial((5.5, 5.0), -0.01, 7)
     nearest = NearestFailure(nearer, (), None, 12, True, "kitchen_opens 5.5 s", all_of_them)
-    told = make_answer(TASK, points, later=LaterResults(some, nearest)).sentences
+    told = make_answer(TASK, points, confirmed=some, nearest=nearest).sentences
     assert [sentence for sentence in told if "repeats" in sentence or "nearest" in sentence] == [
         "run 1 fails in 2 of 3 repeats with other noise (9.4 % to 99.2 % with 95 % certainty)",
         "nearest failure: kitchen_opens 5.5 s",
@@ -103,7 +105,7 @@ def test_a_scenario_that_fails_as_written_is_told_once():
     nearest = NearestFailure(
         failing, (), None, 0, True, "the scenario as written: keeps-clear fails", confirmed
     )
-    told = make_answer(TASK, [failing], later=LaterResults(confirmed, nearest)).sentences
+    told = make_answer(TASK, [failing], confirmed=confirmed, nearest=nearest).sentences
     assert told[1] == "run 0 is the scenario as written"
     assert "nearest failure, run 0: the scenario as written: keeps-clear fails" in told
     assert sum("repeats" in sentence for sentence in told) == 1
