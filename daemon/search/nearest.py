@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from daemon.model.search import Point, PointValue, SearchTask
@@ -296,12 +296,13 @@ def _answer(descent: _Descent, runs: int, *, complete: bool) -> NearestFailure:
         )
         for i in ordered
     )
-    return NearestFailure(
+    nearest = NearestFailure(
         result=failing,
         changes=changes,
         passes=descent.passes,
         runs=runs,
         complete=complete,
-        sentence=nearest_sentence(task, failing, changes, descent.passes),
+        sentence="",
         holds=not descent.budget.one_noise,
     )
+    return replace(nearest, sentence=nearest_sentence(task, nearest))

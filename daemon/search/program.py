@@ -31,7 +31,7 @@ from daemon.search.answers.facts import (
     make_answer,
     parameter_influence,
 )
-from daemon.search.answers.wording import failure_words, nearest_sentence, noise_words, quantity
+from daemon.search.answers.wording import failure_words, margin_words, nearest_sentence
 from daemon.search.execution.daemon_runs import DaemonRuns, SearchStoppedError
 from daemon.search.execution.point_runner import MEDIAN_OF, PointRunner
 from daemon.search.methods import SearchMethod, make_method
@@ -213,8 +213,7 @@ class _SearchProgram:
         told = f"{answer.explored} of {count_noun(self.task.runs, 'run')}"
         if answer.failed:
             told += f", {count_noun(answer.failed, 'failure')}"
-        value = None if answer.best is None else answer.best.value
-        return f"{told}, best {quantity(value.margin, value.unit)}" if value is not None else told
+        return f"{told}, best {margin_words(answer.best)}" if answer.best is not None else told
 
     def _confirm(self, failure: Trial, least: int = 0) -> Confirmation | None:
         """Run a failure again with other noise, ``least`` times at least, unless that was done."""
@@ -238,14 +237,10 @@ class _SearchProgram:
             return
         self.nearest = nearest
         # Where one noise decided it is not known yet what the others say of this very point.
-        result, holds = nearest.result, nearest.holds
-        repeats = self._confirm(result, 0 if holds else self.points.others)
-        nearest = replace(nearest, confirmed=repeats, holds=self.points.holds(result) is not False)
-        if not nearest.holds:
-            luck = noise_words(repeats)
-            told = nearest_sentence(task, result, nearest.changes, nearest.passes, luck)
-            nearest = replace(nearest, sentence=told)
-        self.nearest = nearest
+        repeats = self._confirm(nearest.result, 0 if nearest.holds else self.points.others)
+        holds = self.points.holds(nearest.result) is not False
+        nearest = replace(nearest, confirmed=repeats, holds=holds)
+        self.nearest = replace(nearest, sentence=nearest_sentence(task, nearest))
 
     def with_found(self, answer: SearchAnswer) -> SearchAnswer:
         """Return an answer with the campaign file of its failure, if it has one."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 from daemon.judging.statistics import cut_percentage
 from daemon.model.search import Point, SearchTask
-from daemon.model.search_answer import Confirmation, Finding, ParameterChange
+from daemon.model.search_answer import Confirmation, Finding, NearestFailure, ParameterChange
 from daemon.model.trials import Trial
 from daemon.search.points import changed_parameters, is_as_written
 from grammars.text.words import count_noun, enumerate_words
@@ -90,18 +89,12 @@ def margin_words(trial: Trial) -> str:
     return "" if trial.value is None else quantity(trial.value.margin, trial.value.unit)
 
 
-def nearest_sentence(
-    task: SearchTask,
-    failure: Trial,
-    changes: Sequence[ParameterChange],
-    passes: Trial | None,
-    luck: str = "",
-) -> str:
-    """Return what to change for the scenario to fail, how it fails, and what still passes.
-
-    ``luck`` are the :func:`noise_words` of a failure that hangs on the noise.
-    """
-    fails = f"{failure_words(failure)}{f', {luck}' if luck else ''}"
+def nearest_sentence(task: SearchTask, nearest: NearestFailure) -> str:
+    """Return what to change for the scenario to fail, how it fails, and what still passes."""
+    failure, changes, passes = nearest.result, nearest.changes, nearest.passes
+    fails = failure_words(failure)
+    if not nearest.holds:
+        fails += f", {_noise_words(nearest.confirmed)}"
     if not changes:
         rest = [p for p in task.parameters if p.written is None]
         how = f" with {point_words(task, failure.point)}" if rest else ""
@@ -126,7 +119,7 @@ def _passing(task: SearchTask, failure: Trial, passes: Trial) -> str:
     return f"with {point_words(task, passes.point)} {ends}"
 
 
-def noise_words(confirmed: Confirmation | None) -> str:
+def _noise_words(confirmed: Confirmation | None) -> str:
     """Return ``with this noise alone: 1 of 5 repeats``, of a failure that does not hold."""
     words = "with this noise alone"
     if confirmed is None or not confirmed.failed:

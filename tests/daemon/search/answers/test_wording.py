@@ -3,7 +3,7 @@
 import pytest
 
 from daemon.model.search import SearchParameter
-from daemon.model.search_answer import Confirmation, ParameterChange
+from daemon.model.search_answer import Confirmation, NearestFailure, ParameterChange
 from daemon.search.answers.wording import (
     change_words,
     confirmation_words,
@@ -56,7 +56,7 @@ def test_the_sentence_of_one_change():
     change = ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32)
     failing = made_trial((8.54, 6.0), -0.0183, near="kitchen_door")
     passing = made_trial((8.32, 6.0), 0.105, near="kitchen_door")
-    assert nearest_sentence(task, failing, [change], passing) == (
+    assert nearest_sentence(task, NearestFailure(failing, (change,), passing, 9, True, "")) == (
         "kitchen_opens 8.54 s instead of 8 s and keeps-clear fails by 0.0183 m "
         "near kitchen_door; at 8.32 s it passes with 0.105 m"
     )
@@ -64,13 +64,13 @@ def test_the_sentence_of_one_change():
 
 def test_the_sentence_of_several_changes():
     task = make_task(seconds("doors.kitchen_opens", 8.0), seconds("doors.bedroom_opens", 6.0))
-    changes = [
+    changes = (
         ParameterChange("doors.kitchen_opens", "s", 8.0, 8.5, 8.49),
         ParameterChange("doors.bedroom_opens", "s", 6.0, 5.5, 5.51),
-    ]
+    )
     failing = made_trial((8.5, 5.5), -0.018, near="")
     passing = made_trial((8.5, 5.51), 0.002, near="")
-    assert nearest_sentence(task, failing, changes, passing) == (
+    assert nearest_sentence(task, NearestFailure(failing, changes, passing, 9, True, "")) == (
         "kitchen_opens 8.5 s instead of 8 s and bedroom_opens 5.5 s instead of 6 s, and "
         "keeps-clear fails by 0.018 m; with bedroom_opens 5.51 s it passes with 0.002 m"
     )
