@@ -17,6 +17,7 @@ from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import VerificationProgress
+from daemon.batch.locks import is_locked
 from daemon.batch.operation._checks import check_keys, check_leftovers
 from daemon.batch.operation._findings import (
     DoctorFinding,
@@ -43,13 +44,10 @@ from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, TroubleCause, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
-# A lease: a worker that has not asked for anything in that time has lost its runs.
-_SILENCE: Final = 30.0
 # Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
 _SKEW: Final = 2.0
 _ROOMY: Final = 2 * 2**30
 _FREE_SOME: Final = "free some: `scenario gc --max-size 10GiB --dry-run`"
-_LARGEST_PID: Final = 2**31
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: a clock before that was never set."""
 
@@ -207,7 +205,7 @@ def _silence(paths: StatePaths, endpoint: Endpoint, error: DaemonError) -> Docto
     contact = paths.read_contact()
     if contact is None:
         return ok("daemon", "none runs: `scenario submit` or `scenario daemon` starts one")
-    if _lives(contact.pid):
+    if is_locked(paths.lock):
         return problem(
             "daemon",
             f"process {contact.pid} keeps the directory and does not answer",
@@ -218,18 +216,6 @@ def _silence(paths: StatePaths, endpoint: Endpoint, error: DaemonError) -> Docto
         f"process {contact.pid} was killed and left daemon.json behind",
         "the next daemon replaces it and goes on with what is queued",
     )
-
-
-def _lives(pid: int) -> bool:
-    if not 0 < pid < _LARGEST_PID:
-        return False  # a damaged contact file
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
 
 
 def _answering(
@@ -285,17 +271,16 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
             "start one with `scenario worker`",
         )
     for worker in workers:
-        silent = overview.now - worker.last_seen_at
         words = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
         if worker.version != overview.version:
             yield warning(
                 "workers", f"{words}, version {worker.version}", f"install {overview.version} there"
             )
-        elif worker.away or silent > _SILENCE:
-            told = "away, " if worker.away else ""
+        elif worker.away:
+            silent = overview.now - worker.last_seen_at
             yield warning(
                 "workers",
-                f"{words}, {told}not heard of for {silent:.0f} s",
+                f"{words}, away, not heard of for {silent:.0f} s",
                 "see whether its machine is well",
             )
         else:

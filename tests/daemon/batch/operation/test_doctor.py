@@ -122,10 +122,11 @@ def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(place
     contact = '{"endpoint": "tcp/127.0.0.1:1", "pid": %d, "version": "0", "started_at": 0.0}'
     told = Endpoint("tcp/127.0.0.1:1", "daemon.json")
     assert found(places, "daemon")[0].level is FindingLevel.OK
-    places.contact_file.write_text(contact % os.getpid())
-    assert found(places, "daemon", told)[0].level is FindingLevel.PROBLEM
     places.contact_file.write_text(contact % 2**22)
     assert found(places, "daemon", told)[0].level is FindingLevel.WARNING
+    with places.lock.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert found(places, "daemon", told)[0].level is FindingLevel.PROBLEM
     asked = Endpoint("tcp/127.0.0.1:1", "--connect")
     assert found(places, "daemon", asked)[0].level is FindingLevel.PROBLEM
 
