@@ -136,17 +136,13 @@ def _checked_trust(endpoint: str) -> str:
     path = socket_path(endpoint)
     if path is not None and path.exists() and path.stat().st_uid != os.getuid():
         raise DaemonError(f"{path} belongs to somebody else: a daemon there is not yours")
-    if path is None and not (is_encrypted(endpoint) or is_local(endpoint)):
-        _only_if_insecure(endpoint)
-    return endpoint
-
-
-def _only_if_insecure(endpoint: str) -> None:
-    if not os.environ.get(INSECURE_VARIABLE):
+    trusted = path is not None or is_encrypted(endpoint) or is_local(endpoint)
+    if not trusted and not os.environ.get(INSECURE_VARIABLE):
         raise DaemonError(
             f"{endpoint} is neither encrypted nor does it say who listens: use tls/ with keys "
             f"(`scenario keys`), or set {INSECURE_VARIABLE}=1 in a network you trust"
         )
+    return endpoint
 
 
 def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, Protocol
@@ -29,47 +29,42 @@ on the stick can hold it, and it goes on when the hand lets go."""
 
 _NOWHERE: Final = Progress(0, 0, "active")
 _SHOWN: Final = ("estimate", "cloud", "plan", "local_plan", "particles")
-_MOST_EVENTS: Final = 1000
-"""Events that wait while the world stands still; older ones are dropped."""
+_MOST_REPORTS: Final = 1000
+"""Reports that wait while the world stands still; older ones are dropped."""
 
 
 class OutsideInput:
     """The latest velocity command from outside and what a stack there says; for any thread."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._command: tuple[Twist2, str] | None = None
-        self._report = Decision(None, _NOWHERE)
+        self._commands: deque[tuple[Twist2, str]] = deque(maxlen=1)
+        self._reports: deque[Decision] = deque(maxlen=_MOST_REPORTS)
 
     def command(self, twist: Twist2, source: str) -> None:
         """Leave a command in the body frame; raises ``ValueError`` for numbers that are none."""
         if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
             raise ValueError(f"a velocity command must be finite, not {twist}")
-        with self._lock:
-            self._command = (twist, source)
+        self._commands.append((twist, source))
 
     def take_command(self) -> tuple[Twist2, str] | None:
         """Return the command that nobody has taken yet: each is carried out once.
 
         So the timeout of the drive counts from the last command, as on the real base.
         """
-        with self._lock:
-            command, self._command = self._command, None
-        return command
+        return self._commands.pop() if self._commands else None
 
     def report(self, said: Decision) -> None:
         """Leave plans, estimates and events of a stack; its command and progress do not count."""
-        with self._lock:
-            before = self._report
-            new = {name: getattr(said, name) for name in _SHOWN if getattr(said, name) is not None}
-            events = (*before.events, *said.events)[-_MOST_EVENTS:]
-            self._report = replace(before, events=events, **new)
+        self._reports.append(said)
 
     def take_report(self) -> Decision:
         """Return what was said since the last time."""
-        with self._lock:
-            said, self._report = self._report, Decision(None, _NOWHERE)
-        return said
+        all_of_it = Decision(None, _NOWHERE)
+        while self._reports:
+            said = self._reports.popleft()
+            new = {name: getattr(said, name) for name in _SHOWN if getattr(said, name) is not None}
+            all_of_it = replace(all_of_it, events=(*all_of_it.events, *said.events), **new)
+        return all_of_it
 
 
 class RobotListener(Protocol):
