@@ -6,6 +6,7 @@ import random
 import threading
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 
@@ -223,30 +224,29 @@ def operating(endpoint, campaigns, count, seed):
                     client.cancel(campaign)
                     client.retry(campaign, only="cancelled")
                 elif deed == "pause":
-                    client.pause(campaign)
-                    client.resume(campaign)
+                    client.steer(campaign, paused=True)
+                    client.steer(campaign, paused=False)
                 elif deed == "prioritise":
-                    client.prioritise(campaign, rng.randint(-5, 5))
+                    client.steer(campaign, priority=rng.randint(-5, 5))
                 else:
                     page = client.runs(campaign, state="done", limit=200, results=True)
                     seen.update((row.id, row.result.trace.sha256) for row in page.rows)
 
-    threads = [threading.Thread(target=steer, args=(number,)) for number in range(count)]
-    for thread in threads:
-        thread.start()
-    try:
-        yield seen
-    finally:
-        closing.set()
-        for thread in threads:
-            thread.join()
+    with ThreadPoolExecutor(max(count, 1)) as people:
+        steering = [people.submit(steer, number) for number in range(count)]
+        try:
+            yield seen
+        finally:
+            closing.set()
+        for one in steering:
+            one.result()
 
 
 def _go_on(daemon, campaigns):
     """Undo what operators were about to undo when the daemon was killed."""
     with daemon.client() as client:
         for name in campaigns:
-            client.resume(name)
+            client.steer(name, paused=False)
             client.retry(name, only="cancelled")
 
 
