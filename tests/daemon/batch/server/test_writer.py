@@ -1,8 +1,9 @@
 """The daemon's writing thread: large campaigns, renewals that wait, and what is refused."""
 
+import signal
 import sqlite3
 import threading
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 
 import pytest
@@ -47,12 +48,30 @@ def test_a_submission_that_is_killed_is_there_as_a_whole_or_not_at_all(tmp_path)
             assert client.campaigns() == ()
 
 
-def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path):
+@contextmanager
+def locked_ledger(daemon):
+    """The writer waits, as for a long transaction."""
+    ledger = StatePaths(daemon.state).ledger
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as lock:
+        lock.execute("BEGIN IMMEDIATE")
+        yield
+        lock.execute("ROLLBACK")
+
+
+@contextmanager
+def frozen(daemon):
+    """The process is stopped, as with a machine that swaps."""
+    daemon.freeze()
+    yield
+    daemon.signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("stalled", [locked_ledger, frozen])
+def test_no_lease_lapses_while_the_daemon_is_held_up(tmp_path, stalled):
     with (
         daemon_at(tmp_path / "state", lease=3.0) as daemon,
         daemon.client() as client,
         bus.open_client(daemon.endpoint) as session,
-        closing(sqlite3.connect(tmp_path / "state" / "ledger.db", isolation_level=None)) as lock,
     ):
         client.submit(make_submission("c", 1))
         worker = LightWorker(session, daemon.endpoint, "w", 1)
@@ -61,16 +80,15 @@ def test_no_lease_lapses_while_its_renewal_waits_for_the_writer(tmp_path):
 
         def renew():
             while not over.is_set():
-                with suppress(DaemonError):  # the writer is held up
+                with suppress(DaemonError):
                     lost.append(worker.renew(leased))
                 over.wait(0.2)
 
         renewing = threading.Thread(target=renew)
         renewing.start()
         eventually(lambda: len(lost) > 1)
-        lock.execute("BEGIN IMMEDIATE")  # as a long transaction would
-        threading.Event().wait(4.5)  # longer than a lease lasts
-        lock.execute("ROLLBACK")
+        with stalled(daemon):
+            threading.Event().wait(4.5)  # longer than a lease lasts
         lost.clear()
         eventually(lambda: len(lost) > 5)
         over.set()
