@@ -80,17 +80,18 @@ class SearchClient(threading.Thread):
                 runs.end(*ending)
 
     def _wait_for_turn(self, daemon: PatientClient) -> SearchRow | None:
-        while not self._left.is_set():
+        while True:
             rows = daemon.ask(SEARCHES, SearchQuery(self._search.campaign))
             if not rows or rows[0].ended:
                 return None
             if rows[0].client == self._search.client:
                 return rows[0]
+            if self._left.is_set():
+                return None
             if rows[0].state == "waiting":
                 daemon.ask(SEARCH, self._search)
             else:
                 self._left.wait(_LOOK_EVERY)
-        return None
 
     def _run_program(self, runs: DaemonRuns) -> tuple[SearchState, str, SearchAnswer | None]:
         """Return how the search ended, why if it failed, and what it has found."""

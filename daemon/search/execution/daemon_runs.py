@@ -118,8 +118,8 @@ class DaemonRuns:
         self._leaving = False
         self._reached = -1
         self._progress = SearchProgress(campaign, client, "explore")
-        self._is_said = True
-        self._said_at = time.monotonic()
+        self._is_reported = True
+        self._reported_at = time.monotonic()
 
     def load(self) -> None:
         """Read the runs that an earlier life of the search has left."""
@@ -180,7 +180,7 @@ class DaemonRuns:
                 break
             if row.run.state is RunState.CANCELLED:
                 self._require_ours()
-            self._say()
+            self._send_report()
             self._changed.wait(_LOOK_EVERY)
         return self._rows[position]
 
@@ -189,10 +189,10 @@ class DaemonRuns:
         before = self._progress
         self._progress = replace(before, phase=phase, note=note[:LONGEST_NOTE], answer=answer)
         # What was said before the process was started again was about more than this.
-        self._is_said = self._reached + 1 < self._earlier
+        self._is_reported = self._reached + 1 < self._earlier
         if phase != before.phase:
-            self._said_at = 0.0
-        self._say()
+            self._reported_at = 0.0
+        self._send_report()
 
     def end(self, state: SearchState, note: str, answer: SearchAnswer | None) -> None:
         """Say how the search ended, or that it waits for another client.
@@ -209,12 +209,12 @@ class DaemonRuns:
         """Return the wall clock since the search was asked for [s]."""
         return time.monotonic() - self._began
 
-    def _say(self) -> None:
+    def _send_report(self) -> None:
         now = time.monotonic()
-        silent = now - self._said_at
-        if silent < (_SPEAK_EVERY if self._is_said else _REPORT_EVERY):
+        silent = now - self._reported_at
+        if silent < (_SPEAK_EVERY if self._is_reported else _REPORT_EVERY):
             return
-        self._is_said, self._said_at = True, now
+        self._is_reported, self._reported_at = True, now
         self._ask(PROGRESS, self._progress)
 
     def _ask(self, verb: Verb[..., A], request: object) -> A:
@@ -298,7 +298,7 @@ class DaemonRuns:
         runs = Submission.of(self._campaign, specs, scenes.values())
         proposals = tuple(proposal for proposal, _ in part)
         self._daemon.ask(EXTEND, ExtendRequest(self._progress.client, proposals, runs))
-        self._said_at = time.monotonic()
+        self._reported_at = time.monotonic()
         self._sent.update(files, scenes)
 
 

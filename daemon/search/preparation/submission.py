@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -46,21 +46,19 @@ def prepare_search(
     be meant.
     """
     with recording_reads() as read:
-        campaign, found = examine(path)
-    if any(d.severity is Severity.ERROR for d in found):
-        raise InputError(found)
-    named = any(task.name == name for task in campaign.searches)
-    known = find(name) if name and not named else None
-    task = change(_find_task(campaign, path, name) if known is None else known.task)
+        campaign, findings = examine(path)
+    _raise_errors(findings)
+    own = any(task.name == name for task in campaign.searches)
+    earlier = find(name) if name and not own else None
+    task = change(_find_task(campaign, path, name) if earlier is None else earlier.task)
     case = search_case(campaign, task)
-    found = (*found, *check_search(case))
-    if any(d.severity is Severity.ERROR for d in found):
-        raise InputError(found)
+    findings = (*findings, *check_search(case))
+    _raise_errors(findings)
     label = f"{campaign.name}-{task.name}"
     texts = sorted(hashlib.sha256(file.read_bytes()).hexdigest() for file in read)
     identity = secrets.token_hex(4) if fresh else codec.digest((task, texts))[:8]
     submission = SearchSubmission(
-        campaign=f"{label}-{identity}" if known is None else known.campaign,
+        campaign=f"{label}-{identity}" if earlier is None else earlier.campaign,
         name=label,
         about=task.about,
         source=campaign.source,
@@ -70,7 +68,12 @@ def prepare_search(
         fresh=fresh,
         client=client,
     )
-    return PreparedSearch(submission, case, found)
+    return PreparedSearch(submission, case, findings)
+
+
+def _raise_errors(findings: Sequence[Diagnostic]) -> None:
+    if any(one.severity is Severity.ERROR for one in findings):
+        raise InputError(findings)
 
 
 def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:
