@@ -107,6 +107,7 @@ class Zygote(EventLoop):
     # Runs
 
     def _start(self, task: RunTask, wire: socket.socket) -> None:
+        lower_session(task.nice)
         try:
             process = os.fork()
         except OSError as error:
