@@ -16,7 +16,14 @@ from pathlib import Path
 from daemon.judging.oracles import judge, judge_leading, overall_outcome
 from daemon.model.execution import machine_text
 from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
-from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, package_versions
+from daemon.model.spec import (
+    LeadingMargin,
+    RunResult,
+    RunSpec,
+    Script,
+    Timing,
+    package_versions,
+)
 from daemon.model.sut import TICK_RATE
 from daemon.run_judge import JudgementReceiver, WatchedRun
 from daemon.run_loop import Interest, ProgressCallback, RunLoop
@@ -37,7 +44,7 @@ def warm_up(rooms: Iterable[str] = (*RUN_ROOMS, *SYSTEM_ROOMS)) -> None:
     """
     for room in rooms:
         import_module(room).warm_up()
-    codec.warm_up(RunSpec, Scene, RunResult)
+    codec.warm_up(RunSpec, Script, Scene, RunResult)
     package_versions()
 
 

@@ -50,7 +50,7 @@ from daemon.batch.run_process import (
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import Lease
-from daemon.model.spec import RunResult, RunSpec
+from daemon.model.spec import RunResult, RunSpec, Script
 from daemon.model.status import LiveSnapshot, Preparation, PreparationPhase
 from daemon.supervision.child import adopt_orphans, die_with_parent, lower_session
 from daemon.supervision.event_loop import HUNG_UP, EventLoop
@@ -298,9 +298,9 @@ def _load(name: str) -> Callable[..., Any]:
         module.warm_up(rooms=())
     elif warm_up := getattr(module, "warm_up", None):
         warm_up()
-    # Decoders are built once here, not once in every child; that of a specification, which its
-    # digest asks for, takes 15 ms.
-    codec.warm_up(Lease, RunSpec, Scene, RunResult, LiveSnapshot, LiveJudgement)
+    # Decoders and encoders are built once here, not once in every child; those of a specification
+    # and of its script, which its digest asks for, take 15 ms.
+    codec.warm_up(Lease, RunSpec, Script, Scene, RunResult, LiveSnapshot, LiveJudgement)
     execute: Callable[..., Any] = getattr(module, function)
     return execute
 
