@@ -200,15 +200,16 @@ class RunOutput(Output, schema="run"):
         from scenario_tui.cli.results import print_commands
         from scenario_tui.text.formatting import TERMINAL_STYLES
         from scenario_tui.text.run_text import run_text
-        from scenario_tui.text.search_text import proposal_lines
+        from scenario_tui.text.search_text import proposal_text
 
         stdout_console().print(run_text(self.run, self.live, TERMINAL_STYLES), soft_wrap=True)
         starting = self.run.row.state == "running" and self.live is None
         if starting or (self.run.row.state == "queued" and not self.run.row.reason):
             stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
         if self.proposal is not None and self.task is not None:
-            for line in proposal_lines(self.task, self.proposal, TERMINAL_STYLES):
-                stdout_console().print(line, soft_wrap=True)
+            console = stdout_console()
+            about = proposal_text(self.task, self.proposal, console.width, TERMINAL_STYLES)
+            console.print(about, soft_wrap=True)
         print_commands(*_next_commands(self.run, self.task))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
@@ -18,12 +18,15 @@ from daemon.search.answers.sentences import (
     verdict_words,
 )
 from daemon.search.answers.wording import finding_words, minus
-from daemon.search.points import is_as_written
+from daemon.search.points import position_in_range
 from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
+    NOTHING,
     Styles,
+    keep_end,
+    keep_start,
     margin,
     margin_bar,
     moment_text,
@@ -32,11 +35,15 @@ from scenario_tui.text.formatting import (
 
 if TYPE_CHECKING:
     from daemon.model.proposals import Proposal
-    from daemon.model.search import SearchTask
+    from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
     from daemon.model.search_answer import SearchAnswer, SearchRow
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 """Signs of a sparkline, the lowest first."""
+_RANGE, _LEAST_NAME = 11, 12
+"""Cells of the range of a parameter, and of its name at least."""
+_INFLUENCE: Final = 7
+_LEGEND: Final = "│ as written  ● in this run  ≠ not as written"
 _HALF: Final = 8
 """Cells on either side of a bar of influence."""
 _STATES: Final = {"cancelled": "cancelled", "failed": "error"}
@@ -60,28 +67,85 @@ def sparkline(values: Sequence[float], width: int = 24) -> str:
     return "".join(BLOCKS[round(top * (value - low) / (high - low))] for value in shown)
 
 
-def proposal_lines(
-    task: SearchTask, proposal: Proposal, styles: Styles = DASHBOARD_STYLES
-) -> list[Text]:
-    """Return what a run of a search was for, and its values, those not as written first."""
+def proposal_text(
+    task: SearchTask, proposal: Proposal, width: int, styles: Styles = DASHBOARD_STYLES
+) -> Text:
+    """Return what a run of a search was for, and the values of its point."""
     purpose = PHASES[proposal.phase]
     if proposal.phase == "explore":
         purpose += f" ({proposal.method})"
     if proposal.note:
         purpose += f": {proposal.note}"
-    quiet = quiet_style(styles)
-    lines = [Text(f"point {proposal.number} of the search {task.name}, {purpose}", style=quiet)]
-    pairs = [
-        (one, value, one.written is None or not is_as_written(one, value))
-        for one, value in zip(task.parameters, proposal.values, strict=True)
+    about = f"point {proposal.number} of the search {task.name}, {purpose}\n"
+    parameters = parameters_text(task, proposal.values, width, styles=styles)
+    return Text(about, style=quiet_style(styles)).append(parameters)
+
+
+def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE) -> str:
+    """Return the range as a line, with ``│`` where the written value lies and ``●`` at ``value``.
+
+    A value outside of the range is ``<`` or ``>`` at that end; one that has no place is left out.
+    """
+    line = ["─"] * cells
+    for seen, sign in ((parameter.written, "│"), (value, "●")):
+        share = position_in_range(parameter, seen)
+        if not math.isnan(share):
+            place = round(min(1.0, max(0.0, share)) * (cells - 1))
+            line[place] = "<" if share < 0.0 else ">" if share > 1.0 else sign
+    return "".join(line)
+
+
+def parameters_text(
+    task: SearchTask,
+    values: Point,
+    width: int,
+    influence: Mapping[str, float] | None = None,
+    styles: Styles = DASHBOARD_STYLES,
+) -> Text:
+    """Return a line for each parameter, at most ``width`` cells; those not as written stand out.
+
+    ``influence`` are correlations with the margin, shown where there is room for them.
+    """
+    unsure, quiet = styles["inconclusive"], quiet_style(styles)
+    pairs = list(zip(task.parameters, values, strict=True))
+    said = [
+        ("" if value == one.written else _written(one, value), one.shown(value))
+        for one, value in pairs
     ]
-    width = max(len(one.name) for one in task.parameters)
-    for one, value, differs in sorted(pairs, key=lambda pair: not pair[2]):
-        line = Text(f"  {one.name:<{width}}  {one.shown(value)}", style="" if differs else quiet)
-        if differs and one.written is not None:
-            line.append(f"  instead of {one.shown(one.written)}", style=quiet)
-        lines.append(line)
-    return lines
+    sizes = [max((len(texts[i]) for texts in said), default=0) for i in (0, 1)]
+    names = [task.short_name(one.name) for one, _ in pairs]
+    longest = max(map(len, names), default=0)
+    most = max((width - _RANGE - 7 - _LEAST_NAME) // 2, 4)
+    sizes[0] = min(sizes[0], most)
+    sizes[1] = min(sizes[1], 2 * most - sizes[0])
+    rest = width - sum(sizes) - _RANGE - 7
+    correlations = influence if influence and rest - longest >= _INFLUENCE else {}
+    name_cells = max(min(longest, rest), _LEAST_NAME)
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for name, (one, value), (written, now) in zip(names, pairs, said, strict=True):
+        changed = value != one.written
+        text.append("≠ " if changed else "  ", style=unsure)
+        text.append(keep_end(name, name_cells), style="bold" if changed else quiet)
+        text.append(f" {keep_start(written, sizes[0]):>{sizes[0]}} ", style=quiet)
+        text.append("→ " if changed else "  ", style=quiet)
+        text.append(
+            f"{keep_start(now, sizes[1]):<{sizes[1]}} ", style=f"bold {unsure}" if changed else ""
+        )
+        text.append(range_bar(one, value), style="" if changed else quiet)
+        if one.name in correlations:
+            text.append(f"  {correlations[one.name]:+.2f}".replace("-", "−"), style=quiet)
+        text.append("\n")
+    text.append(_LEGEND if width >= len(_LEGEND) else "│ written  ● here", style=quiet)
+    return text
+
+
+def _written(parameter: SearchParameter, value: PointValue) -> str:
+    """Return the written value, without its unit where that of the other one follows."""
+    if parameter.written is None:
+        return NOTHING
+    words = parameter.shown(parameter.written)
+    numbers = isinstance(value, float | int) and isinstance(parameter.written, float | int)
+    return words.removesuffix(f" {parameter.unit}") if numbers and parameter.unit else words
 
 
 def resuming_command(row: SearchRow) -> str:

@@ -25,11 +25,10 @@ from scenario_tui.dashboard.widgets.search_curve import (
     curve_legend,
     search_curve,
 )
-from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, NOTHING, QUIET, margin
-from scenario_tui.text.search_text import answer_lines
+from scenario_tui.text.search_text import answer_lines, parameters_text
 
 _COLUMNS: Final = (
     Column("what to look at", 15),

@@ -23,8 +23,8 @@ from scenario_tui.dashboard.widgets.search_curve import (
     thinned,
     value_limits,
 )
-from scenario_tui.dashboard.widgets.search_parameters import parameters_text, range_bar
 from scenario_tui.terminal.capabilities import TerminalLimits
+from scenario_tui.text.search_text import parameters_text, range_bar
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.dashboard.driven import choose_from_palette, notices
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle

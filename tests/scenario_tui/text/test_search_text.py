@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 
 from daemon.search.answers.sentences import phase_words, search_word
-from scenario_tui.dashboard.widgets.search_parameters import parameters_text
 from scenario_tui.text.search_text import (
     answer_lines,
     headline,
     influence_lines,
-    proposal_lines,
+    parameters_text,
+    proposal_text,
     search_commands,
     search_line,
     sparkline,
@@ -42,13 +42,14 @@ def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell():
     assert sparkline([math.inf, 1.0, math.nan]) == "█"
 
 
-def test_a_run_of_a_search_is_shown_with_what_is_not_as_written_first():
+def test_a_run_of_a_search_is_shown_with_what_it_was_for_and_its_values():
     proposal = make_proposal_row(1).proposal
-    assert [line.plain for line in proposal_lines(TASK, proposal)] == [
+    assert proposal_text(TASK, proposal, 80).plain.splitlines() == [
         "point 1 of the search doors-in-time, looking for failures (halton)",
-        "  doors_moving.kitchen_opens  8.1 s  instead of 8 s",
-        "  robot.laser.noise           0.02 m  instead of 0.01 m",
-        "  doors_moving.leading        kitchen_door  instead of bedroom_door",
+        "≠ kitchen_opens            8 → 8.1 s        ─────│●────",
+        "≠ laser.noise           0.01 → 0.02 m       │───●──────",
+        "≠ leading       bedroom_door → kitchen_door │─────────●",
+        "│ as written  ● in this run  ≠ not as written",
     ]
 
 
