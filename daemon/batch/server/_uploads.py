@@ -26,7 +26,7 @@ from grammars.text.files import move_durably
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time; finished traces whose result has not come count."""
 _MOST_OF_ONE: Final = 64
-"""Uploads of one worker, or of all submissions: a worker sends four files at a time."""
+"""Uploads of one worker, or of all submissions: a worker sends eight traces at a time."""
 _IDLE: Final = 60.0
 """Seconds after which an upload that nobody goes on with gives way to a new one."""
 

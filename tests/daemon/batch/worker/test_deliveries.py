@@ -1,6 +1,8 @@
 """Results on their way from a worker: the trace first, part by part over breaks, or by a link."""
 
 import hashlib
+import os
+import time
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
@@ -219,6 +221,12 @@ def test_on_the_daemons_file_system_the_trace_lies_there_before_the_result(local
     assert local.daemon.sizes == []
     assert len(local.daemon.completions) == 2
     assert local.left.read_bytes() == DATA
+
+
+def test_a_trace_that_waited_for_long_is_no_stray_where_it_is_left(local):
+    os.utime(local.trace, (0, 0))
+    local.deliver()
+    assert time.time() - local.left.stat().st_mtime < 3600.0
 
 
 def test_it_is_left_there_again_when_it_is_gone(local):
