@@ -19,6 +19,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.stores import append_part, file_sha256, file_size, matches_digest
+from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_run_id
 from daemon.model.messages import Completion, Count, LedgerAnswer, PutRequest
 from grammars.text.files import move_durably
@@ -82,6 +83,8 @@ class Uploads:
         """Return where the whole belongs, if it is still needed, and the worker it comes from."""
         lease = request.lease
         if lease is None:
+            if request.size > LARGEST_FILE:
+                raise Refused(f"a file has at most {LARGEST_FILE} bytes, not {request.size}")
             if not request.data:
                 # The good copy is in hand now: one that was damaged here gives way to it.
                 self._inputs.examine(request.sha256)

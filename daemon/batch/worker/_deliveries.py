@@ -188,7 +188,7 @@ class Deliveries:
 
     def _leave_trace(self, attempt: Attempt, info: TraceInfo) -> None:
         """Give the trace, which is on the disk, the name under which the daemon takes it."""
-        trace, lease = attempt.folder / TRACE, attempt.lease
+        trace, lease = _checked_trace(attempt, info), attempt.lease
         whole = self._paths.state.uploaded_trace(lease.run, lease.token, info.sha256)
         os.utime(trace)  # for long without its daemon, it must not look like a stray there
         try:

@@ -324,6 +324,12 @@ def other_file(number, **changes):
     return replace(PutRequest(f"{number:064x}", 10, 0, b"begun"), **changes)
 
 
+def test_only_traces_are_larger_than_files_may_be(site):
+    with pytest.raises(Refused, match="at most 67108864 bytes"):
+        site.intake.put(site.reader, other_file(1, size=2**27))
+    assert site.take(0, TRACE[:400], size=2**27) == 400
+
+
 def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site):
     site.begin_again(most_of_one=2)
     for number in (1, 2):

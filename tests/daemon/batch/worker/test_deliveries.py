@@ -190,14 +190,22 @@ def test_a_trace_the_daemon_has_lost_is_sent_again(site):
 
 @pytest.mark.parametrize("damage", [lambda t: t.write_bytes(DATA[:-1]), lambda t: t.unlink()])
 def test_a_trace_damaged_in_the_spool_is_never_sent(site, damage):
+    assert_given_back(site, damage)
+    assert site.daemon.arrived == b""
+
+
+@pytest.mark.parametrize("damage", [lambda t: t.write_bytes(DATA[:-1]), lambda t: t.unlink()])
+def test_nor_is_it_left_for_the_daemon(local, damage):
+    assert_given_back(local, damage)
+    assert not local.left.exists()
+
+
+def assert_given_back(site, damage):
     damage(site.trace)
     site.deliver()
-    assert site.daemon.arrived == b""
     (release,) = site.deliveries.releases
-    assert ("in the spool" in release.reason or "gone" in release.reason, release.blame) == (
-        True,
-        False,
-    )
+    assert "the spool" in release.reason
+    assert not release.blame
 
 
 def test_a_trace_that_cannot_be_read_now_is_kept(site, monkeypatch):
