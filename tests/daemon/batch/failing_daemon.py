@@ -5,6 +5,7 @@ or ``slow``.
 """
 
 import errno
+import json
 import os
 import sqlite3
 import sys
@@ -28,7 +29,7 @@ a while.
 
 
 def _answer(verb, *args, **more):
-    fault = Path(sys.argv[sys.argv.index("--state") + 1]).with_name("faults") / verb.name
+    fault = Path(json.loads(sys.argv[2])["state"]).with_name("faults") / verb.name
     kind = fault.read_text() if fault.exists() else ""
     if kind in FAULTS:
         raise FAULTS[kind]
