@@ -159,7 +159,7 @@ def test_nor_with_a_worker_that_sees_another_file_system(tmp_path):
 def test_nor_does_a_disk_without_inodes(tmp_path):
     log, disk = tmp_path / "log", tmp_path / "disk"
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=256m,nr_inodes=120", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256m,nr_inodes=2000", "tmpfs", str(disk)]
     subprocess.run(mount, check=True)
     try:
         with daemon_and_worker(tmp_path, state="disk/state") as (daemon, client, _):
