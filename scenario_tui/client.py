@@ -8,9 +8,8 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 if TYPE_CHECKING:
-    from daemon.model.proposals import ProposalRow
     from daemon.model.spec import Snapshot
-    from daemon.model.status import LiveSnapshot
+    from daemon.model.status import LiveSnapshot, RunRow
     from daemon.model.verbs import DaemonClient
 
 LIVE_PATIENCE: Final = 0.5
@@ -19,12 +18,12 @@ LIVE_PATIENCE: Final = 0.5
 ClientOpener: TypeAlias = "Callable[[], AbstractContextManager[DaemonClient]]"
 
 
-def newer_proposals(
-    daemon: DaemonClient, campaign: str, known: tuple[ProposalRow, ...] = ()
-) -> tuple[ProposalRow, ...]:
+def newer_runs(
+    daemon: DaemonClient, campaign: str, known: tuple[RunRow, ...] = ()
+) -> tuple[RunRow, ...]:
     """Return every run of a search in order; only those that may have changed are asked for."""
-    settled = next((i for i, row in enumerate(known) if not row.run.settled), len(known))
-    return (*known[:settled], *daemon.proposals(campaign, settled))
+    settled = next((i for i, row in enumerate(known) if not row.settled), len(known))
+    return (*known[:settled], *daemon.all_runs(campaign, offset=settled, results=True))
 
 
 def latest_snapshot(

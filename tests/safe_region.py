@@ -25,8 +25,8 @@ from pydantic import TypeAdapter
 
 from daemon.analysis.report import Axes
 from daemon.analysis.report._svg import text_element
-from daemon.model.proposals import ProposalRow
 from daemon.model.search_answer import SearchRow
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
@@ -59,7 +59,7 @@ class RecordedSearch:
     """A search with its runs in order; ``seconds`` of wall clock for exploring, and for it all."""
 
     row: SearchRow
-    rows: tuple[ProposalRow, ...]
+    rows: tuple[RunRow, ...]
     seconds: tuple[float, ...] = ()
 
     @property
@@ -82,7 +82,7 @@ def read_searches(folder):
     for path in sorted(folder.glob("*.json")):
         written = json.loads(path.read_text("utf-8"))
         row = TypeAdapter(SearchRow).validate_python(written["search"])
-        rows = TypeAdapter(tuple[ProposalRow, ...]).validate_python(written["proposals"])
+        rows = TypeAdapter(tuple[RunRow, ...]).validate_python(written["proposals"])
         clock = path.with_suffix(".seconds")
         seconds = tuple(map(float, clock.read_text("utf-8").split())) if clock.exists() else ()
         found[row.task.name] = RecordedSearch(row, rows, seconds)
@@ -91,10 +91,10 @@ def read_searches(folder):
 
 def does_well(row, criterion):
     """Whether all oracles of a criterion pass in a run; raises ``ValueError`` without a verdict."""
-    outcomes = {verdict.oracle: verdict.outcome for verdict in row.run.verdicts}
+    outcomes = {verdict.oracle: verdict.outcome for verdict in row.verdicts}
     found = [outcomes.get(oracle) for oracle in CRITERIA[criterion]]
     if not set(found) <= {Outcome.PASS, Outcome.FAIL}:
-        raise ValueError(f"{row.run.id} has no verdict of {' and '.join(CRITERIA[criterion])}")
+        raise ValueError(f"{row.id} has no verdict of {' and '.join(CRITERIA[criterion])}")
     return all(outcome is Outcome.PASS for outcome in found)
 
 
@@ -174,10 +174,10 @@ def ending_table(searches):
     yield "|---|---|---|---|---|---|"
     for space, system, search in _pairs(searches):
         rows = [row for row in search.drawn if not does_well(row, "mission done")]
-        own = [row.run.simulated for row in rows if row.run.ended == "finished"]
-        limit = sum(row.run.ended == "limit" for row in rows)
+        own = [row.simulated for row in rows if row.ended == "finished"]
+        limit = sum(row.ended == "limit" for row in rows)
         ahead = Counter(
-            lead.waypoint for row in rows for lead in row.run.leads if lead.oracle == "visited"
+            lead.waypoint for row in rows for lead in row.leads if lead.oracle == "visited"
         )
         columns = (
             f"{len(rows)} of {len(search.drawn)}", str(len(own)),
@@ -199,7 +199,7 @@ def _ranges(search, rows):
 
 
 def _margin(row):
-    return next((lead.margin for lead in row.run.leads if lead.oracle == "no-contact"), None)
+    return next((lead.margin for lead in row.leads if lead.oracle == "no-contact"), None)
 
 
 def finding_table(searches):
@@ -243,7 +243,7 @@ def cost_table(searches):
         explored = [row for row in search.rows if row.proposal.phase == "explore"]
         failed = sum(not does_well(row, SAFE) for row in explored)
         drawn = len(search.drawn)
-        times = [row.run.result.timing for row in search.rows if row.run.result is not None]
+        times = [row.result.timing for row in search.rows if row.result is not None]
         spent, simulated = (sum(getattr(t, k) for t in times) for k in ("cpu", "simulated"))
         wall = ", ".join(number(seconds / 60.0, 1) for seconds in search.seconds) or NOTHING
         yield (

@@ -272,7 +272,10 @@ def _by_daemon(state, slots, runs, *, kill=False):
         row = _row_of(daemon, campaign)
         assert row.state == "finished", row.note
         with daemon.client() as client:
-            return [(one.proposal.position, one.run.digest) for one in client.proposals(campaign)]
+            return [
+                (one.proposal.position, one.digest)
+                for one in client.all_runs(campaign, results=True)
+            ]
 
 
 def _begin(daemon, submission, case):

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from daemon.campaign import load_campaign
-from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.proposals import Proposal
 from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,
@@ -18,6 +18,7 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin
+from daemon.model.status import RunRow
 from daemon.model.trials import Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.methods import make_method
@@ -61,7 +62,7 @@ def run(number, values, margin, done=True):
         verdict("visited", done), outcome=Outcome.PASS, simulated=1800.0, cpu=2.0,
         leads=(LeadingMargin("no-contact", margin, "m", "door_17.leaf", "c022-3"),),
     )  # fmt: skip
-    return ProposalRow(proposal, run_row(f"s.{number}", result=result))
+    return run_row(f"s.{number}", result=result, proposal=proposal)
 
 
 def recorded(campaign, name, rows):
@@ -135,10 +136,10 @@ def test_points_of_both_systems_are_compared_one_by_one(searches):
 
 def test_what_has_no_verdict_does_neither_well_nor_badly():
     row = run(1, (1.0, 1.0), 0.1)
-    odd = replace(row.run.verdicts[2], outcome=Outcome.INCONCLUSIVE)
-    result = replace(row.run.result, verdicts=(*row.run.verdicts[:2], odd))
+    odd = replace(row.verdicts[2], outcome=Outcome.INCONCLUSIVE)
+    result = replace(row.result, verdicts=(*row.verdicts[:2], odd))
     with pytest.raises(ValueError, match=r"s\.1 has no verdict"):
-        does_well(replace(row, run=replace(row.run, result=result)), DONE)
+        does_well(replace(row, result=result), DONE)
 
 
 def test_the_nearest_failure_and_the_cost_are_told(searches):
@@ -173,7 +174,7 @@ def test_searches_are_read_as_the_command_writes_them(searches, tmp_path):
 
     for name, search in searches.items():
         written = {"search": as_json(SearchRow, search.row),
-                   "proposals": as_json(tuple[ProposalRow, ...], search.rows)}  # fmt: skip
+                   "proposals": as_json(tuple[RunRow, ...], search.rows)}  # fmt: skip
         (tmp_path / f"{name}.json").write_text(json.dumps(written))
     (tmp_path / "door-17-a2s.seconds").write_text("90.5 120\n")
     found = read_searches(tmp_path)

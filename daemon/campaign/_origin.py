@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.campaign._campaign import Campaign
 
 if TYPE_CHECKING:
-    from daemon.model.status import CampaignOrigin
+    from daemon.model.submission import CampaignOrigin
 
 _PATIENCE: Final = 5.0
 """Seconds git may take: of a repository on a slow disk nothing is said then."""
@@ -31,7 +31,7 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     the campaign's file.
     """
     # Loaded for who submits: a campaign that is only checked comes from nowhere.
-    from daemon.model.status import CampaignOrigin
+    from daemon.model.submission import CampaignOrigin
 
     digest = hashlib.sha256(campaign.source.encode()).hexdigest()
     unknown = CampaignOrigin(file.name, digest, campaign.seed)

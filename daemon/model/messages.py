@@ -14,7 +14,7 @@ from pydantic import Base64Bytes, Field
 
 from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import PREFIX, Preparation
-from daemon.model.text_fields import IdText, Sha256Text, ShortText, WorkerId
+from daemon.model.text_fields import IdText, NonNegativeInt, Sha256Text, ShortText, WorkerId
 
 PROTOCOL: Final = 2
 """Raise it when a message changes so that others do not understand it any more."""
@@ -46,8 +46,6 @@ HIGHEST_PRIORITY: Final = 1000
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
 
-# Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
-NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
 FileBytes = Annotated[Base64Bytes, Field(max_length=PART)]
 
 
@@ -140,7 +138,7 @@ class DeleteRequest:
 class RunQuery:
     """A page of runs: empty strings filter nothing; ``sort`` names a column of the row.
 
-    With ``results`` the rows have theirs.
+    With ``results`` the rows have theirs, and their proposals.
     """
 
     campaign: IdText = ""

@@ -1,4 +1,4 @@
-"""The runs of a search, as they are proposed and as the ledger has them.
+"""The runs of a search, as they are proposed.
 
 A *proposal* is a point that is to be run; proposal ``n`` of search ``S`` is the scenario ``S.n``,
 so that every run of a search is an ordinary run. :mod:`daemon.model.trials` says what it is worth.
@@ -11,11 +11,9 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.messages import LARGEST_PAGE, NonNegativeInt
 from daemon.model.search import Point
-from daemon.model.status import RunRow
 from daemon.model.submission import Submission
-from daemon.model.text_fields import IdText, ShortText
+from daemon.model.text_fields import NonNegativeInt, ShortText
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
 """What a run is for: to find failures, to repeat one with other noise, to bring one nearer to the
@@ -52,20 +50,3 @@ class ExtendRequest:
     client: ShortText
     proposals: Annotated[tuple[Proposal, ...], Field(min_length=1, max_length=1000)]
     runs: Submission
-
-
-@dataclass(frozen=True, slots=True)
-class ProposalQuery:
-    """A page of the runs of a search, in order."""
-
-    campaign: IdText
-    offset: NonNegativeInt = 0
-    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 500
-
-
-@dataclass(frozen=True, slots=True)
-class ProposalRow:
-    """A run of a search as the ledger has it, with its result if there is one."""
-
-    proposal: Proposal
-    run: RunRow

@@ -13,7 +13,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.status import CampaignOrigin
+from daemon.model.submission import CampaignOrigin
 from daemon.model.text_fields import IdText, ShortText
 
 ANY: Final = "any"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from daemon.model.proposals import Proposal
 from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome, Verdict, join_notes
@@ -42,24 +43,6 @@ class Trouble:
 
     words: str
     cause: TroubleCause
-
-
-@dataclass(frozen=True, slots=True)
-class CampaignOrigin:
-    """Which file a campaign was written in, and the state of its folder under version control.
-
-    ``file`` is a name without folders, ``digest`` the SHA-256 of its text, ``seed`` the one it
-    names. ``commit`` and ``branch`` are git's, empty where there is no repository or no git;
-    ``changed`` says whether something was not committed, ``None`` when that is not known. Of a
-    campaign that was entered before this was kept nothing is known.
-    """
-
-    file: str = ""
-    digest: str = ""
-    seed: int | None = None
-    commit: str = ""
-    branch: str = ""
-    changed: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +131,8 @@ class RunRow:
     ``repeatable`` the same run gives something else each time. ``reason`` says why a queued run
     was given back, and why one was lost or cancelled. A ``nondeterministic`` one came out
     differently when the same was executed before; ``reason`` says how. ``digest`` is that of its
-    specification; ``seed`` tells whether runs of two campaigns can be paired. ``result`` is there
-    where it was asked for and the run has one.
+    specification; ``seed`` tells whether runs of two campaigns can be paired. Where results were
+    asked for, ``result`` is that of a run that has one, ``proposal`` that of a run of a search.
     """
 
     id: str
@@ -176,6 +159,7 @@ class RunRow:
     digest: str = ""
     seed: int = 0
     result: RunResult | None = None
+    proposal: Proposal | None = None
 
     @property
     def label(self) -> str:

@@ -15,7 +15,6 @@ from pydantic import Field
 
 from daemon.model.assessments import AssessmentRules
 from daemon.model.spec import RunSpec, Script, run_digest, text_digest
-from daemon.model.status import CampaignOrigin
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -32,6 +31,24 @@ class CellRun(NamedTuple):
     script: _Number
     repeat: _Number
     seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignOrigin:
+    """Which file a campaign was written in, and the state of its folder under version control.
+
+    ``file`` is a name without folders, ``digest`` the SHA-256 of its text, ``seed`` the one it
+    names. ``commit`` and ``branch`` are git's, empty where there is no repository or no git;
+    ``changed`` says whether something was not committed, ``None`` when that is not known. Of a
+    campaign that was entered before this was kept nothing is known.
+    """
+
+    file: str = ""
+    digest: str = ""
+    seed: int | None = None
+    commit: str = ""
+    branch: str = ""
+    changed: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,3 +27,5 @@ Seconds = Annotated[float, Field(ge=0.0, le=MOST_SIMULATED)]
 SignalValue = Annotated[float, Field(ge=-LARGEST_VALUE, le=LARGEST_VALUE)]
 Centimetres = Annotated[int, Field(ge=-FARTHEST_POINT, le=FARTHEST_POINT)]
 WaypointCount = Annotated[int, Field(ge=0, le=10**6)]
+# Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
+NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]

@@ -10,10 +10,11 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.proposals import Phase, Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import Point, SearchTask
 from daemon.model.spec import LeadingMargin
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 
 
@@ -100,14 +101,14 @@ class Trial:
         return verdict.evidence.object if verdict is not None else ""
 
 
-def read_trial(task: SearchTask, row: ProposalRow) -> Trial:
+def read_trial(task: SearchTask, run: RunRow) -> Trial:
     """Return what a run says.
 
     A run that was lost, or in which the system under test crashed, is an error: another failure
     than the one that is looked for.
     """
-    run = row.run
-    trial = Trial(row.proposal, run.id, run.label, run.digest)
+    assert run.proposal is not None  # runs of searches have one
+    trial = Trial(run.proposal, run.id, run.label, run.digest)
     if not run.settled:
         return trial
     trusted = run.state is RunState.DONE and run.ended != "crashed"
@@ -152,14 +153,12 @@ def _decisive_verdict(
     return nearest or next((named[name] for name in asked if name in named), None)
 
 
-def point_trials(
-    task: SearchTask, rows: Iterable[ProposalRow], phase: Phase = "explore"
-) -> list[Trial]:
+def point_trials(task: SearchTask, runs: Iterable[RunRow], phase: Phase = "explore") -> list[Trial]:
     """Return the settled points of a phase in order; of one that was repeated the median."""
     groups: dict[int, list[Trial]] = {}
-    for row in rows:
-        if row.proposal.phase == phase and row.run.settled:
-            groups.setdefault(row.proposal.number, []).append(read_trial(task, row))
+    for trial in (read_trial(task, run) for run in runs if run.settled):
+        if trial.proposal.phase == phase:
+            groups.setdefault(trial.number, []).append(trial)
     return [median_trial(groups[number]) for number in sorted(groups)]
 
 

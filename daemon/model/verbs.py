@@ -44,11 +44,10 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.proposals import ExtendRequest
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import (
-    CampaignOrigin,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
@@ -61,7 +60,7 @@ from daemon.model.status import (
     SubmissionReceipt,
     WorkerRow,
 )
-from daemon.model.submission import Submission
+from daemon.model.submission import CampaignOrigin, Submission
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -173,8 +172,6 @@ SEARCH: Final = Verb("search", SearchSubmission, Empty,
 SEARCHES: Final = Verb("searches", SearchQuery, tuple[SearchRow, ...],
     "At most 1000 searches, the newest first; the files of answers only where one is asked for.",
     VIEWING)
-PROPOSALS: Final = Verb("proposals", ProposalQuery, tuple[ProposalRow, ...],
-    "A page of the runs of a search with what they gave, in order; empty after the last.", VIEWING)
 EXTEND: Final = Verb("extend", ExtendRequest, Count,
     "Add runs to a search; returns how many of them are new.",
     STEERING, WRITER, LARGEST_EXTENSION, slow=True, advice="send fewer at a time")
@@ -298,9 +295,10 @@ class DaemonClient(ABC):
         state: str = "",
         outcome: str = "",
         text: str = "",
+        offset: int = 0,
         results: bool = False,
     ) -> tuple[RunRow, ...]:
-        """Return every run of a campaign the filter admits, page by page, in order."""
+        """Return every run of a campaign the filter admits from ``offset`` on, in order."""
         rows: list[RunRow] = []
         while True:
             page = self.runs(
@@ -308,13 +306,13 @@ class DaemonClient(ABC):
                 state=state,
                 outcome=outcome,
                 text=text,
-                offset=len(rows),
+                offset=offset + len(rows),
                 limit=_RUNS_PER_PAGE,
                 results=results,
             )
             rows.extend(page.rows)
             # One that is shorter than asked for is not the last: bytes are limited, too.
-            if not page.rows or len(rows) >= page.total:
+            if not page.rows or offset + len(rows) >= page.total:
                 return tuple(rows)
 
     def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
@@ -334,17 +332,6 @@ class DaemonClient(ABC):
         """The search of an id, if there is one, with all of its answer."""
         found = self.searches(campaign)
         return found[0] if found else None
-
-    def proposals(self, campaign: str, offset: int = 0) -> tuple[ProposalRow, ...]:
-        """Every run of a search from a position on, in order, with what it gave."""
-        found: list[ProposalRow] = []
-        while True:
-            query = ProposalQuery(campaign, offset + len(found), _RUNS_PER_PAGE)
-            page = self.ask(PROPOSALS, query)
-            # One that is shorter than asked for is not the last: bytes are limited, too.
-            if not page:
-                return tuple(found)
-            found.extend(page)
 
     def begin_search(self, search: SearchSubmission) -> SearchRow:
         """Begin a search, or go on with it; return how it stands then.

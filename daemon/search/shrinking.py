@@ -129,7 +129,7 @@ class _SearchExecutor:
         return points.issue(proposal, Candidate(spec, candidate.scene))
 
     def _endings(self, candidate: Candidate, position: int) -> tuple[CandidateResult, ...]:
-        row = self.points.wait(position).run
+        row = self.points.wait(position)
         if row.state is not RunState.DONE or len(row.verdicts) != len(candidate.spec.oracles):
             return unresolved_candidate(candidate, row.note or "it left no result")
         return tuple(judge_verdict(verdict, row.ended) for verdict in row.verdicts)

@@ -15,12 +15,10 @@ from scenario_tui.cli.output import Output, plain_table, stdout_console
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from daemon.model.proposals import Proposal, ProposalRow
     from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
     from daemon.model.spec import Snapshot
     from daemon.model.status import CampaignRow, RunDetail, RunRow
-    from daemon.model.verbs import DaemonClient
 
 _WIDE: Final = 120
 """Columns from which on a table has room for paths."""
@@ -105,7 +103,7 @@ def results(
 
 
 def _show_search(
-    answer: tuple[SearchRow, tuple[ProposalRow, ...]],
+    answer: tuple[SearchRow, tuple[RunRow, ...]],
     runs: tuple[RunRow, ...],
     *,
     exit_status: bool,
@@ -190,7 +188,6 @@ class RunOutput(Output, schema="run"):
     """
 
     run: RunDetail
-    proposal: Proposal | None = None
     task: SearchTask | None = None
     standing: str = ""
     live: Snapshot | None = None
@@ -206,9 +203,10 @@ class RunOutput(Output, schema="run"):
         starting = self.run.row.state == "running" and self.live is None
         if starting or (self.run.row.state == "queued" and not self.run.row.reason):
             stdout_console().print(f"{self.standing}\n", markup=False, soft_wrap=True)
-        if self.proposal is not None and self.task is not None:
+        proposal = self.run.row.proposal
+        if proposal is not None and self.task is not None:
             console = stdout_console()
-            about = proposal_text(self.task, self.proposal, console.width, TERMINAL_STYLES)
+            about = proposal_text(self.task, proposal, console.width, TERMINAL_STYLES)
             console.print(about, soft_wrap=True)
         print_commands(*_next_commands(self.run, self.task))
 
@@ -261,7 +259,7 @@ def show(
         search = daemon.search_row(detail.row.campaign)
         found = RunOutput(detail)
         if search is not None:
-            found = _with_proposal(daemon, detail, search.task)
+            found = replace(found, task=search.task)
         if not detail.row.trace:
             standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon.runs)
             found = replace(found, standing=standing)
@@ -271,16 +269,6 @@ def show(
             prepares = [one.preparing for one in workers if one.id == detail.row.worker]
             found = replace(found, standing=next(filter(None, prepares), found.standing))
     found.show(as_json)
-
-
-def _with_proposal(daemon: DaemonClient, detail: RunDetail, task: SearchTask) -> RunOutput:
-    """Return a run of a search with the point that it is."""
-    from daemon.model.proposals import ProposalQuery
-    from daemon.model.verbs import PROPOSALS
-
-    # A run of a search has its position for its number.
-    page = daemon.ask(PROPOSALS, ProposalQuery(detail.row.campaign, detail.row.index, 1))
-    return RunOutput(detail, page[0].proposal if page else None, task)
 
 
 def _next_commands(detail: RunDetail, task: SearchTask | None = None) -> Iterable[tuple[str, str]]:

@@ -16,9 +16,9 @@ from scenario_tui.cli.options import AsJson, Connect, Slots, State
 from scenario_tui.cli.output import Output, plain_table, report_diagnostics, say, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.model.proposals import ProposalRow
     from daemon.model.search import SearchSubmission, SearchTask
     from daemon.model.search_answer import SearchRow
+    from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
     from daemon.search.client import SearchClient
     from daemon.search.preparation.submission import PreparedSearch
@@ -37,7 +37,7 @@ class SearchOutput(Output, schema="search"):
     """
 
     search: SearchRow
-    proposals: tuple[ProposalRow, ...]
+    proposals: tuple[RunRow, ...]
     written: dict[str, str]
 
     def print(self) -> None:
@@ -422,7 +422,7 @@ def _find_search(target: DaemonTarget, wanted: str) -> str:
 
 
 def search_output(
-    row: SearchRow, rows: tuple[ProposalRow, ...], written: Mapping[str, str] | None = None
+    row: SearchRow, rows: tuple[RunRow, ...], written: Mapping[str, str] | None = None
 ) -> SearchOutput:
     """Return what to say of a search, without the contents of files."""
     answer = row.answer

@@ -21,8 +21,8 @@ from scenario_tui.cli.output import report_diagnostics
 from scenario_tui.cli.search_report import daemon_material, write_search_page
 
 if TYPE_CHECKING:
-    from daemon.model.proposals import ProposalRow
     from daemon.model.search_answer import SearchRow
+    from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
 
 _LAYERS: Final = "campaign"
@@ -34,7 +34,7 @@ _PAGE: Final = "report.html"
 def write_search_files(
     daemon: DaemonClient,
     row: SearchRow,
-    proposals: tuple[ProposalRow, ...],
+    proposals: tuple[RunRow, ...],
     folder: Path,
     campaign: Path | None,
     *,

@@ -29,12 +29,12 @@ from scenario_tui.cli.progress import (
     ask_running,
     run_lines,
 )
-from scenario_tui.client import newer_proposals
+from scenario_tui.client import newer_runs
 from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, duration, margin
 from scenario_tui.text.search_text import sparkline
 
 if TYPE_CHECKING:
-    from daemon.model.proposals import Phase, ProposalRow
+    from daemon.model.proposals import Phase
     from daemon.model.search_answer import SearchRow
     from daemon.model.verbs import DaemonClient
     from daemon.search.client import SearchClient
@@ -51,7 +51,7 @@ class SearchWatch:
     campaign: str
     client: SearchClient | None = None
     row: SearchRow | None = None
-    rows: tuple[ProposalRow, ...] = ()
+    rows: tuple[RunRow, ...] = ()
     explored: tuple[Trial, ...] = ()
     campaign_row: CampaignRow | None = None
     running: tuple[RunRow, ...] = ()
@@ -63,12 +63,9 @@ class SearchWatch:
         row = daemon.search_row(self.campaign)
         if row is None:
             raise Refused(f"the daemon does not know the search {self.campaign} (any more)")
-        self.rows = newer_proposals(daemon, self.campaign, self.rows)
-        self.explored = tuple(
-            read_trial(row.task, one)
-            for one in self.rows
-            if one.proposal.phase == "explore" and one.run.settled
-        )
+        self.rows = newer_runs(daemon, self.campaign, self.rows)
+        trials = (read_trial(row.task, one) for one in self.rows if one.settled)
+        self.explored = tuple(one for one in trials if one.proposal.phase == "explore")
         if shown.on_screen:
             self.campaign_row = ask_campaign(daemon, self.campaign)
             self.running = ask_running(daemon, self.campaign_row)

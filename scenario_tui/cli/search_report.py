@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from daemon.batch.errors import Refused, TraceUnavailable
-from daemon.model.messages import LARGEST_PAGE
-from daemon.model.proposals import ProposalQuery
 from daemon.model.search_answer import SearchQuery
 from scenario_tui.cli.target import CampaignSource, DaemonTarget, find_campaign_or_search_among
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import LedgerReader
-    from daemon.model.proposals import ProposalRow
     from daemon.model.search_answer import SearchRow
+    from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
 
 _UNGUIDED = ("halton", "random")
@@ -28,8 +26,8 @@ class SearchMaterial:
     """What the page of a search is made of: its runs, those of a baseline, traces by run."""
 
     row: SearchRow
-    proposals: tuple[ProposalRow, ...]
-    baseline: tuple[ProposalRow, ...]
+    proposals: tuple[RunRow, ...]
+    baseline: tuple[RunRow, ...]
     traces: Mapping[str, Path]
 
 
@@ -79,16 +77,16 @@ def _search_called(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
 
 def ask_search(
     daemon: DaemonClient, campaign: str, *, runs: bool = True
-) -> tuple[SearchRow, tuple[ProposalRow, ...]]:
+) -> tuple[SearchRow, tuple[RunRow, ...]]:
     """Return a search, and its ``runs`` if asked; raises :class:`Refused` when there is none."""
     row = daemon.search_row(campaign)
     if row is None:
         raise Refused(f"there is no search {campaign}")
-    return row, daemon.proposals(campaign) if runs else ()
+    return row, daemon.all_runs(campaign, results=True) if runs else ()
 
 
 def daemon_material(
-    daemon: DaemonClient, row: SearchRow, proposals: tuple[ProposalRow, ...]
+    daemon: DaemonClient, row: SearchRow, proposals: tuple[RunRow, ...]
 ) -> SearchMaterial:
     """Return a search that a daemon has told of; the traces that are drawn are brought here."""
     from daemon.batch.stores import local_copy, trace_reference
@@ -97,7 +95,7 @@ def daemon_material(
     return SearchMaterial(
         row,
         proposals,
-        daemon.proposals(base) if base else (),
+        daemon.all_runs(base, results=True) if base else (),
         _traces(row, lambda run: local_copy(trace_reference(daemon.run(run).row), daemon)),
     )
 
@@ -106,21 +104,13 @@ def _ledger_material(reader: LedgerReader, campaign: str) -> SearchMaterial:
     from daemon.batch.stores import local_copy
 
     (row,) = reader.searches(SearchQuery(campaign))
-    proposals = tuple(_ledger_proposals(reader, campaign))
     base = baseline_search(row, reader.searches(SearchQuery()))
     return SearchMaterial(
         row,
-        proposals,
-        tuple(_ledger_proposals(reader, base)) if base else (),
+        reader.all_runs(campaign),
+        reader.all_runs(base) if base else (),
         _traces(row, lambda run: local_copy(reader.trace_reference(run))),
     )
-
-
-def _ledger_proposals(reader: LedgerReader, campaign: str) -> Iterator[ProposalRow]:
-    offset = 0
-    while page := reader.proposals(ProposalQuery(campaign, offset, LARGEST_PAGE)):
-        yield from page
-        offset += len(page)
 
 
 def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:

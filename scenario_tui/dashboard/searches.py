@@ -106,13 +106,11 @@ class KnownSearches:
         self, daemon: DaemonClient, row: SearchRow, known: tuple[Trial, ...]
     ) -> tuple[Trial, ...]:
         # The dashboard's first screen is not to wait for what only the thread that asks needs.
-        from daemon.model.proposals import ProposalQuery
         from daemon.model.trials import read_trial
-        from daemon.model.verbs import PROPOSALS
 
         trials = list(known)
         while len(trials) < row.proposed:
-            page = daemon.ask(PROPOSALS, ProposalQuery(row.campaign, len(trials), _PAGE))
+            page = daemon.runs(row.campaign, offset=len(trials), limit=_PAGE, results=True).rows
             if not page:
                 break
             trials.extend(read_trial(row.task, one) for one in page)

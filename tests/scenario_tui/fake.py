@@ -21,7 +21,6 @@ from daemon.model.messages import (
     Empty,
     FilePart,
 )
-from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import (
@@ -35,7 +34,6 @@ from daemon.model.spec import (
     TraceInfo,
 )
 from daemon.model.status import (
-    CampaignOrigin,
     CampaignRow,
     ChangeEvent,
     DaemonOverview,
@@ -51,6 +49,7 @@ from daemon.model.status import (
     TroubleCause,
     WorkerRow,
 )
+from daemon.model.submission import CampaignOrigin
 from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.model.behaviour import Hold
@@ -294,7 +293,7 @@ class FakeDaemon(DaemonClient):
     troubles: tuple[str, ...] = ()
     preparation: Preparation | None = None
     found: tuple[SearchRow, ...] = ()
-    proposed: tuple[ProposalRow, ...] = ()
+    proposed: tuple[RunRow, ...] = ()
     empty: bool = False
     away: bool = False
     declares: AssessmentRules = field(
@@ -366,6 +365,9 @@ class FakeDaemon(DaemonClient):
         return tuple(DeletedCampaign(name, 4, 3, 3 * 2**20) for name in request.campaigns)
 
     def _runs(self, query):
+        if query.results and any(search.campaign == query.campaign for search in self.found):
+            page = self.proposed[query.offset : query.offset + query.limit]
+            return RunPage(page, len(self.proposed))
         rows = self.rows
         if query.results and not any(row.campaign == query.campaign for row in rows):
             rows = NIGHTLY
@@ -386,7 +388,8 @@ class FakeDaemon(DaemonClient):
         return RunPage(tuple(page), len(found))
 
     def _with_result(self, row):
-        found = {"digest": f"{row.index:064d}", "seed": 2024 + row.repeat}
+        proposal = next((one.proposal for one in self.proposed if one.id == row.id), None)
+        found = {"digest": f"{row.index:064d}", "seed": 2024 + row.repeat, "proposal": proposal}
         return replace(row, result=make_result(row), **found)
 
     def _run(self, request):
@@ -438,10 +441,6 @@ class FakeDaemon(DaemonClient):
             if row.campaign == campaign:
                 return row
         raise Refused(f"there is no search {campaign}")
-
-    def _proposals(self, query):
-        self._search_of(query.campaign)
-        return self.proposed[query.offset : query.offset + query.limit]
 
     def _search(self, submission):
         return Empty()

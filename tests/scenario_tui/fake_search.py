@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
@@ -60,7 +60,7 @@ def make_proposal_row(
     named = (f"{SEARCH}.{position}", f"doors-in-time.{number}", "pilot", repeat)
     digest = f"{position:064d}"
     if state is not RunState.DONE or margin is None:
-        return ProposalRow(proposal, run_row(*named, state=state, digest=digest))
+        return run_row(*named, state=state, digest=digest, proposal=proposal)
     outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
     seen = Evidence(31.5, margin + 0.05, 0.05, "kitchen_door")
     text = "always(clearance >= 0.05 m)"
@@ -69,7 +69,7 @@ def make_proposal_row(
         leads=(LeadingMargin("keeps-clear", margin, "m", "kitchen_door"),),
     )
     trace = f"state/traces/{SEARCH}/doors-in-time.{number}.pilot.{repeat}.mcap"
-    return ProposalRow(proposal, run_row(*named, result, digest=digest, trace=trace))
+    return run_row(*named, result, digest=digest, trace=trace, proposal=proposal)
 
 
 def make_proposals(*margins):

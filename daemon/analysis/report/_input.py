@@ -16,11 +16,10 @@ from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference, is_url, local_copy, trace_reference
 from daemon.model.assessments import AssessmentRules
-from daemon.model.messages import LARGEST_PAGE, RunQuery
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec, UnixTime
-from daemon.model.status import CampaignOrigin, CampaignRow, RunRow
-from daemon.model.submission import Submission
+from daemon.model.status import CampaignRow, RunRow
+from daemon.model.submission import CampaignOrigin, Submission
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
 from grammars.model.geometry import Ring
@@ -89,11 +88,7 @@ def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
 
 def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> ReportInput:
     """Return a campaign of a state directory with all its runs, also those without a result."""
-    records: list[RunRow] = []
-    while page := reader.runs(
-        RunQuery(row.id, offset=len(records), limit=LARGEST_PAGE, results=True)
-    ).rows:
-        records += page
+    records: Sequence[RunRow] = reader.all_runs(row.id)
     # A record holds verdicts, not what was specified: oracles and triggers are in the latter.
     specs = [reader.run(record.id).spec for record in records]
     records = [

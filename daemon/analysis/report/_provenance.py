@@ -13,7 +13,7 @@ from typing import Final
 
 from daemon.analysis.report._data import ReportData
 from daemon.model.spec import own_version
-from daemon.model.status import CampaignOrigin
+from daemon.model.submission import CampaignOrigin
 from grammars.text.words import count_noun
 
 _SHOWN_OF_HASH: Final = 12

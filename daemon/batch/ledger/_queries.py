@@ -11,6 +11,7 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger._entry import RESERVE
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import CampaignQuery, RunQuery
+from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult
 from daemon.model.status import RunRow
@@ -24,7 +25,10 @@ _ROW: Final = (
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, repeatable,'
     " nondeterministic, digest, seed, trace_name, trace_at"
 )
-_RESULT: Final = "(SELECT body FROM result WHERE result.run = run.id)"
+_RESULTS: Final = (
+    "(SELECT body FROM result WHERE result.run = run.id) AS result,"
+    " (SELECT body FROM proposal WHERE proposal.run = run.id) AS proposal"
+)
 _SEVERITY: Final = (
     "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
     " WHEN 'pass' THEN 3 ELSE 4 END"
@@ -120,15 +124,15 @@ def select_runs(
     """Return the rows of runs, which :func:`run_row` reads; ``where`` also has their order."""
     cursor = db.cursor()
     cursor.row_factory = sqlite3.Row
-    body = _RESULT if results else "NULL"
-    return cursor.execute(f"SELECT {_ROW}, {body} AS body FROM run {where}", values)
+    more = _RESULTS if results else "NULL AS result, NULL AS proposal"
+    return cursor.execute(f"SELECT {_ROW}, {more} FROM run {where}", values)
 
 
 def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None = None) -> RunRow:
     """Return a run; its trace is looked for below ``paths``, or not at all: that reads the disk."""
     values = dict(row)
     names = (values.pop("trace_name"), values["cached"], values.pop("trace_at"))
-    body = values.pop("body")
+    result, proposal = values["result"], values["proposal"]
     outcome = Outcome(values["outcome"]) if values["outcome"] else None
     trace = gone = ""
     if outcome is not None and paths is not None:
@@ -142,7 +146,8 @@ def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None =
         "nondeterministic": bool(values["nondeterministic"]),
         "reason": join_notes(values["reason"], gone),
         "seed": int(values["seed"]),  # text in the table: 64 bits without a sign do not fit SQLite
-        "result": None if body is None else read_result(body),
+        "result": None if result is None else read_result(result),
+        "proposal": None if proposal is None else codec.from_json(Proposal, proposal),
     }
     return RunRow(**values)
 

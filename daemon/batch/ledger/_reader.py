@@ -6,7 +6,7 @@ import json
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
@@ -29,7 +29,7 @@ from daemon.batch.ledger._results import (
     require_era,
     require_lease,
 )
-from daemon.batch.ledger._searches import read_proposals, read_searches, read_task
+from daemon.batch.ledger._searches import read_searches
 from daemon.batch.ledger._time_left import (
     Forecast,
     PlannedRun,
@@ -41,21 +41,21 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference
 from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import (
+    LARGEST_PAGE,
     LARGEST_PAGE_BYTES,
     CampaignQuery,
     RunQuery,
 )
-from daemon.model.proposals import ProposalQuery, ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
 from daemon.model.status import (
-    CampaignOrigin,
     CampaignRow,
     RunDetail,
     RunPage,
     RunRow,
 )
+from daemon.model.submission import CampaignOrigin
 from grammars.text import codec
 
 _COUNTED: Final = {
@@ -194,6 +194,14 @@ class LedgerReader:
         total = query.offset + len(found) if last else self._total(query, where, values)
         return RunPage(tuple(found), total)
 
+    def all_runs(self, campaign: str) -> tuple[RunRow, ...]:
+        """Return every run of a campaign in order, with its result if there is one."""
+        rows: list[RunRow] = []
+        query = RunQuery(campaign, limit=LARGEST_PAGE, results=True)
+        while page := self.runs(replace(query, offset=len(rows))).rows:
+            rows += page
+        return tuple(rows)
+
     def run_page(self, **fields: Any) -> RunPage:
         """A page of runs by the fields of a :class:`RunQuery`, as clients ask."""
         return self.runs(RunQuery(**fields))
@@ -228,15 +236,6 @@ class LedgerReader:
     def searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:
         """Searches, the newest first."""
         return read_searches(self._db, query)
-
-    def proposals(self, query: ProposalQuery) -> tuple[ProposalRow, ...]:
-        """A page of the runs of a search in order; refuses when there is no such search.
-
-        It has fewer than asked for when they have many bytes; after the last it is empty.
-        """
-        read_task(self._db, query.campaign)
-        asked = RunQuery(query.campaign, offset=query.offset, limit=query.limit, results=True)
-        return tuple(map(ProposalRow, read_proposals(self._db, query), self.runs(asked).rows))
 
     def campaign_ids(self) -> frozenset[str]:
         """The ids of all campaigns."""

@@ -15,7 +15,8 @@ from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import is_digest
 from daemon.model.messages import Completion, Rejection
 from daemon.model.spec import ENGINE_VERSION, LARGEST_RESULT
-from daemon.model.status import CampaignOrigin, RunRow
+from daemon.model.status import RunRow
+from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
 from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES
-from daemon.model.proposals import Proposal, ProposalQuery
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery, SearchRow
 from grammars.text import codec
@@ -19,10 +17,6 @@ _SEARCHES: Final = (
     " (SELECT total(runs) FROM tally WHERE tally.campaign = campaign.id"
     " AND tally.state IN ('done', 'lost', 'cancelled'))"
     " FROM search JOIN campaign ON campaign.id = search.campaign"
-)
-_PROPOSALS: Final = (
-    "SELECT body FROM run JOIN proposal ON run = id WHERE campaign = ? AND position >= ?"
-    " ORDER BY position LIMIT ?"
 )
 
 
@@ -95,9 +89,3 @@ def _search_row(row: Any) -> SearchRow:
         progress.answer,
         file,
     )
-
-
-def read_proposals(db: sqlite3.Connection, query: ProposalQuery) -> Iterator[Proposal]:
-    """Yield what a page of the runs of a search is about, in order."""
-    for (body,) in db.execute(_PROPOSALS, (query.campaign, query.offset, query.limit)):
-        yield codec.from_json(Proposal, body)

@@ -48,7 +48,6 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.status import (
-    CampaignOrigin,
     CampaignRow,
     DaemonOverview,
     DeletedCampaign,
@@ -61,7 +60,7 @@ from daemon.model.status import (
     TroubleCause,
     WorkerRow,
 )
-from daemon.model.submission import Submission
+from daemon.model.submission import CampaignOrigin, Submission
 from daemon.model.verbs import DELETE, EXTEND, SUBMIT, VERBS
 from grammars.text import codec
 

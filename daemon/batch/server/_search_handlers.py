@@ -15,7 +15,7 @@ from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._submissions import admit_submission
 from daemon.model.ids import is_id
 from daemon.model.messages import Count, Empty
-from daemon.model.proposals import ExtendRequest, ProposalQuery, ProposalRow
+from daemon.model.proposals import ExtendRequest
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow, SearchState
 from daemon.model.verbs import EXTEND
@@ -107,9 +107,6 @@ class SearchHandlers:
             else row
             for row in ledger.searches(query)
         )
-
-    def proposals(self, ledger: LedgerReader, query: ProposalQuery) -> tuple[ProposalRow, ...]:
-        return ledger.proposals(query)
 
     def search(self, ledger: LedgerWriter, asked: SearchSubmission) -> Empty:
         campaign = asked.campaign

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
-from daemon.model.messages import LARGEST_EXTENSION
-from daemon.model.proposals import ExtendRequest, Phase, Proposal, ProposalQuery, ProposalRow
+from daemon.model.messages import LARGEST_EXTENSION, RunQuery
+from daemon.model.proposals import ExtendRequest, Phase, Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
     LONGEST_NOTE,
@@ -26,9 +26,9 @@ from daemon.model.search_answer import (
     SearchState,
 )
 from daemon.model.spec import RunSpec
-from daemon.model.status import ChangeEvent
+from daemon.model.status import ChangeEvent, RunRow
 from daemon.model.submission import Submission
-from daemon.model.verbs import EXTEND, PROGRESS, PROPOSALS, SEARCHES, Verb
+from daemon.model.verbs import EXTEND, PROGRESS, RUNS, SEARCHES, Verb
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -109,7 +109,7 @@ class DaemonRuns:
         self._daemon = daemon
         self._campaign = campaign
         self._began = time.monotonic() - max(0.0, time.time() - submitted_at)
-        self._rows: list[ProposalRow] = []
+        self._rows: list[RunRow] = []
         self._earlier = 0
         self._unsent: list[tuple[Proposal, Candidate]] = []
         self._unsettled = 0
@@ -149,7 +149,7 @@ class DaemonRuns:
         :class:`SearchStoppedError` as :meth:`result` does.
         """
         if proposal.position < len(self._rows):
-            known = self._rows[proposal.position].run
+            known = self._rows[proposal.position]
             if known.digest != candidate.spec.digest:
                 raise SearchDivergedError(
                     f"run {proposal.position} of the search is another one than it was before"
@@ -161,7 +161,7 @@ class DaemonRuns:
         if len(self._unsent) >= _MOST_UNSENT:
             self._send()
 
-    def result(self, position: int) -> ProposalRow:
+    def result(self, position: int) -> RunRow:
         """Wait for a run that was issued and return it, settled.
 
         Raises :class:`SearchStoppedError` when the search is over, or its client leaves.
@@ -178,7 +178,7 @@ class DaemonRuns:
             row = self._rows[position]
             if _has_result(row):
                 break
-            if row.run.state is RunState.CANCELLED:
+            if row.state is RunState.CANCELLED:
                 self._require_ours()
             self._send_report()
             self._changed.wait(_LOOK_EVERY)
@@ -234,10 +234,11 @@ class DaemonRuns:
         if not any(row.client == self._progress.client for row in rows):
             raise SearchStoppedError(f"the search {self._campaign} is over")
 
-    def _page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
-        return self._ask(PROPOSALS, ProposalQuery(self._campaign, offset, limit))
+    def _page(self, offset: int, limit: int) -> tuple[RunRow, ...]:
+        query = RunQuery(self._campaign, offset=offset, limit=limit, results=True)
+        return self._ask(RUNS, query).rows
 
-    def _known_page(self, offset: int, limit: int) -> tuple[ProposalRow, ...]:
+    def _known_page(self, offset: int, limit: int) -> tuple[RunRow, ...]:
         """Return a page of runs that the ledger has."""
         page = self._page(offset, limit)
         if not page:
@@ -302,9 +303,9 @@ class DaemonRuns:
         self._sent.update(files, scenes)
 
 
-def _has_result(row: ProposalRow) -> bool:
+def _has_result(row: RunRow) -> bool:
     """Return whether a run has told what it can; a cancelled one is queued again later."""
-    return row.run.settled and row.run.state is not RunState.CANCELLED
+    return row.settled and row.state is not RunState.CANCELLED
 
 
 def _scenes(part: list[tuple[Proposal, Candidate]]) -> dict[str, Scene]:

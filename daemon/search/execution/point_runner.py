@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from daemon.analysis.blame import Candidate
-from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.proposals import Phase, Proposal
 from daemon.model.search import Point
+from daemon.model.status import RunRow
 from daemon.model.trials import Trial, median_trial, read_trial
 from daemon.search.execution.daemon_runs import DaemonRuns
 from daemon.search.preparation.composition import SearchCase
@@ -176,9 +177,9 @@ class PointRunner:
         self.position += 1
         return position
 
-    def wait(self, position: int) -> ProposalRow:
+    def wait(self, position: int) -> RunRow:
         """Wait for a run and return it, counted."""
         row = self.runs.result(position)
-        self.executed += not row.run.cached
-        self.reused += bool(row.run.cached)
+        self.executed += not row.cached
+        self.reused += bool(row.cached)
         return row

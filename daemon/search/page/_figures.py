@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 
 from daemon.analysis.report import Axes, PagePicture, Sheet, draw_moment, plot_recorded_way
-from daemon.model.proposals import ProposalRow
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchRow
+from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials, smallest_so_far
 from daemon.search.answers.sentences import is_by_chance
 from daemon.search.answers.wording import minus
@@ -30,9 +30,9 @@ _Figure = tuple[str, str, PagePicture | None]
 
 def search_figures(
     row: SearchRow,
-    proposals: Sequence[ProposalRow],
+    proposals: Sequence[RunRow],
     *,
-    baseline: Sequence[ProposalRow] = (),
+    baseline: Sequence[RunRow] = (),
     traces: Mapping[str, Path] = NO_TRACES,
 ) -> dict[str, str]:
     """Return the figures of a search as SVG to stand inside of a page, by what they show.

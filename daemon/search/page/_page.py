@@ -10,10 +10,10 @@ from typing import Final
 from markupsafe import Markup
 
 from daemon.analysis.report import GLYPHS, NOTHING, duration_text, format_quantity
-from daemon.model.proposals import ProposalRow
 from daemon.model.search import PointValue, SearchParameter
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
+from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials
 from daemon.search.answers.sentences import (
     headline_sentence,
@@ -36,9 +36,9 @@ _FIGURES: Final = ("margins", "boundary", "parallel", "influence", "moment", "wa
 
 def search_page(
     row: SearchRow,
-    proposals: Sequence[ProposalRow],
+    proposals: Sequence[RunRow],
     *,
-    baseline: Sequence[ProposalRow] = (),
+    baseline: Sequence[RunRow] = (),
     traces: Mapping[str, Path] = NO_TRACES,
     commands: Sequence[tuple[str, str]] = (),
 ) -> str:
@@ -86,7 +86,7 @@ def search_page(
     )
 
 
-def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str, str], ...]:
+def _facts(row: SearchRow, proposals: Sequence[RunRow]) -> tuple[tuple[str, str], ...]:
     task = row.task
     about = task.minimise
     if len(task.scales) > 1:
@@ -98,11 +98,11 @@ def _facts(row: SearchRow, proposals: Sequence[ProposalRow]) -> tuple[tuple[str,
     if task.stop in stop:
         budget += f", or {stop[task.stop]}"
     runs = count_noun(len(proposals), "run")
-    reused = sum(bool(one.run.cached) for one in proposals)
+    reused = sum(bool(one.cached) for one in proposals)
     if reused:
         runs += f", {reused} of them there already"
-    simulated = sum(one.run.simulated for one in proposals)
-    results = (one.run.result for one in proposals if not one.run.cached)
+    simulated = sum(one.simulated for one in proposals)
+    results = (one.result for one in proposals if not one.cached)
     cpu = sum(result.timing.cpu for result in results if result is not None)
     facts = (
         ("scenario", f"{task.scenario} with {task.sut}"),

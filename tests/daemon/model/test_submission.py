@@ -8,8 +8,7 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.messages import LARGEST_SUBMISSION
-from daemon.model.status import CampaignOrigin
-from daemon.model.submission import CellRun, Submission
+from daemon.model.submission import CampaignOrigin, CellRun, Submission
 from grammars.text import codec
 
 

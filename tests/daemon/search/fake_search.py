@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.proposals import Proposal
 from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import LeadingMargin, RunSpec, TraceInfo
 from daemon.model.verdicts import Outcome
@@ -66,7 +66,7 @@ def answer_of(task, explored):
 
 
 def learn(learnt, row):
-    margin = row.run.leads[0].margin if row.run.leads else None
+    margin = row.leads[0].margin if row.leads else None
     return hashlib.sha256(f"{learnt} {margin}".encode()).hexdigest()
 
 
@@ -90,7 +90,7 @@ class LocalRuns:
         spec = candidate.spec
         self.digests.append((proposal.position, spec.digest))
         result = self._make(spec)
-        self._rows.append(ProposalRow(proposal, run_row(digest=spec.digest, result=result)))
+        self._rows.append(run_row(digest=spec.digest, result=result, proposal=proposal))
 
     def issued(self, position):
         return None

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from daemon.analysis.blame import SLOTS, Candidate, run_forked
-from daemon.model.proposals import Phase, Proposal, ProposalRow
+from daemon.model.proposals import Phase, Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import RunResult
+from daemon.model.status import RunRow
 from daemon.run import execute
 from tests.run_rows import run_row
 
@@ -41,7 +42,7 @@ class LocalRuns:
     digests: list[str] = field(default_factory=list)
     started: float = field(default_factory=time.monotonic)
     _waiting: list[tuple[int, Candidate]] = field(default_factory=list)
-    _rows: dict[int, ProposalRow] = field(default_factory=dict)
+    _rows: dict[int, RunRow] = field(default_factory=dict)
 
     def issue(self, proposal, candidate):
         """Take a run into the queue, or the result that is there."""
@@ -81,9 +82,8 @@ class LocalRuns:
 
     def _settle(self, position, candidate, result, *, cached):
         spec, proposal = candidate.spec, self.proposals[position]
-        run = run_row(
+        self._rows[position] = run_row(
             f"{position:06d}", spec.scenario, spec.sut.name, spec.repeat, result,
             state=RunState.LOST if result is None else RunState.DONE,
-            digest=self.digests[position], cached="earlier" if cached else "",
+            digest=self.digests[position], cached="earlier" if cached else "", proposal=proposal,
         )  # fmt: skip
-        self._rows[position] = ProposalRow(proposal, run)

@@ -46,7 +46,7 @@ def run(daemon, campaign, runs=RUNS, **asked):
 
 
 def digests(daemon, campaign="s"):
-    return [(row.proposal.position, row.run.digest) for row in daemon.proposals(campaign)]
+    return [(row.proposal.position, row.digest) for row in daemon.all_runs(campaign, results=True)]
 
 
 def settled(daemon, campaign="s"):
@@ -75,7 +75,7 @@ def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(tmp_path, undist
             (row,) = daemon.searches()
             assert (row.state, row.proposed, row.finished) == ("finished", RUNS + 2, RUNS + 2)
             assert digests(daemon) == undisturbed
-            assert {row.run.state for row in daemon.proposals("s")} == {"done"}
+            assert {row.state for row in daemon.all_runs("s", results=True)} == {"done"}
 
 
 def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(daemon, undisturbed):
@@ -86,7 +86,7 @@ def test_the_runs_of_a_search_do_not_depend_on_how_many_workers_there_are(daemon
         assert (row.state, row.proposed, row.finished) == ("finished", RUNS + 2, RUNS + 2)
         assert digests(asked) == undisturbed
         assert (row.answer.ended, row.answer.explored) == ("budget", RUNS)
-        assert all(one.run.leads and one.run.trace for one in asked.proposals("s"))
+        assert all(one.leads and one.trace for one in asked.all_runs("s", results=True))
         assert asked.campaign("s").finished_at is not None
         # Asked for once more, its answer is there.
         again = run(daemon, "s")
@@ -98,7 +98,7 @@ def test_a_search_that_is_cancelled_ends_and_goes_on_where_it_was(daemon, tmp_pa
     gate = tmp_path / "gate"
     client = run(daemon, "halted", 12, until=str(gate))
     with daemon.client() as asked:
-        eventually(lambda: len(asked.proposals("halted")) == TASK.window)
+        eventually(lambda: len(asked.all_runs("halted", results=True)) == TASK.window)
         assert asked.campaign("halted").search == "running"
         assert asked.cancel("halted") == TASK.window
         client.join(30.0)
@@ -113,7 +113,7 @@ def test_a_search_that_is_left_waits_for_another_client(daemon, tmp_path):
     gate = tmp_path / "gate"
     first = run(daemon, "left", 12, until=str(gate), name="first")
     with daemon.client() as asked:
-        eventually(lambda: len(asked.proposals("left")) == TASK.window)
+        eventually(lambda: len(asked.all_runs("left", results=True)) == TASK.window)
         second = run(daemon, "left", 12, until=str(gate), name="second")
         # One client at a time: the second waits, and nobody else adds to the search.
         request = make_extension("left", TASK.window, client="third")
@@ -140,7 +140,7 @@ def test_a_search_that_is_deleted_ends_its_client(daemon, tmp_path):
     gate = tmp_path / "gate"
     client = run(daemon, "gone", 12, until=str(gate))
     with daemon.client() as asked:
-        eventually(lambda: len(asked.proposals("gone")) == TASK.window)
+        eventually(lambda: len(asked.all_runs("gone", results=True)) == TASK.window)
         asked.cancel("gone")
         asked.delete(("gone",))
         client.join(30.0)
@@ -172,7 +172,7 @@ def test_a_search_that_proposes_otherwise_than_before_fails(daemon, tmp_path):
     gate = tmp_path / "gate"
     client = run(daemon, "changed", until=str(gate))
     with daemon.client() as asked:
-        eventually(lambda: len(asked.proposals("changed")) == TASK.window)
+        eventually(lambda: len(asked.all_runs("changed", results=True)) == TASK.window)
         client.leave()
         run(daemon, "changed", learnt="otherwise", until=str(gate)).join(30.0)
         (row,) = asked.searches("changed")
@@ -186,7 +186,6 @@ def test_requests_of_clients_are_held_to_the_search(daemon):
     with daemon.client() as asked:
         asked.submit(make_submission("plain", 1, value=50.0))
         for wrong in (
-            lambda: asked.proposals("plain"),
             lambda: asked.ask(EXTEND, make_extension("plain", 1)),
             lambda: asked.ask(PROGRESS, SearchProgress("plain", "lab", "explore")),
         ):

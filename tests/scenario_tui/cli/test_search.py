@@ -18,7 +18,7 @@ from scenario_tui.cli.progress import ProgressDisplay
 from scenario_tui.cli.search import _read_changes, search_code
 from scenario_tui.cli.search_files import file_commands
 from scenario_tui.cli.search_progress import SearchWatch
-from scenario_tui.client import newer_proposals
+from scenario_tui.client import newer_runs
 from scenario_tui.submission import searches_text
 from scenario_tui.text.search_text import search_line
 from tests.scenario_tui.cli.outputs import declared
@@ -323,11 +323,11 @@ def test_a_search_before_its_first_run_says_what_it_waits_for(fake):
 def test_only_runs_that_may_have_changed_are_asked_for_again(fake):
     open_row = make_proposal_row(len(MARGINS), state=RunState.RUNNING)
     fake.found, fake.proposed = (make_search("running"),), (*make_proposals(), open_row)
-    known = newer_proposals(fake, SEARCH)
+    known = newer_runs(fake, SEARCH)
     fake.calls.clear()
     fake.proposed = (*make_proposals(), make_proposal_row(len(MARGINS)), open_row)
-    assert newer_proposals(fake, SEARCH, known) == fake.proposed
-    assert [call[2] for call in fake.calls] == [len(MARGINS), len(MARGINS) + 2]
+    assert newer_runs(fake, SEARCH, known) == fake.proposed
+    assert [call[7] for call in fake.calls] == [len(MARGINS)]
 
 
 @pytest.mark.parametrize(
@@ -417,5 +417,6 @@ def test_a_run_of_a_search_says_which_point_it_is(scenario, fake):
     assert "8 → 8.4 s" in said.out
     assert f"scenario search {SEARCH}" in said.out
     body = declared(scenario("show", f"{SEARCH}.4", "--json").out)
-    assert body["proposal"]["number"] == 4
-    assert declared(scenario("show", f"{CAMPAIGN}.4", "--json").out)["proposal"] is None
+    assert body["run"]["row"]["proposal"]["number"] == 4
+    plain = declared(scenario("show", f"{CAMPAIGN}.4", "--json").out)
+    assert plain["run"]["row"]["proposal"] is None

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
@@ -101,14 +101,14 @@ def proposal_row(position, values, margin, *, done=True, phase="explore"):
     proposal = Proposal(position, position, 0, phase, method, position >= _HALTON, tuple(values))
     named = (f"{SEARCH}.{position}", f"doors-in-time.{position}")
     if not done:
-        return ProposalRow(proposal, run_row(*named, state=RunState.RUNNING, worker="bench-1"))
+        return run_row(*named, state=RunState.RUNNING, worker="bench-1", proposal=proposal)
     object = "door-1" if position % 2 else "hall-wall-1"
     outcome = Outcome.INCONCLUSIVE if margin is None else _outcome(margin)
     verdict = Verdict("no-contact", "never(contact)", outcome, margin, margin, "m",
                       Evidence(HIT, margin, 0.0, object))  # fmt: skip
     lead = LeadingMargin("no-contact", margin, "m", object)
     result = run_result(verdict, outcome=outcome, leads=(lead,))
-    return ProposalRow(proposal, run_row(*named, result=result, digest=f"{position:064d}"))
+    return run_row(*named, result=result, digest=f"{position:064d}", proposal=proposal)
 
 
 def _outcome(margin):
@@ -123,7 +123,7 @@ NEAREST = proposal_row(
 def make_answer(rows, *, ended="budget"):
     """What such a search says when it is over."""
     rows = [row for row in rows if row.proposal.phase == "explore"]
-    known = [row for row in rows if row.run.leads and row.run.leads[0].margin is not None]
+    known = [row for row in rows if row.leads and row.leads[0].margin is not None]
     points = [read_trial(TASK, row) for row in known]
     failed = [point for point in points if point.fails]
     best = min(points, key=lambda point: point.value.value if point.value else 0.0)
@@ -165,7 +165,7 @@ def make_search(rows, state="finished", **changes):
     """The search of these runs."""
     row = SearchRow(
         SEARCH, "house", NOW - 100.0, TASK, state,
-        proposed=len(rows), finished=sum(row.run.settled for row in rows),
+        proposed=len(rows), finished=sum(row.settled for row in rows),
         answer=make_answer(rows) if state == "finished" else None,
     )  # fmt: skip
     return replace(row, **changes)
@@ -212,7 +212,7 @@ class SearchingDaemon(FakeDaemon):
     def _searched(self):
         proposed, results, rows = self._made
         if proposed is not self.proposed or results is not self.results:
-            rows = tuple(self._run_row(row.run) for row in self.proposed)
+            rows = tuple(self._run_row(row) for row in self.proposed)
             self._made = (self.proposed, self.results, rows)
         return rows
 

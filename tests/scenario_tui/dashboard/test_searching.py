@@ -139,9 +139,9 @@ async def test_the_run_in_front_is_the_one_of_parameters_and_keys():
         assert text.count("≠ kitchen_opens") == 1
         assert "8 → 8.54 s" in text
         await press(pilot, "x")
-        assert f"scenario verify {NEAREST.run.id}" in pilot.app.clipboard
+        assert f"scenario verify {NEAREST.id}" in pilot.app.clipboard
         await press(pilot, "y")
-        assert pilot.app.clipboard == f"scenario show {NEAREST.run.id}"
+        assert pilot.app.clipboard == f"scenario show {NEAREST.id}"
         await press(pilot, "N", "enter")
         assert isinstance(pilot.app.screen, RunScreen)
         assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)
@@ -223,13 +223,14 @@ def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch):
         eventually(lambda: len(feed._state.search.trials if feed._state.search else ()) == 34)
     finally:
         feed.close()
-    offsets = [call[1] for call in asked(fake, "proposals")]
+    offsets = [call[1] for call in asked(fake)]
     assert offsets[0] == 0
     assert set(offsets[1:]) == {20}
 
 
-def asked(fake, verb):
-    return [call[1:] for call in fake.calls if call[0] == verb]
+def asked(fake):
+    """Campaign, offset and limit of the questions for runs with what they gave."""
+    return [(call[1], call[7], call[8]) for call in fake.calls if call[0] == "runs" and call[-1]]
 
 
 def test_only_new_runs_and_those_that_were_not_over_are_asked_for():
@@ -243,22 +244,22 @@ def test_only_new_runs_and_those_that_were_not_over_are_asked_for():
     assert first is not None
     assert len(first.trials) == 24
     assert look() is first
-    assert asked(fake, "proposals") == [(SEARCH, 0, 500)]
-    assert len(asked(fake, "searches")) == 1
+    assert asked(fake) == [(SEARCH, 0, 500)]
+    assert sum(call[0] == "searches" for call in fake.calls) == 1
     fake.go_on(30)
     assert len((look() or first).trials) == 34
-    assert asked(fake, "proposals")[1:] == [(SEARCH, 20, 500)]
+    assert asked(fake)[1:] == [(SEARCH, 20, 500)]
     # Runs that were over are queued again: fewer are finished.
     fake.go_on(25)
     look()
-    assert asked(fake, "proposals")[2:] == [(SEARCH, 0, 500)]
+    assert asked(fake)[2:] == [(SEARCH, 0, 500)]
     watch.touch(ChangeEvent(2, "run", f"{CAMPAIGN}.3", CAMPAIGN))
     look()
-    assert len(asked(fake, "proposals")) == 3
+    assert len(asked(fake)) == 3
     # In the end all of it, once: an event may have been lost.
     fake.found = (replace(fake.found[0], state="finished"),)
     look()
-    assert asked(fake, "proposals")[3:] == [(SEARCH, 0, 500)]
+    assert asked(fake)[3:] == [(SEARCH, 0, 500)]
 
 
 def test_thousands_of_runs_come_in_pages():
@@ -271,7 +272,7 @@ def test_thousands_of_runs_come_in_pages():
     found = watch.trials(fake, SEARCH)
     assert found is not None
     assert len(found.trials) == 1200
-    assert [call[1] for call in asked(fake, "proposals")] == [0, 500, 1000]
+    assert [call[1] for call in asked(fake)] == [0, 500, 1000]
 
 
 def test_a_search_that_is_gone_is_forgotten():

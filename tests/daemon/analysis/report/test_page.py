@@ -19,7 +19,7 @@ from daemon.analysis.report import (
 )
 from daemon.judging.assessment import assess
 from daemon.model.spec import own_version
-from daemon.model.status import CampaignOrigin
+from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.trace import read_scene
 from tests.daemon.analysis.report.recordings import (

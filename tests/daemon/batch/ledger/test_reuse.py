@@ -34,7 +34,7 @@ from daemon.model.messages import (
 )
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, SutReference, Timing
-from daemon.model.status import CampaignOrigin
+from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 

@@ -42,7 +42,6 @@ from daemon.model.messages import (
     SteerRequest,
     WorkerInfo,
 )
-from daemon.model.proposals import ProposalQuery
 from daemon.model.search_answer import SearchProgress, SearchQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.verbs import VERBS
@@ -211,7 +210,6 @@ def valid(target):
         verbs.STEER: SteerRequest("camp", True, 3),
         verbs.SEARCH: make_search("sought"),
         verbs.SEARCHES: SearchQuery("sought"),
-        verbs.PROPOSALS: ProposalQuery("sought"),
         verbs.EXTEND: make_extension("sought", 0, 2),
         verbs.PROGRESS: SearchProgress("sought", "explore", "so far"),
         verbs.WELCOME: ME,
@@ -298,8 +296,6 @@ def test_numbers_out_of_range_are_refused(target):
         (verbs.CAMPAIGNS, "limit"),
         (verbs.RUNS, "offset"),
         (verbs.RUNS, "limit"),
-        (verbs.PROPOSALS, "offset"),
-        (verbs.PROPOSALS, "limit"),
         (verbs.GET, "offset"),
         (verbs.GET, "count"),
         (verbs.STEER, "priority"),

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from daemon.model.proposals import Proposal, ProposalRow
+from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import ANY, OracleScale
 from daemon.model.spec import LeadingMargin
@@ -27,7 +27,7 @@ def row(*verdicts, leads=None, ended="finished", **more):
     if leads is None:
         leads = tuple(LeadingMargin(v.oracle, v.lower, v.unit) for v in verdicts)
     result = run_result(*verdicts, leads=leads, ended=ended)
-    return ProposalRow(proposal, run_row("s.3", "s.2", result=result, **more))
+    return run_row("s.3", "s.2", result=result, proposal=proposal, **more)
 
 
 def verdict(oracle, margin, unit="m"):
@@ -52,7 +52,7 @@ def test_of_any_the_smallest_share_counts_and_a_failure_wins():
     assert told(SEVERAL, passing) == (Outcome.PASS, 0.2, "in-time")
     failing = row(verdict("clear", -0.025), verdict("in-time", 12.0, "s"))
     assert told(SEVERAL, failing) == (Outcome.FAIL, -0.1, "clear")
-    without_lead = row(*failing.run.verdicts, leads=failing.run.leads[1:])
+    without_lead = row(*failing.verdicts, leads=failing.leads[1:])
     assert told(SEVERAL, without_lead) == (Outcome.FAIL, 0.2, "clear")
 
 

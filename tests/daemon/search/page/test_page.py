@@ -8,7 +8,6 @@ import html5lib
 import numpy as np
 import pytest
 
-from daemon.model.proposals import ProposalRow
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
@@ -135,14 +134,15 @@ def test_runs_without_a_margin_leave_gaps():
 
 def test_of_a_point_that_was_repeated_the_median_counts():
     row, rows = searched(DOOR, runs=3, confirm=0, then=())
-    first, run = rows[0].proposal, rows[0].run
+    run = rows[0]
     assert run.leads[0].margin is not None
     led = [
         replace(run, result=replace(run.result, leads=(replace(run.leads[0], margin=margin),)))
         for margin in (0.5, 0.1, 0.3)
     ]
     repeats = [
-        ProposalRow(replace(first, position=100 + k, repeat=k), one) for k, one in enumerate(led)
+        replace(one, proposal=replace(run.proposal, position=100 + k, repeat=k))
+        for k, one in enumerate(led)
     ]
     (point,) = point_trials(row.task, repeats)
     assert point.compared == 0.3
@@ -150,7 +150,7 @@ def test_of_a_point_that_was_repeated_the_median_counts():
 
 def test_what_is_not_settled_is_not_drawn():
     row, rows = searched(DOOR)
-    waiting = [ProposalRow(one.proposal, replace(one.run, state=RunState.QUEUED)) for one in rows]
+    waiting = [replace(one, state=RunState.QUEUED) for one in rows]
     assert point_trials(row.task, waiting) == []
     assert search_figures(replace(row, answer=None), waiting) == {}
     assert "Nothing fails so far" in search_page(
