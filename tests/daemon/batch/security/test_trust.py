@@ -76,10 +76,9 @@ class Holder:
         return self.ask(verbs.LEASE, LeaseRequest(self.me, count)).grants
 
     def complete(self, grant, margin=0.5):
-        trace = StatePaths(self.daemon.state).trace(grant.trace)
-        trace.parent.mkdir(parents=True, exist_ok=True)
-        trace.write_bytes(self.key.name.encode())
         result = make_result(grant.spec, margin=margin)
+        places, sha256 = StatePaths(self.daemon.state), result.trace.sha256
+        places.uploaded_trace(grant.run, grant.token, sha256).touch()
         ours = (self.me.id, grant.run, grant.attempt, grant.token)
         done = Completion(*ours, result, era=grant.era)
         return self.ask(verbs.COMPLETE, done).answer
