@@ -1,9 +1,10 @@
-"""``python -m tests.chaos.stepped serve ...``: a daemon whose wall clock can be set.
+"""``python -m tests.chaos.stepped serve ORDER``: a daemon whose wall clock can be set.
 
 The file ``offset`` beside the state directory holds the seconds by which the clock is off; it is
 read whenever the time is asked for.
 """
 
+import json
 import sys
 import time
 from pathlib import Path
@@ -21,5 +22,5 @@ def _set_clock(file):
 
 
 if __name__ == "__main__":
-    _set_clock(Path(sys.argv[sys.argv.index("--state") + 1]).parent / "offset")
+    _set_clock(Path(json.loads(sys.argv[2])["state"]).parent / "offset")
     sys.exit(main())
