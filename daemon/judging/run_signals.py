@@ -13,7 +13,7 @@ import numpy as np
 
 from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline
 from daemon.model.live_judgement import DoorMotion, LiveSignal
-from daemon.model.text_fields import LARGEST_VALUE
+from daemon.model.ranges import LARGEST_VALUE
 from daemon.trace import JointTrack, Trace
 from grammars.model.geometry import Floats
 from grammars.oracle import Signal, kind_of, render

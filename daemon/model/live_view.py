@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from daemon.model.ranges import FARTHEST_POINT, LARGEST_VALUE
 from daemon.model.spec import Snapshot
 from daemon.model.sut import Cloud, Estimate
-from daemon.model.text_fields import FARTHEST_POINT, LARGEST_VALUE
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 

@@ -12,9 +12,9 @@ from typing import Annotated, Final
 
 from pydantic import Base64Bytes, Field
 
+from daemon.model.ranges import IdText, NonNegativeInt, ShortText
 from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import PREFIX, Preparation
-from daemon.model.text_fields import IdText, NonNegativeInt, Sha256Text, ShortText, WorkerId
 
 PROTOCOL: Final = 2
 """Raise it when a message changes so that others do not understand it any more."""
@@ -46,6 +46,8 @@ HIGHEST_PRIORITY: Final = 1000
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
 
+WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
+Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 FileBytes = Annotated[Base64Bytes, Field(max_length=PART)]
 
 

@@ -11,9 +11,9 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
+from daemon.model.ranges import NonNegativeInt, ShortText
 from daemon.model.search import Point
 from daemon.model.submission import Submission
-from daemon.model.text_fields import NonNegativeInt, ShortText
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
 """What a run is for: to find failures, to repeat one with other noise, to bring one nearer to the

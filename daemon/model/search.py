@@ -13,8 +13,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
+from daemon.model.ranges import IdText, ShortText
 from daemon.model.submission import CampaignOrigin
-from daemon.model.text_fields import IdText, ShortText
 
 ANY: Final = "any"
 """Instead of an oracle: the smallest of all margins, each divided by its scale."""

@@ -9,8 +9,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import Field
 
 from daemon.model.proposals import Phase
+from daemon.model.ranges import IdText, ShortText
 from daemon.model.search import PointValue, SearchTask
-from daemon.model.text_fields import IdText, ShortText
 from daemon.model.trials import Trial
 
 LONGEST_NOTE: Final = 2000

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.text_fields import Centimetres, Moment, Seconds, SignalValue, WaypointCount
+from daemon.model.ranges import Centimetres, Moment, Seconds, SignalValue, WaypointCount
 from daemon.model.verdicts import (
     LONGEST_EVIDENCE,
     Outcome,

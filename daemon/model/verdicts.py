@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
-from daemon.model.text_fields import Seconds, SignalValue
+from daemon.model.ranges import Seconds, SignalValue
 
 _MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
 """A moment in a note, as oracles write it."""
