@@ -62,8 +62,8 @@ _COUNTED: Final = {
     "pass": "passed", "fail": "failed", "inconclusive": "inconclusive", "error": "errors",
 }  # fmt: skip
 """The names of counts by outcomes."""
-_SIZED: Final = (str, bytes)
-"""Values whose size a page is limited by; made once: each row of a page is looked at."""
+_LARGEST_NAMES: Final = 2000
+"""Bytes of a row of a page, without reason and result."""
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
 
@@ -191,7 +191,7 @@ class LedgerReader:
                 whole = False
                 break
             found.append(run_row(self._db, row, self._paths))
-            room -= sum(len(value) for value in row if isinstance(value, _SIZED))
+            room -= _LARGEST_NAMES + len(row["reason"]) + len(row["result"] or b"")
         last = whole and len(found) < query.limit and (found or not query.offset)
         total = query.offset + len(found) if last else self._total(query, where, values)
         return RunPage(tuple(found), total)
