@@ -64,7 +64,7 @@ def _check_acknowledged(report, state, acknowledged):
 
 def _copy(state, target):
     target.mkdir()
-    for name in ("ledger.db", "ledger.db-wal"):
+    for name in ("ledger.db", "ledger.db-wal", "ledger.db-shm"):
         if (state / name).exists():
             shutil.copyfile(state / name, target / name)
     return target
@@ -73,7 +73,8 @@ def _copy(state, target):
 def _tear(report, rng, copies, tears, at):
     """Open copies whose write-ahead log ends too early or in rubbish, where a power cut can do it.
 
-    That is behind the last commit but one: it was synchronised before the last one began.
+    That is behind the last commit but one, which was synchronised before the last one began, and
+    behind what was to be copied into the database: that is synchronised first.
     """
     lost = 0
     for _ in range(tears):
@@ -83,7 +84,8 @@ def _tear(report, rng, copies, tears, at):
         journal = at / "ledger.db-wal"
         data = journal.read_bytes() if journal.exists() else b""
         if data:
-            end = rng.randrange(_synchronised(data), len(data) + 1)
+            kept = _synchronised(data, _checkpointed(at / "ledger.db-shm"))
+            end = rng.randrange(kept, len(data) + 1)
             rubbish = rng.randbytes(len(data) - end) if rng.random() < 0.5 else b""
             journal.write_bytes(data[:end] + rubbish)
             lost += len(data) - end
@@ -92,7 +94,12 @@ def _tear(report, rng, copies, tears, at):
     report.fact("torn write-ahead logs opened", f"{tears}, {lost / 2**20:.1f} MiB torn off")
 
 
-def _synchronised(data):
+def _checkpointed(index):
+    """How many frames of the log a checkpoint began to copy (sqlite.org/walformat, 2.1)."""
+    return struct.unpack_from("=I", index.read_bytes(), 128)[0]
+
+
+def _synchronised(data, checkpointed):
     """Where the last commit but one ends in a write-ahead log (sqlite.org/fileformat2, 4.1).
 
     A header of 32 bytes, the page size at 8, the salt at 16; frames of 24 bytes and a page, where
@@ -105,4 +112,4 @@ def _synchronised(data):
             break
         if data[start + 4 : start + 8] != bytes(4):
             ends.append(start + page + 24)
-    return ends[-2]
+    return max(ends[-2], 32 + checkpointed * (page + 24))
