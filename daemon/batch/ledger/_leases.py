@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import json
+import secrets
 import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Final
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import Refused, Rejected
 from daemon.batch.ledger._entry import read_spec
 from daemon.batch.ledger._results import (
-    begin_era,
-    check_result,
     engine_problem,
     has_stopped_result,
-    lease_problem,
     queue_reserve,
     read_engine_problems,
     read_holds,
-    read_trace_location,
     require_era,
     require_lease,
     reuse_results,
@@ -37,10 +34,19 @@ from daemon.batch.ledger.transitions import (
     RunTransition,
     advance,
 )
-from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
+from daemon.model.ids import is_digest
+from daemon.model.messages import (
+    Completion,
+    Lease,
+    LeaseRef,
+    LedgerAnswer,
+    Rejection,
+    ReleaseRequest,
+)
 from daemon.model.run_state import RunState
-from daemon.model.spec import RunSpec
+from daemon.model.spec import LARGEST_RESULT, RunSpec
 from daemon.model.status import NONDETERMINISTIC, ChangeEvent
+from grammars.text import codec
 
 _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))
 """Also names of columns of the table ``run``."""
@@ -68,17 +74,15 @@ class RunUpdates:
         self._attempts = attempts
         self.events: list[ChangeEvent] = []
 
-    def _execution_state(self, run: str) -> ExecutionState | None:
+    def _execution_state(self, run: str) -> ExecutionState:
         row = self._db.execute(_READ_STATE, (run,)).fetchone()
-        return None if row is None else ExecutionState(RunState(row[0]), *row[1:])
-
-    def _apply(
-        self, run: str, event: RunEvent, now: float, before: ExecutionState | None = None
-    ) -> RunTransition:
-        """Let an event happen to a run, and tell of it."""
-        before = before or self._execution_state(run)
-        if before is None:
+        if row is None:
             raise Refused(f"there is no run {run}")
+        return ExecutionState(RunState(row[0]), *row[1:])
+
+    def _apply(self, run: str, event: RunEvent, now: float) -> RunTransition:
+        """Let an event happen to a run, and tell of it."""
+        before = self._execution_state(run)
         change = advance(before, event, attempts=self._attempts)
         after = change.run
         if after != before:
@@ -247,7 +251,9 @@ class LeaseUpdates(RunUpdates):
         self._db.execute("UPDATE campaign SET lacks = '' WHERE lacks <> ''")
         for campaign, why in read_engine_problems(self._db):
             self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (why, campaign))
-        self._era = begin_era(self._db)
+        self._era = secrets.token_hex(8)
+        query = "INSERT INTO era (id, token) SELECT ?, value FROM meta WHERE key = 'token'"
+        self._db.execute(query, (self._era,))
         return self._era
 
     def holds(self) -> tuple[str, ...]:
@@ -284,7 +290,9 @@ class LeaseUpdates(RunUpdates):
         return gone
 
     def _renew_lease(self, worker: str, hold: LeaseRef, now: float) -> bool:
-        if lease_problem(self._db, hold.run, hold.token) is not None:
+        try:
+            require_lease(self._db, hold.run, hold.token)
+        except Rejected:
             return False
         change = self._apply(hold.run, Renewed(worker, hold.token), now)
         held = change.answer is LedgerAnswer.DONE
@@ -294,8 +302,21 @@ class LeaseUpdates(RunUpdates):
 
     def check_completion(self, completion: Completion) -> str:
         """Refuse what is no result of a run of ours; returns the run's campaign."""
-        require_lease(self._db, completion.run, completion.token)
-        return check_result(self._db, completion)
+        run, result = completion.run, completion.result
+        require_lease(self._db, run, completion.token)
+        digest, campaign = self._db.execute(
+            "SELECT digest, campaign FROM run WHERE id = ?", (run,)
+        ).fetchone()
+        if digest != result.spec:
+            words = f"the result is not of run {run}: its specification differs"
+            raise Rejected(words, Rejection.OTHER_SPECIFICATION)
+        if not is_digest(result.trace.sha256):
+            raise Rejected(f"the trace of {run} has no digest", Rejection.DAMAGED)
+        size = len(codec.to_json(result))
+        if size > LARGEST_RESULT:
+            words = f"the result of {run} has {size} bytes: at most {LARGEST_RESULT} are kept"
+            raise Rejected(words, Rejection.TOO_LARGE)
+        return str(campaign)
 
     def complete(self, completion: Completion, now: float) -> LedgerAnswer:
         """Record a result, exactly one per run, whichever lease it comes under and however late."""
@@ -306,10 +327,10 @@ class LeaseUpdates(RunUpdates):
         event = Completed(completion.token, digest, completion.worker, comparable=comparable)
         before = self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
-        if before is not None and advance(before, event, attempts=self._attempts).record:
+        if advance(before, event, attempts=self._attempts).record:
             store_result(self._db, completion, digest, now)
-        change = self._apply(completion.run, event, now, before)
-        if before is not None and change.run.state is RunState.DONE:
+        change = self._apply(completion.run, event, now)
+        if change.run.state is RunState.DONE:
             self._stop_others(completion, before, campaign, now)
         if change.record and change.run.repeatable and not stopped:
             self._check_determinism(completion, digest, campaign, now)
@@ -361,11 +382,13 @@ class LeaseUpdates(RunUpdates):
     def awaits_result(self, run: str, token: int) -> bool:
         """Whether a result under that lease would be recorded now, the run's first."""
         state = self._execution_state(run)
-        return state is not None and advance(state, Completed(token, "new"), attempts=1).record
+        return advance(state, Completed(token, "new"), attempts=1).record
 
     def trace_location(self, run: str) -> tuple[str, str]:
         """Return the name of a run's trace and its URL, empty when it has none."""
-        return read_trace_location(self._db, run)
+        query = "SELECT trace_name, trace_at FROM run WHERE id = ?"
+        name, url = self._db.execute(query, (run,)).fetchone()
+        return str(name), str(url)
 
     def record_move(self, name: str, digest: str, url: str) -> bool:
         """Record that the trace ``name`` of a result with that digest lies at ``url`` now.

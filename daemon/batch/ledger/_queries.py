@@ -34,20 +34,16 @@ _SEVERITY: Final = (
     " WHEN 'pass' THEN 3 ELSE 4 END"
 )
 _SORTABLE: Final = {
+    **{
+        name: name
+        for name in (
+            *("campaign", "scenario", "sut", "repeat", "state", "attempt", "worker"),
+            *("oracle", "margin", "simulated", "wall"),
+        )
+    },
     "index": "serial",
-    "campaign": "campaign",
-    "scenario": "scenario",
-    "sut": "sut",
-    "repeat": "repeat",
-    "state": "state",
-    "attempt": "attempt",
-    "worker": "worker",
     "outcome": _SEVERITY,
-    "oracle": "oracle",
-    "margin": "margin",
-    "simulated": "simulated",
     "limit": "time_limit",
-    "wall": "wall",
 }
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
@@ -146,7 +142,7 @@ def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None =
         "nondeterministic": bool(values["nondeterministic"]),
         "reason": join_notes(values["reason"], gone),
         "seed": int(values["seed"]),  # text in the table: 64 bits without a sign do not fit SQLite
-        "result": None if result is None else read_result(result),
+        "result": None if result is None else codec.from_json(RunResult, result),
         "proposal": None if proposal is None else codec.from_json(Proposal, proposal),
     }
     return RunRow(**values)
@@ -175,8 +171,3 @@ def find_trace(
 def missing_trace_text(source: str) -> str:
     """Say that there is no trace of a run any more, whose result is that of ``source`` if any."""
     return f"the trace of {source} is gone" if source else "its trace is gone"
-
-
-def read_result(body: bytes) -> RunResult:
-    """Return a result as it was stored; raises ``ValueError`` for one that is damaged."""
-    return codec.from_json(RunResult, body)

@@ -16,19 +16,12 @@ from daemon.batch.ledger._queries import (
     campaign_filter,
     find_trace,
     missing_trace_text,
-    read_result,
     run_filter,
     run_order,
     run_row,
     select_runs,
 )
-from daemon.batch.ledger._results import (
-    read_declared,
-    read_holds,
-    read_origin,
-    require_era,
-    require_lease,
-)
+from daemon.batch.ledger._results import read_declared, read_holds, require_era, require_lease
 from daemon.batch.ledger._searches import read_searches
 from daemon.batch.ledger._time_left import (
     Forecast,
@@ -130,7 +123,12 @@ class LedgerReader:
             (json.dumps(list(tallied)),),
         ):
             tallied[campaign].append(tuple(tally))
-        return tuple(_campaign_row(row, _count_runs(tallied[row["id"]])) for row in rows)
+        return tuple(
+            CampaignRow(
+                **dict(row) | {"paused": bool(row["paused"])} | _count_runs(tallied[row["id"]])
+            )
+            for row in rows
+        )
 
     def campaign_page(self, **fields: Any) -> tuple[CampaignRow, ...]:
         """A page of campaigns by the fields of a :class:`CampaignQuery`, as clients ask."""
@@ -152,17 +150,14 @@ class LedgerReader:
         came = self._db.execute(
             "SELECT min(submitted_at) FROM campaign WHERE finished_at IS NULL"
         ).fetchone()[0]
-        times = [
-            row[0]
-            for row in self._db.execute(
-                "SELECT finished_at FROM run WHERE finished_at > ?"
-                " ORDER BY finished_at DESC LIMIT ?",
-                (max(now - _RATE_SPAN, came or 0.0), _RATE_RUNS),
-            )
-        ]
-        if len(times) < 2 or now <= times[-1]:
+        runs, first = self._db.execute(
+            "SELECT count(*), min(finished_at) FROM (SELECT finished_at FROM run"
+            " WHERE finished_at > ? ORDER BY finished_at DESC LIMIT ?)",
+            (max(now - _RATE_SPAN, came or 0.0), _RATE_RUNS),
+        ).fetchone()
+        if runs < 2 or now <= first:
             return 0.0
-        return 60.0 * (len(times) - 1) / float(now - times[-1])
+        return 60.0 * (runs - 1) / float(now - first)
 
     def holds(self) -> tuple[str, ...]:
         """Return what campaigns lack that wait for it, in words for people."""
@@ -229,7 +224,11 @@ class LedgerReader:
 
     def origin(self, campaign: str) -> CampaignOrigin:
         """Return the file and the commit that a campaign was written in."""
-        return read_origin(self._db, campaign)
+        query = "SELECT origin FROM campaign WHERE id = ?"
+        row = self._db.execute(query, (campaign,)).fetchone()
+        if row is None:
+            raise Refused(f"there is no campaign {campaign}")
+        return codec.from_json(CampaignOrigin, row[0])
 
     def forecast(self, runs: Sequence[PlannedRun]) -> Forecast:
         """Return which of these runs have results, and how long each takes."""
@@ -238,10 +237,6 @@ class LedgerReader:
     def searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:
         """Searches, the newest first."""
         return read_searches(self._db, query)
-
-    def campaign_ids(self) -> frozenset[str]:
-        """The ids of all campaigns."""
-        return frozenset(row[0] for row in self._db.execute("SELECT id FROM campaign"))
 
     def steps(self, run: str) -> tuple[tuple[float, str, str], ...]:
         """When a run came to which state, and why; the oldest first, the earliest may be gone."""
@@ -257,7 +252,7 @@ class LedgerReader:
         row = self._db.execute(
             "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?", (name,)
         ).fetchone()
-        return None if row is None else read_result(row[0])
+        return None if row is None else codec.from_json(RunResult, row[0])
 
     def traces(self, name: str) -> tuple[TraceReference, ...]:
         """The traces there are of a campaign or a run, in order, those used again included."""
@@ -314,8 +309,3 @@ def _count_runs(tallied: Iterable[tuple[str, str, int]]) -> dict[str, int]:
             if name in counts:  # repeats in reserve count nowhere
                 counts[name] += runs
     return counts
-
-
-def _campaign_row(row: sqlite3.Row, counts: dict[str, int]) -> CampaignRow:
-    values: dict[str, Any] = dict(row) | {"paused": bool(row["paused"])} | counts
-    return CampaignRow(**values)

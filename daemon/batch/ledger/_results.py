@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import secrets
 import sqlite3
 from collections.abc import Sequence
 from typing import Final
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
 from daemon.batch.ledger._entry import RESERVE
-from daemon.batch.ledger._queries import read_result, run_row, select_runs
+from daemon.batch.ledger._queries import run_row, select_runs
 from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules
-from daemon.model.ids import is_digest
 from daemon.model.messages import Completion, Rejection
-from daemon.model.spec import ENGINE_VERSION, LARGEST_RESULT
+from daemon.model.spec import ENGINE_VERSION, RunResult
 from daemon.model.status import RunRow
-from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
@@ -26,14 +23,7 @@ def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
     row = db.execute("SELECT declared FROM campaign WHERE id = ?", (campaign,)).fetchone()
     if row is None:
         raise Refused(f"there is no campaign {campaign}")
-    return codec.from_json(AssessmentRules, row[0]) if row[0] else AssessmentRules()
-
-
-def read_origin(db: sqlite3.Connection, campaign: str) -> CampaignOrigin:
-    """Return where a campaign was written; raises :class:`Refused` as :func:`read_declared`."""
-    read_declared(db, campaign)
-    row = db.execute("SELECT origin FROM campaign WHERE id = ?", (campaign,)).fetchone()
-    return codec.from_json(CampaignOrigin, row[0]) if row and row[0] else CampaignOrigin()
+    return codec.from_json(AssessmentRules, row[0])
 
 
 # Only of systems that repeat themselves: a result of another one is one of many it might give.
@@ -92,13 +82,6 @@ def read_engine_problems(db: sqlite3.Connection) -> tuple[tuple[str, str], ...]:
     return tuple((campaign, words) for campaign, words in problems if words)
 
 
-def begin_era(db: sqlite3.Connection) -> str:
-    """Write down that a daemon begins to keep this ledger, and return the name of that era."""
-    era = secrets.token_hex(8)
-    db.execute("INSERT INTO era (id, token) SELECT ?, value FROM meta WHERE key = 'token'", (era,))
-    return era
-
-
 def require_era(db: sqlite3.Connection, era: str, token: int = 0) -> None:
     """Raise :class:`OtherLedger` unless a lease ``token`` of that ``era`` may be of this ledger.
 
@@ -113,89 +96,45 @@ def require_era(db: sqlite3.Connection, era: str, token: int = 0) -> None:
         raise OtherLedger("this daemon keeps another ledger, or an older copy of it")
 
 
-def lease_problem(db: sqlite3.Connection, run: str, token: int) -> Rejected | None:
-    """Return why nothing may come under a lease: the run never had it; ``None`` for one it had.
+def require_lease(db: sqlite3.Connection, run: str, token: int) -> None:
+    """Refuse what comes under a lease that the run never had, as :class:`Rejected`.
 
     Whether the lease is over is another question: late results are welcome.
     """
     row = db.execute("SELECT granted FROM run WHERE id = ?", (run,)).fetchone()
     if row is None:
-        return Rejected(f"there is no run {run}", Rejection.UNKNOWN_RUN)
+        raise Rejected(f"there is no run {run}", Rejection.UNKNOWN_RUN)
     # Tokens only grow, and ``granted`` is the latest one of the run.
-    if 0 < token <= row[0]:
-        return None
-    words = f"run {run} was never leased under token {token}"
-    return Rejected(words, Rejection.UNKNOWN_LEASE)
-
-
-def require_lease(db: sqlite3.Connection, run: str, token: int) -> None:
-    """Refuse what comes under a lease that the run never had."""
-    problem = lease_problem(db, run, token)
-    if problem is not None:
-        raise problem
-
-
-def check_result(db: sqlite3.Connection, completion: Completion) -> str:
-    """Refuse what is no result of a run of ours; returns the run's campaign."""
-    known = db.execute(
-        "SELECT digest, campaign FROM run WHERE id = ?", (completion.run,)
-    ).fetchone()
-    if known is None:
-        raise Rejected(f"there is no run {completion.run}", Rejection.UNKNOWN_RUN)
-    if known[0] != completion.result.spec:
-        raise Rejected(
-            f"the result is not of run {completion.run}: its specification differs",
-            Rejection.OTHER_SPECIFICATION,
-        )
-    if not is_digest(completion.result.trace.sha256):
-        raise Rejected(f"the trace of {completion.run} has no digest", Rejection.DAMAGED)
-    size = len(codec.to_json(completion.result))
-    if size > LARGEST_RESULT:
-        raise Rejected(
-            f"the result of {completion.run} has {size} bytes: at most {LARGEST_RESULT} are kept",
-            Rejection.TOO_LARGE,
-        )
-    return str(known[1])
-
-
-def read_trace_location(db: sqlite3.Connection, run: str) -> tuple[str, str]:
-    """Return the name of a run's trace and its URL, empty when it has none."""
-    row = db.execute("SELECT trace_name, trace_at FROM run WHERE id = ?", (run,)).fetchone()
-    if row is None:
-        raise Refused(f"there is no run {run}")
-    return str(row[0]), str(row[1])
+    if not 0 < token <= row[0]:
+        words = f"run {run} was never leased under token {token}"
+        raise Rejected(words, Rejection.UNKNOWN_LEASE)
 
 
 def store_result(db: sqlite3.Connection, completion: Completion, digest: str, now: float) -> None:
     """Write down what a run gave, for good."""
-    result, verdict = completion.result, deciding_verdict(completion.result.verdicts)
+    result = completion.result
     # Ignored when there is one: the primary key makes it the first and only, whoever calls.
     db.execute(
         "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
         " VALUES (?, ?, ?, ?, ?, ?)",
-        (
-            completion.run,
-            completion.attempt,
-            completion.worker,
-            digest,
-            now,
-            codec.to_json(result),
-        ),
+        (completion.run, completion.attempt, completion.worker, digest, now, codec.to_json(result)),
     )
     db.execute(
         "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
         " finished_at = ? WHERE id = ?",
-        (
-            result.outcome,
-            verdict.oracle if verdict else "",
-            verdict.margin if verdict else None,
-            verdict.unit if verdict else "",
-            result.timing.simulated,
-            result.timing.wall,
-            now,
-            completion.run,
-        ),
+        (*result_columns(result), result.timing.wall, now, completion.run),
     )
+
+
+def result_columns(result: RunResult) -> tuple[str, str, float | None, str, float]:
+    """Return what the row of a run repeats of its result, which lists do not read.
+
+    That is its outcome, the deciding oracle with margin and unit, and the simulated time [s].
+    """
+    verdict, simulated = deciding_verdict(result.verdicts), result.timing.simulated
+    if verdict is None:
+        return (str(result.outcome), "", None, "", simulated)
+    return (str(result.outcome), verdict.oracle, verdict.margin, verdict.unit, simulated)
 
 
 def remove_result(db: sqlite3.Connection, run: str) -> None:
@@ -211,7 +150,7 @@ def remove_result(db: sqlite3.Connection, run: str) -> None:
 def has_stopped_result(db: sqlite3.Connection, run: str) -> bool:
     """Whether a run has a result, and the wall clock ended it."""
     row = db.execute("SELECT body FROM result WHERE run = ?", (run,)).fetchone()
-    return row is not None and read_result(row[0]).stopped
+    return row is not None and codec.from_json(RunResult, row[0]).stopped
 
 
 def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:

@@ -14,12 +14,11 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._inputs import needed_inputs
-from daemon.batch.ledger._results import read_engine_problems
+from daemon.batch.ledger._results import read_engine_problems, result_columns
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
 from daemon.model.spec import RunResult, TraceInfo, run_digest, text_digest
-from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
 VerificationProgress: TypeAlias = Callable[[str, int, int], None]
@@ -140,7 +139,7 @@ class _Look:
             self.found["results differ from their digest"].append(run)
         if result.spec != digest:
             self.found["results are of another specification than their run"].append(run)
-        if columns != _columns(result):
+        if columns != result_columns(result):
             self.found["verdicts of runs differ from their results"].append(run)
         if not url:
             self._at_trace(trace, result.trace)
@@ -176,10 +175,3 @@ class _Look:
             return ()
         places = (*self._paths.scenes.glob("*.json"), *self._paths.files.glob("*"))
         return tuple(sorted(waiting - {path.stem for path in places}))
-
-
-def _columns(result: RunResult) -> tuple[object, ...]:
-    verdict, simulated = deciding_verdict(result.verdicts), result.timing.simulated
-    if verdict is None:
-        return (str(result.outcome), "", None, "", simulated)
-    return (str(result.outcome), verdict.oracle, verdict.margin, verdict.unit, simulated)
