@@ -1,4 +1,7 @@
-"""Runs in the ledger: entered with the cells and scripts they share, and read back."""
+"""Runs in the ledger: entered with the cells and scripts they share, and read back.
+
+Also which scenes and files they need.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,9 @@ from dataclasses import replace
 from itertools import chain, repeat
 from typing import Final, NamedTuple
 
+from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import trace_name
+from daemon.model.search import SearchSubmission
 from daemon.model.spec import RunSpec, Script, run_digest, text_digest
 from daemon.model.submission import Submission
 from grammars.text import codec
@@ -28,6 +33,18 @@ _READ_SPEC: Final = (
     " WHERE run.id = ?"
 )
 _MOST_CACHED: Final = 1024
+# Read as JSON, not as specifications: a field that a later version does not take must not make
+# what a run needs look superfluous.
+_NAMED: Final = (
+    "WITH text (body) AS (SELECT CAST(body AS TEXT) FROM cell {cells})"
+    " SELECT json_extract(body, '$.scene') FROM text"
+    " UNION SELECT json_extract(body, '$.map.file') FROM text"
+    " UNION SELECT value FROM text, json_each(body, '$.sut.files')"
+)
+_WAITING: Final = (
+    "WHERE (campaign, number) IN"
+    " (SELECT campaign, cell FROM run WHERE state IN ('queued', 'running'))"
+)
 
 
 class _Text(NamedTuple):
@@ -35,6 +52,24 @@ class _Text(NamedTuple):
 
     number: int
     digest: str
+
+
+def enter_campaign(
+    db: sqlite3.Connection,
+    asked: Submission | SearchSubmission,
+    digest: str,
+    declared: AssessmentRules,
+    now: float,
+) -> None:
+    """Enter a campaign that has no runs yet."""
+    db.execute(
+        "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
+        " fresh, origin) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?)",
+        (
+            *(asked.campaign, asked.name, asked.about, asked.source, digest, now),
+            *(codec.to_json(declared), asked.fresh, codec.to_json(asked.origin)),
+        ),
+    )
 
 
 def enter_runs(db: sqlite3.Connection, submission: Submission) -> None:
@@ -114,3 +149,13 @@ def _read_cell(body: bytes) -> RunSpec:
 def _read_script(body: bytes) -> Script:
     script: Script = codec.from_json(Script, body)
     return script
+
+
+def needed_inputs(db: sqlite3.Connection, *, waiting: bool = False) -> frozenset[str]:
+    """Return the digests of scenes and files that runs need, or that those do which wait.
+
+    Runs that may still be made of a reserve count among all. Raises ``sqlite3.Error``, also for a
+    ledger that is damaged there.
+    """
+    rows = db.execute(_NAMED.format(cells=_WAITING if waiting else "")).fetchall()
+    return frozenset(digest for (digest,) in rows if digest)

@@ -60,18 +60,38 @@ RETRY: Final = (
 )
 _KEPT_EVENTS: Final = 10_000
 _PRUNED_EVERY: Final = 1000
+# The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
+# lease and tokens only grow: who was served longest ago goes first, which is round robin without
+# a list of turns. A worker that lacks systems under test must not get stuck at a campaign that has
+# nothing else for it: what it is able to run is asked for in both places. Runs that were leased
+# less often go first: one that fails again and again stands behind all others.
+_NEXT_RUN: Final = (
+    "SELECT run.id, run.campaign, trace_name,"
+    " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
+    " FROM run WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign"
+    " AS c WHERE finished_at IS NULL AND paused = 0 AND lacks = '' AND EXISTS (SELECT 1 FROM run"
+    " WHERE run.campaign = c.id AND state = 'queued'{able})"
+    " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.attempt, run.serial LIMIT 1"
+)
+_ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
+_LONGEST_REASON: Final = 4000
 
 
 class RunUpdates:
     """Changes of runs on one connection; each goes through the pure transition function.
 
-    A run is lost after ``attempts`` leases that ended badly. What must be told to others after
-    the commit collects in :attr:`events`.
+    A run is lost after ``attempts`` leases that ended badly. The ledger knows who has what, the
+    daemon's memory until when. Which worker comes with a lease does not matter: the next worker of
+    a machine takes over what a dead one has left. What must be told to others after the commit
+    collects in :attr:`events`.
     """
 
-    def __init__(self, connection: sqlite3.Connection, attempts: int) -> None:
+    def __init__(self, connection: sqlite3.Connection, *, attempts: int = 3) -> None:
         self._db = connection
         self._attempts = attempts
+        self._era = ""
+        # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
+        self._contested: set[str] = set()
         self.events: list[ChangeEvent] = []
 
     def _execution_state(self, run: str) -> ExecutionState:
@@ -122,9 +142,12 @@ class RunUpdates:
         self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
         self.record_event(now, "campaign", campaign, campaign, "finished")
 
-    def _require_campaign(self, campaign: str) -> None:
+    def _is_known(self, campaign: str) -> bool:
         query = "SELECT 1 FROM campaign WHERE id = ?"
-        if not self._db.execute(query, (campaign,)).fetchone():
+        return self._db.execute(query, (campaign,)).fetchone() is not None
+
+    def _require_campaign(self, campaign: str) -> None:
+        if not self._is_known(campaign):
             raise Refused(f"there is no campaign {campaign}")
 
     def _total(self, campaign: str) -> int:
@@ -153,37 +176,6 @@ class RunUpdates:
                 "DELETE FROM event WHERE seq <= ? AND kind <> 'alarm'", (seq - _KEPT_EVENTS,)
             )
         self.events.append(ChangeEvent(seq, kind, name, campaign, state))
-
-
-# The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
-# lease and tokens only grow: who was served longest ago goes first, which is round robin without
-# a list of turns. A worker that lacks systems under test must not get stuck at a campaign that has
-# nothing else for it: what it is able to run is asked for in both places. Runs that were leased
-# less often go first: one that fails again and again stands behind all others.
-_NEXT_RUN: Final = (
-    "SELECT run.id, run.campaign, trace_name,"
-    " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
-    " FROM run WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign"
-    " AS c WHERE finished_at IS NULL AND paused = 0 AND lacks = '' AND EXISTS (SELECT 1 FROM run"
-    " WHERE run.campaign = c.id AND state = 'queued'{able})"
-    " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.attempt, run.serial LIMIT 1"
-)
-_ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
-_LONGEST_REASON: Final = 4000
-
-
-class LeaseUpdates(RunUpdates):
-    """Leases of runs: the ledger knows who has what, the daemon's memory until when.
-
-    Which worker comes with a lease does not matter: the next worker of a machine takes over what a
-    dead one has left.
-    """
-
-    def __init__(self, connection: sqlite3.Connection, *, attempts: int = 3) -> None:
-        super().__init__(connection, attempts)
-        self._era = ""
-        # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
-        self._contested: set[str] = set()
 
     def lease(
         self,
@@ -383,29 +375,6 @@ class LeaseUpdates(RunUpdates):
         """Whether a result under that lease would be recorded now, the run's first."""
         state = self._execution_state(run)
         return advance(state, Completed(token, "new"), attempts=1).record
-
-    def trace_location(self, run: str) -> tuple[str, str]:
-        """Return the name of a run's trace and its URL, empty when it has none."""
-        query = "SELECT trace_name, trace_at FROM run WHERE id = ?"
-        name, url = self._db.execute(query, (run,)).fetchone()
-        return str(name), str(url)
-
-    def record_move(self, name: str, digest: str, url: str) -> bool:
-        """Record that the trace ``name`` of a result with that digest lies at ``url`` now.
-
-        Runs that took the result find it there too. Returns whether the result is still the run's.
-        """
-        row = self._db.execute(
-            "SELECT id FROM run WHERE trace_name = ? AND result = ?", (name, digest)
-        ).fetchone()
-        if row is None:
-            return False
-        self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (url, row[0]))
-        self._db.execute(
-            "UPDATE run SET trace_at = ? WHERE cached = ? AND cached <> '' AND result = ?",
-            (url, row[0], digest),
-        )
-        return True
 
     def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
         """Take a run back without a result."""

@@ -11,8 +11,8 @@ import shlex
 import sqlite3
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._entry import enter_runs
-from daemon.batch.ledger._leases import RETRY, LeaseUpdates
+from daemon.batch.ledger._entry import enter_campaign, enter_runs
+from daemon.batch.ledger._leases import RETRY, RunUpdates
 from daemon.batch.ledger._results import reuse_results
 from daemon.batch.ledger._searches import no_search, read_task, search_state
 from daemon.model.assessments import AssessmentRules
@@ -23,7 +23,7 @@ from daemon.model.submission import Submission
 from grammars.text import codec
 
 
-class SearchUpdates(LeaseUpdates):
+class SearchUpdates(RunUpdates):
     """Changes of searches; their clients ask for them."""
 
     def begin_search(self, search: SearchSubmission, now: float) -> None:
@@ -42,13 +42,7 @@ class SearchUpdates(LeaseUpdates):
                 self._go_on(campaign, now)
             return
         digest = hashlib.sha256(task).hexdigest()
-        named = (campaign, search.name, search.about, search.source, digest)
-        declared, origin = codec.to_json(AssessmentRules()), codec.to_json(search.origin)
-        self._db.execute(
-            "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
-            " fresh, origin) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?)",
-            (*named, now, declared, search.fresh, origin),
-        )
+        enter_campaign(self._db, search, digest, AssessmentRules(), now)
         progress = SearchProgress(campaign, search.client, "explore")
         self._db.execute(
             "INSERT INTO search (campaign, task, file, progress) VALUES (?, ?, ?, ?)",

@@ -19,7 +19,7 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger._connection import check_present, connect_reader
-from daemon.batch.ledger._inputs import needed_inputs
+from daemon.batch.ledger._entry import needed_inputs
 from daemon.batch.locks import is_locked
 from daemon.batch.paths import StatePaths
 from daemon.model.ids import is_digest, is_id

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
-from daemon.batch.ledger._inputs import needed_inputs
+from daemon.batch.ledger._entry import needed_inputs
 from daemon.batch.ledger._results import read_engine_problems, result_columns
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256

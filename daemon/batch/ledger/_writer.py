@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Final, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
-from daemon.batch.ledger._deletion import remove_campaign, remove_files, shorten_file
-from daemon.batch.ledger._entry import enter_runs
+from daemon.batch.ledger._entry import enter_campaign, enter_runs
 from daemon.batch.ledger._leases import RETRY
 from daemon.batch.ledger._results import has_stopped_result, remove_result, reuse_results
 from daemon.batch.ledger._search_updates import SearchUpdates
@@ -21,7 +21,6 @@ from daemon.model.messages import RetryRequest, SteerRequest
 from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
-from grammars.text import codec
 from grammars.text.files import sync_directory
 
 T = TypeVar("T")
@@ -91,21 +90,14 @@ class LedgerWriter(SearchUpdates):
             if isinstance(error, (*UNREADABLE, OSError)):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
-        self._remove_files()
+        for campaign in self._deleted:
+            # Unless one is there again by now.
+            if self._paths is not None and not self._is_known(campaign):
+                _remove_files(self._paths, campaign)
 
     def sync_before_commit(self, folder: Path) -> None:
         """Have new names in a folder on the disk before the transaction that speaks of them."""
         self._unsynced.add(folder)
-
-    def _remove_files(self) -> None:
-        """Remove the files of campaigns that were deleted, unless one is there again by now."""
-        for campaign in self._deleted:
-            if self._paths is not None and not self._is_known(campaign):
-                remove_files(self._paths, campaign)
-
-    def _is_known(self, campaign: str) -> bool:
-        query = "SELECT 1 FROM campaign WHERE id = ?"
-        return self._db.execute(query, (campaign,)).fetchone() is not None
 
     def attempt(self, act: Callable[[LedgerWriter], T]) -> T | Exception:
         """Do something within a transaction; what it raises is returned and undoes only itself."""
@@ -148,6 +140,29 @@ class LedgerWriter(SearchUpdates):
             raise Unavailable(f"the ledger's WAL cannot be emptied: {error}") from error
         return not busy
 
+    def trace_location(self, run: str) -> tuple[str, str]:
+        """Return the name of a run's trace and its URL, empty when it has none."""
+        query = "SELECT trace_name, trace_at FROM run WHERE id = ?"
+        name, url = self._db.execute(query, (run,)).fetchone()
+        return str(name), str(url)
+
+    def record_move(self, name: str, digest: str, url: str) -> bool:
+        """Record that the trace ``name`` of a result with that digest lies at ``url`` now.
+
+        Runs that took the result find it there too. Returns whether the result is still the run's.
+        """
+        row = self._db.execute(
+            "SELECT id FROM run WHERE trace_name = ? AND result = ?", (name, digest)
+        ).fetchone()
+        if row is None:
+            return False
+        self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (url, row[0]))
+        self._db.execute(
+            "UPDATE run SET trace_at = ? WHERE cached = ? AND cached <> '' AND result = ?",
+            (url, row[0], digest),
+        )
+        return True
+
     def submit(self, submission: Submission, now: float) -> SubmissionReceipt:
         """Enter a campaign and its runs; the same submission again changes nothing."""
         campaign, digest = submission.campaign, submission.digest
@@ -158,21 +173,7 @@ class LedgerWriter(SearchUpdates):
             if row[0] != digest:
                 raise Refused(f"campaign id {campaign} is taken by another campaign")
             return SubmissionReceipt(campaign, row[1], known=True)
-        self._db.execute(
-            "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
-            " fresh, origin) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?)",
-            (
-                campaign,
-                submission.name,
-                submission.about,
-                submission.source,
-                digest,
-                now,
-                codec.to_json(submission.declared),
-                submission.fresh,
-                codec.to_json(submission.origin),
-            ),
-        )
+        enter_campaign(self._db, submission, digest, submission.declared, now)
         enter_runs(self._db, submission)
         cached = reuse_results(self._db, campaign)
         self.record_event(now, "campaign", campaign, campaign, "submitted")
@@ -272,10 +273,10 @@ class LedgerWriter(SearchUpdates):
         self.deletable(campaigns)
         assert self._paths is not None
         for campaign in campaigns:
-            remove_campaign(self._db, self._paths, campaign)
+            _remove_campaign(self._db, self._paths, campaign)
             # The last word about it stays: who was away learns that it is gone.
             self.record_event(now, "campaign", campaign, campaign, "deleted")
-        shorten_file(self._db)
+        _shorten_file(self._db)
         self._deleted += campaigns
 
 
@@ -287,3 +288,66 @@ def _retry_words(only: Sequence[str]) -> frozenset[str]:
             f"cannot retry {', '.join(unknown)}: choose among {', '.join(sorted(allowed))}"
         )
     return frozenset(only)
+
+
+def _remove_campaign(db: sqlite3.Connection, paths: StatePaths, campaign: str) -> None:
+    """Remove the rows of a campaign; runs elsewhere that took its results get their traces.
+
+    Its files are left for :func:`_remove_files`: what is not committed has not happened.
+    """
+    _hand_over(db, paths, campaign)
+    db.execute("DELETE FROM event WHERE campaign = ?", (campaign,))
+    # Before the cells they have, for each of which SQLite looks for runs.
+    db.execute("DELETE FROM run WHERE campaign = ?", (campaign,))
+    db.execute("DELETE FROM campaign WHERE id = ?", (campaign,))
+
+
+def _shorten_file(db: sqlite3.Connection) -> None:
+    """Shorten the file by all that is free in it."""
+    (free,) = db.execute("PRAGMA freelist_count").fetchone()
+    for _ in range(free):
+        # However many pages it is told, Python's SQLite gives back one each time.
+        db.execute("PRAGMA incremental_vacuum(1)")
+
+
+def _remove_files(paths: StatePaths, campaign: str) -> None:
+    """Remove the traces of a campaign that is gone."""
+    folder = paths.traces / campaign
+    for trace in folder.glob("*.mcap"):
+        trace.unlink(missing_ok=True)
+    with suppress(OSError):  # something else lies in it, or it is gone
+        folder.rmdir()
+
+
+def _hand_over(db: sqlite3.Connection, paths: StatePaths, campaign: str) -> None:
+    """Let runs elsewhere that took results of a campaign have their traces.
+
+    The first that took the result of a run gets its trace, and all others are led to that one.
+    """
+    users = db.execute(
+        "SELECT source.id, source.trace_name, run.id, run.trace_name FROM run"
+        " JOIN run AS source ON source.id = run.cached"
+        " WHERE run.cached <> '' AND source.campaign = ?1 AND run.campaign <> ?1"
+        " ORDER BY run.serial",
+        (campaign,),
+    ).fetchall()
+    heirs: dict[str, str] = {}
+    for source, old, run, new in users:
+        if source in heirs:
+            db.execute("UPDATE run SET cached = ? WHERE id = ?", (heirs[source], run))
+            continue
+        heirs[source] = run
+        db.execute("UPDATE run SET cached = '' WHERE id = ?", (run,))
+        _move_trace(paths, old, new)
+
+
+def _move_trace(paths: StatePaths, old: str, new: str) -> None:
+    source, target = paths.trace(old), paths.trace(new)
+    if target.exists() or not source.exists():
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # Linked, not moved: should this never be committed, it lies where it was as well.
+    try:
+        os.link(source, target)
+    except OSError:
+        source.replace(target)
