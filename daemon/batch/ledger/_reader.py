@@ -157,7 +157,7 @@ class LedgerReader:
         ).fetchone()
         if runs < 2 or now <= first:
             return 0.0
-        return 60.0 * (runs - 1) / float(now - first)
+        return 60.0 * int(runs - 1) / float(now - first)
 
     def holds(self) -> tuple[str, ...]:
         """Return what campaigns lack that wait for it, in words for people."""
