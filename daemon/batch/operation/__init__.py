@@ -1,7 +1,6 @@
 """Keeping a daemon going: what is wrong with it, and its systemd units."""
 
-from daemon.batch.operation._checks import check_keys
-from daemon.batch.operation._doctor import examine
+from daemon.batch.operation._doctor import check_keys, examine
 from daemon.batch.operation._findings import DoctorFinding, FindingLevel, guarded
 from daemon.batch.operation._systemd import daemon_unit, worker_unit
 

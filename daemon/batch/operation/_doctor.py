@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import os
 import platform
+import stat
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -15,10 +19,9 @@ import platformdirs
 import daemon
 from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
-from daemon.batch.errors import DaemonError
-from daemon.batch.ledger import VerificationProgress
+from daemon.batch.errors import DaemonError, KeysUnusable
+from daemon.batch.ledger import VerificationProgress, find_strays
 from daemon.batch.locks import is_locked
-from daemon.batch.operation._checks import check_keys, check_leftovers
 from daemon.batch.operation._findings import (
     DoctorFinding,
     guarded,
@@ -37,17 +40,22 @@ from daemon.batch.paths import (
     is_local,
     is_same_folder,
 )
-from daemon.batch.permissions import find_exposure
-from daemon.batch.security import keys_folder
+from daemon.batch.permissions import Exposure, find_exposure, find_key_exposure
+from daemon.batch.security import find_credentials, is_authority, keys_folder, load_register
 from daemon.model.execution import available_cores
+from daemon.model.ids import is_id
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, TroubleCause, WorkerRow
+from daemon.model.verbs import Role
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
 # Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
 _SKEW: Final = 2.0
 _ROOMY: Final = 2 * 2**30
 _FREE_SOME: Final = "free some: `scenario gc --max-size 10GiB --dry-run`"
+_EXPIRES_SOON: Final = 30 * 86_400.0
+_RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
+_STRAYS_GO: Final = "`scenario gc` removes them, as a daemon does hourly"
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: a clock before that was never set."""
 
@@ -129,21 +137,21 @@ def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
 
 
 def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
-    found = find_exposure(paths.folders)
-    remedy = f"chmod -R go-rwx {paths.state}"
-    if found.foreign:
-        yield problem(
-            "state",
-            f"{names(found.foreign)} belong to somebody else",
-            "run the daemon as their owner, or choose another directory with --state",
-        )
-    if found.writable:
-        yield problem("state", f"others can write {names(found.writable)}", remedy)
+    found, remedy = find_exposure(paths.folders), f"chmod -R go-rwx {paths.state}"
+    owner = "run the daemon as their owner, or choose another directory with --state"
+    yield from _exposed("state", found, owner, remedy)
     if found.readable:
         # The daemon sees to it when it starts.
         yield warning("state", f"others can read {names(found.readable)}", remedy)
     if not (found.foreign or found.writable or found.readable):
         yield ok("state", f"{paths.state}, yours alone")
+
+
+def _exposed(subject: str, found: Exposure, owner: str, remedy: str) -> Iterator[DoctorFinding]:
+    if found.foreign:
+        yield problem(subject, f"{names(found.foreign)} belong to somebody else", owner)
+    if found.writable:
+        yield problem(subject, f"others can write {names(found.writable)}", remedy)
 
 
 def _clock(now: float) -> Iterator[DoctorFinding]:
@@ -285,3 +293,64 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
             )
         else:
             yield ok("workers", f"{words}, {worker.preparing}" if worker.preparing else words)
+
+
+def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFinding]:
+    """Look at the keys in ``folder``; that there are none is a problem only when ``needed``."""
+    if not folder.exists():
+        if needed:
+            yield problem("keys", f"there are none in {folder}", "get some: `scenario keys bundle`")
+        return
+    try:
+        yield from _exposed_keys(folder)
+        if is_authority(folder):
+            for issued in load_register(folder).issued:
+                if issued.revoked_at is None:
+                    yield _expiry_finding(issued.name, issued.role, issued.expires_at, now)
+        else:
+            holder = find_credentials(Role.OPERATOR, folder)
+            yield _expiry_finding(holder.name, holder.role, holder.expires_at, now)
+    except (KeysUnusable, OSError) as error:
+        yield problem("keys", str(error), "see `scenario keys --help`")
+
+
+def _exposed_keys(folder: Path) -> Iterator[DoctorFinding]:
+    """Look who else may write or read keys: whoever can put one there decides who is admitted."""
+    found, remedy = find_key_exposure(folder), f"chmod -R go-rwx {folder}, have new keys made"
+    owner = "have keys of your own made: `scenario keys --help`"
+    yield from _exposed("keys", found, owner, remedy)
+    if found.readable:
+        yield problem("keys", f"others can read {names(found.readable)}", remedy)
+    elif not found.writable and folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
+
+
+def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> DoctorFinding:
+    day = f"{datetime.fromtimestamp(expires_at, UTC):%Y-%m-%d}"
+    if now >= expires_at:
+        return problem("keys", f'"{name}" has expired on {day}', _RENEWAL.format(role=role))
+    if now > expires_at - _EXPIRES_SOON:
+        return warning("keys", f'"{name}" expires on {day}', _RENEWAL.format(role=role))
+    return ok("keys", f'"{name}", good until {day}')
+
+
+def check_leftovers(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
+    """Look for strays, things moved aside and results that nobody delivers; changes nothing."""
+    found: defaultdict[tuple[str, str], list[Path]] = defaultdict(list)
+    if paths.ledger.exists():
+        with suppress(DaemonError):  # the ledger's own finding says so
+            for stray in find_strays(paths, now):
+                found[stray.what, _STRAYS_GO].append(stray.path)
+    known = {path for places in found.values() for path in places}
+    dead = "spools of dead workers", "the next worker takes them over"
+    why = f"{paths.log} and {paths.worker_log} say why; remove them when you like"
+    for place in (paths, *paths.caches):
+        for spool in place.spool.glob("*/lock"):
+            if is_id(spool.parent.name) and spool.parent not in known and not is_locked(spool):
+                found[dead].append(spool.parent)
+        for path in place.aside.glob("*"):
+            found["moved aside, damaged or not removable", why].append(path)
+    for (kind, remedy), places in found.items():
+        yield warning("leftovers", f"{kind}, {len(places)}: {names(places)}", remedy)
+    if not found:
+        yield ok("leftovers", "none")

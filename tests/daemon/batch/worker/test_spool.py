@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from daemon.batch.operation._checks import check_leftovers
+from daemon.batch.operation._doctor import check_leftovers
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import LEASE, RESULT
 from daemon.batch.worker import _attempts
