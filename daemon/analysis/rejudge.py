@@ -16,7 +16,7 @@ from daemon.analysis.parallel_map import parallel_map
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import is_url, local_copy
+from daemon.batch.stores import is_url, local_copy, trace_reference
 from daemon.judging import oracles
 from daemon.model.spec import OracleText, RunResult
 from daemon.model.verdicts import Outcome, Verdict
@@ -178,13 +178,15 @@ def _campaign_folder(name: str, places: StatePaths) -> Path | None:
 
 def _recorded_traces(name: str, places: StatePaths) -> Sequence[Path]:
     """Return the traces of a campaign or a run, also where earlier ones were used again."""
-    if not places.ledger.is_file():
+    if not name or not places.ledger.is_file():
         return []
     try:
         with LedgerReader.open(places) as ledger:
-            found = ledger.traces(name)
+            rows = (ledger.run(name).row,) if "." in name else ledger.all_runs(name, results=True)
     except DaemonError:
         return []
     return [
-        local_copy(trace) if is_url(trace.location) else Path(trace.location) for trace in found
+        local_copy(trace_reference(row)) if is_url(row.trace) else Path(row.trace)
+        for row in rows
+        if row.result is not None and row.trace
     ]

@@ -193,24 +193,20 @@ VERBS: Final = {found.name: found for found in list(vars().values()) if isinstan
 """All of them by name, in the order of their declarations."""
 
 
-class _Asks(Protocol):
-    def ask(self, verb: Verb[..., A], request: object) -> A: ...
-
-
-def _question(verb: Verb[P, A]) -> Callable[Concatenate[_Asks, P], A]:
+def _question(verb: Verb[P, A]) -> Callable[Concatenate[CampaignSource, P], A]:
     """Make the client's method of a verb: it takes the fields of the request."""
 
-    def method(self: _Asks, /, *args: P.args, **fields: P.kwargs) -> A:
+    def method(self: CampaignSource, /, *args: P.args, **fields: P.kwargs) -> A:
         return self.ask(verb, verb.request(*args, **fields))
 
     method.__name__, method.__doc__ = verb.name, verb.about
     return method
 
 
-def _counting(verb: Verb[P, Count]) -> Callable[Concatenate[_Asks, P], int]:
+def _counting(verb: Verb[P, Count]) -> Callable[Concatenate[CampaignSource, P], int]:
     """Make the client's method of a verb that answers with a number."""
 
-    def method(self: _Asks, /, *args: P.args, **fields: P.kwargs) -> int:
+    def method(self: CampaignSource, /, *args: P.args, **fields: P.kwargs) -> int:
         return self.ask(verb, verb.request(*args, **fields)).count
 
     method.__name__, method.__doc__ = verb.name, verb.about
@@ -228,34 +224,22 @@ _RUNS_PER_PAGE: Final = 500
 """Runs asked for at once when all of them are wanted."""
 
 
-class DaemonClient(ABC):
-    """What people ask a daemon: a method for each verb, and what needs several of them.
-
-    :class:`daemon.batch.client.Client` asks over the bus.
-    """
+class CampaignSource(ABC):
+    """Who can be asked about campaigns, runs and searches: a daemon, or the ledger itself."""
 
     @abstractmethod
     def ask(self, verb: Verb[..., A], request: object) -> A:
-        """Ask the daemon, return its answer.
+        """Return the answer to a question.
 
         Raises :class:`daemon.batch.errors.Unreachable` when nobody answers and
-        :class:`daemon.batch.errors.Refused` when the daemon says no.
+        :class:`daemon.batch.errors.Refused` when the answer is no.
         """
 
-    overview = _question(OVERVIEW)
     campaign_page = _question(CAMPAIGNS)
     runs = _question(RUNS)
     run = _question(RUN)
     declared = _question(DECLARED)
     origin = _question(ORIGIN)
-    workers = _question(WORKERS)
-    disk = _question(DISK)
-    get = _question(GET)
-    put = _counting(PUT)
-    cancel = _counting(CANCEL)
-    steer = _counting(STEER)
-    delete = _question(DELETE)
-    shutdown = _question(SHUTDOWN)
 
     def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first; or all of which runs wait or run.
@@ -275,18 +259,6 @@ class DaemonClient(ABC):
         """The campaign of an id, if there is one."""
         page = self.campaign_page(id=id, limit=1)
         return page[0] if page else None
-
-    def scene(self, digest: str) -> Scene:
-        """A compiled scene, by its digest; raises ``ValueError`` for one that is damaged."""
-        part = self.get(digest)
-        data = part.data
-        while part.data and len(data) < part.size:
-            part = self.get(digest, len(data))
-            data += part.data
-        scene = codec.from_json(Scene, data)
-        if scene.digest != digest:
-            raise ValueError(f"the scene {digest} is damaged")
-        return scene
 
     def all_runs(
         self,
@@ -315,15 +287,6 @@ class DaemonClient(ABC):
             if not page.rows or offset + len(rows) >= page.total:
                 return tuple(rows)
 
-    def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
-        """Queue runs again; returns how many.
-
-        ``only`` lists, separated by ``|``: ``lost``, ``cancelled``, an outcome, or ``all``. A run
-        that has a result keeps it: executing it again checks that it comes out the same.
-        """
-        words = tuple(word.strip() for word in only.split("|") if word.strip())
-        return self.ask(RETRY, RetryRequest(campaign, words)).count
-
     def searches(self, campaign: str = "", *, unfinished: bool = False) -> tuple[SearchRow, ...]:
         """Searches, the newest first; all of them, or one, or those that have not ended."""
         return self.ask(SEARCHES, SearchQuery(campaign, unfinished))
@@ -332,6 +295,44 @@ class DaemonClient(ABC):
         """The search of an id, if there is one, with all of its answer."""
         found = self.searches(campaign)
         return found[0] if found else None
+
+
+class DaemonClient(CampaignSource):
+    """What people ask a daemon: a method for each verb, and what needs several of them.
+
+    :class:`daemon.batch.client.Client` asks over the bus.
+    """
+
+    overview = _question(OVERVIEW)
+    workers = _question(WORKERS)
+    disk = _question(DISK)
+    get = _question(GET)
+    put = _counting(PUT)
+    cancel = _counting(CANCEL)
+    steer = _counting(STEER)
+    delete = _question(DELETE)
+    shutdown = _question(SHUTDOWN)
+
+    def scene(self, digest: str) -> Scene:
+        """A compiled scene, by its digest; raises ``ValueError`` for one that is damaged."""
+        part = self.get(digest)
+        data = part.data
+        while part.data and len(data) < part.size:
+            part = self.get(digest, len(data))
+            data += part.data
+        scene = codec.from_json(Scene, data)
+        if scene.digest != digest:
+            raise ValueError(f"the scene {digest} is damaged")
+        return scene
+
+    def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
+        """Queue runs again; returns how many.
+
+        ``only`` lists, separated by ``|``: ``lost``, ``cancelled``, an outcome, or ``all``. A run
+        that has a result keeps it: executing it again checks that it comes out the same.
+        """
+        words = tuple(word.strip() for word in only.split("|") if word.strip())
+        return self.ask(RETRY, RetryRequest(campaign, words)).count
 
     def begin_search(self, search: SearchSubmission) -> SearchRow:
         """Begin a search, or go on with it; return how it stands then.

@@ -142,13 +142,12 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
 def _about_search(run: str, paths: StatePaths) -> str:
     """Return what to name instead of a run of a search, which no campaign file specifies."""
     from daemon.analysis.report import open_ledger
-    from daemon.model.search_answer import SearchQuery
 
     campaign = run.rpartition(".")[0]
     if not campaign or not paths.ledger.is_file():
         return ""
     with open_ledger(paths) as reader:
-        if not reader.searches(SearchQuery(campaign)):
+        if not reader.searches(campaign):
             return ""
     found = f"scenario-results/search/{campaign}/campaign/"
     return f"{run} is a run of a search: name the scenario it found, a campaign in {found}"

@@ -15,14 +15,14 @@ from daemon.model.run_state import RunState
 from grammars.text.words import count_noun
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import open_progress, say
-from scenario_tui.cli.target import DaemonTarget, RunSource, find_campaign, find_run
+from scenario_tui.cli.target import DaemonTarget, find_campaign, find_run
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
     from daemon.batch.stores import ByteProgress, TraceReference
     from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow
-    from daemon.model.verbs import DaemonClient
+    from daemon.model.verbs import CampaignSource, DaemonClient
 
 _MCAP: Final = b"\x89MCAP0\r\n"
 """What every MCAP file begins with."""
@@ -61,7 +61,7 @@ def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
         raise Unreachable(f"{message} `scenario report {shlex.quote(str(newest))}`") from error
 
 
-def _find_named(source: RunSource, name: str) -> CampaignRow | RunDetail:
+def _find_named(source: CampaignSource, name: str) -> CampaignRow | RunDetail:
     """Return what a name means: with a dot in it a run, else a campaign.
 
     Ids of campaigns have no dots; files and folders are told apart before anybody is asked.
@@ -162,7 +162,7 @@ def why_without_traces(name: str, target: DaemonTarget) -> str:
         found = _find_named(ledger, name)
         if isinstance(found, RunDetail):
             campaign = find_campaign(ledger, found.row.campaign)
-            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger.run_page)
+            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger.runs)
         return without_traces_text(_as_daemon_sees(found, target))
     return ""
 

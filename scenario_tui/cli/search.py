@@ -414,7 +414,7 @@ def _find_search(target: DaemonTarget, wanted: str) -> str:
     from scenario_tui.cli.search_report import find_search_id
 
     with target.open() as daemon:
-        found = find_search_id(daemon, wanted, daemon.searches)
+        found = find_search_id(daemon, wanted)
     if not found:
         hint = f"its results are shown by `scenario results {wanted}`"
         raise Refused(f"{wanted} is no search: {hint}")

@@ -18,7 +18,7 @@ from daemon.search.answers.found import (
 )
 from grammars.text.diagnostics import InputError, Severity
 from scenario_tui.cli.output import report_diagnostics
-from scenario_tui.cli.search_report import daemon_material, write_search_page
+from scenario_tui.cli.search_report import search_material, write_search_page
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
@@ -61,7 +61,7 @@ def write_search_files(
         written["smallest"] = _write_smallest(answer.shrunk.files, folder / _SMALLEST)
     named = {kind: str(path) for kind, path in written.items()}
     folder.mkdir(parents=True, exist_ok=True)
-    material = daemon_material(daemon, row, proposals)
+    material = search_material(daemon, row, proposals)
     write_search_page(material, folder / _PAGE, tuple(file_commands(named)))
     written["page"] = folder / _PAGE
     return written

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from daemon.batch.errors import Refused, TraceUnavailable
-from daemon.model.search_answer import SearchQuery
-from scenario_tui.cli.target import CampaignSource, DaemonTarget, find_campaign_or_search_among
+from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
-    from daemon.batch.ledger import LedgerReader
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import RunRow
-    from daemon.model.verbs import DaemonClient
+    from daemon.model.verbs import CampaignSource
 
 _UNGUIDED = ("halton", "random")
 """Methods whose runs are chosen without looking at results."""
@@ -31,14 +29,12 @@ class SearchMaterial:
     traces: Mapping[str, Path]
 
 
-def find_search_id(
-    source: CampaignSource, wanted: str, searches: Callable[[], Sequence[SearchRow]]
-) -> str:
+def find_search_id(source: CampaignSource, wanted: str) -> str:
     """Return the id of the search that is meant, also by its name in its campaign file.
 
     Empty when a campaign is meant. Raises :class:`Refused` when there is neither.
     """
-    found = find_campaign_or_search_among(source, wanted, searches)
+    found = find_campaign_or_search(source, wanted)
     return found.id if found.search else ""
 
 
@@ -64,52 +60,42 @@ def _search_called(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
 
     if target.named:
         with target.open() as daemon:
-            campaign = find_search_id(daemon, wanted, daemon.searches)
-            if not campaign:
-                return None
-            return daemon_material(daemon, *ask_search(daemon, campaign))
+            return _material_called(daemon, wanted)
     if not target.paths.ledger.is_file():
         return None
     with open_ledger(target.paths) as reader:
-        campaign = find_search_id(reader, wanted, lambda: reader.searches(SearchQuery()))
-        return _ledger_material(reader, campaign) if campaign else None
+        return _material_called(reader, wanted)
+
+
+def _material_called(source: CampaignSource, wanted: str) -> SearchMaterial | None:
+    campaign = find_search_id(source, wanted)
+    return search_material(source, *ask_search(source, campaign)) if campaign else None
 
 
 def ask_search(
-    daemon: DaemonClient, campaign: str, *, runs: bool = True
+    source: CampaignSource, campaign: str, *, runs: bool = True
 ) -> tuple[SearchRow, tuple[RunRow, ...]]:
     """Return a search, and its ``runs`` if asked; raises :class:`Refused` when there is none."""
-    row = daemon.search_row(campaign)
+    row = source.search_row(campaign)
     if row is None:
         raise Refused(f"there is no search {campaign}")
-    return row, daemon.all_runs(campaign, results=True) if runs else ()
+    return row, source.all_runs(campaign, results=True) if runs else ()
 
 
-def daemon_material(
-    daemon: DaemonClient, row: SearchRow, proposals: tuple[RunRow, ...]
+def search_material(
+    source: CampaignSource, row: SearchRow, proposals: tuple[RunRow, ...]
 ) -> SearchMaterial:
-    """Return a search that a daemon has told of; the traces that are drawn are brought here."""
+    """Return what belongs to a search; the traces that are drawn are brought here."""
     from daemon.batch.stores import local_copy, trace_reference
+    from daemon.model.verbs import DaemonClient
 
-    base = baseline_search(row, daemon.searches())
+    daemon = source if isinstance(source, DaemonClient) else None
+    base = baseline_search(row, source.searches())
     return SearchMaterial(
         row,
         proposals,
-        daemon.all_runs(base, results=True) if base else (),
-        _traces(row, lambda run: local_copy(trace_reference(daemon.run(run).row), daemon)),
-    )
-
-
-def _ledger_material(reader: LedgerReader, campaign: str) -> SearchMaterial:
-    from daemon.batch.stores import local_copy
-
-    (row,) = reader.searches(SearchQuery(campaign))
-    base = baseline_search(row, reader.searches(SearchQuery()))
-    return SearchMaterial(
-        row,
-        reader.all_runs(campaign),
-        reader.all_runs(base) if base else (),
-        _traces(row, lambda run: local_copy(reader.trace_reference(run))),
+        source.all_runs(base, results=True) if base else (),
+        _traces(row, lambda run: local_copy(trace_reference(source.run(run).row), daemon)),
     )
 
 

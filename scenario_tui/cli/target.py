@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import Refused, Unreachable
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
-    from daemon.model.search_answer import SearchRow
     from daemon.model.status import CampaignRow, RunDetail
-    from daemon.model.verbs import DaemonClient
+    from daemon.model.verbs import CampaignSource, DaemonClient
 
 _NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
 
@@ -85,29 +84,7 @@ class DaemonTarget:
             yield client
 
 
-class CampaignSource(Protocol):
-    """Whoever knows the campaigns: a daemon, or the ledger itself."""
-
-    def campaign_page(
-        self,
-        *,
-        id: str = "",
-        name: str = "",
-        beginning: str = "",
-        offset: int = 0,
-        limit: int = ...,
-    ) -> tuple[CampaignRow, ...]:
-        """A page of campaigns, the newest first, as a ``CampaignQuery`` asks for it."""
-
-
-class RunSource(CampaignSource, Protocol):
-    """Whoever knows the runs as well."""
-
-    def run(self, run: str, /) -> RunDetail:
-        """Everything about one run; raises :class:`Refused` for an unknown id."""
-
-
-def find_run(daemon: RunSource, wanted: str) -> RunDetail:
+def find_run(source: CampaignSource, wanted: str) -> RunDetail:
     """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
 
     Raises :class:`Refused` when there is none, with what there is.
@@ -115,18 +92,18 @@ def find_run(daemon: RunSource, wanted: str) -> RunDetail:
     name, dot, number = wanted.rpartition(".")
     # The id as it is costs one question; only what is none needs the list of campaigns.
     try:
-        return daemon.run(wanted)
+        return source.run(wanted)
     except Refused:
-        campaign = find_campaign(daemon, name if dot else wanted)
+        campaign = find_campaign(source, name if dot else wanted)
     meant = f"{campaign.id}.{number}"
     if dot and meant != wanted:
         with suppress(Refused):
-            return daemon.run(meant)
+            return source.run(meant)
     last = f"{campaign.id}.{campaign.total - 1}"
     raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {campaign.id}.0 to {last}')
 
 
-def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
+def find_campaign(source: CampaignSource, wanted: str) -> CampaignRow:
     """Return the campaign meant by an id, a name (the newest of it) or their beginning.
 
     Without a word it is the newest. Raises :class:`Refused` when there is none or
@@ -135,16 +112,16 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     # An id beats a name and both beat a beginning, so that what is said in full is never doubtful.
     # Asked one by one: there may be thousands of campaigns, and each of these finds a few.
     if not wanted:
-        newest = daemon.campaign_page(limit=1)
+        newest = source.campaign_page(limit=1)
         if newest:
             return newest[0]
         raise Refused(_NONE_YET)
-    exact = daemon.campaign_page(id=wanted, limit=1)
-    exact = exact or daemon.campaign_page(name=wanted, limit=1)
+    exact = source.campaign_page(id=wanted, limit=1)
+    exact = exact or source.campaign_page(name=wanted, limit=1)
     if exact:
         return exact[0]
     # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
-    close = daemon.campaign_page(beginning=wanted)
+    close = source.campaign_page(beginning=wanted)
     if len({row.name for row in close}) > 1:
         ids = ", ".join(row.id for row in close[:5])
         raise Refused(f'several campaigns begin with "{wanted}": {ids}')
@@ -152,7 +129,7 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
         return close[0]
     if name := _name_in_file(wanted):
         raise Refused(f'{wanted} is a file: what was submitted of it is called "{name}"')
-    rows = daemon.campaign_page()
+    rows = source.campaign_page()
     if not rows:
         raise Refused(_NONE_YET)
     names = {row.name for row in rows} | {row.id for row in rows}
@@ -170,26 +147,17 @@ def _name_in_file(path: str) -> str:
     return found[1] if found else ""
 
 
-def find_campaign_or_search(daemon: DaemonClient, wanted: str) -> CampaignRow:
+def find_campaign_or_search(source: CampaignSource, wanted: str) -> CampaignRow:
     """Return the campaign meant as :func:`find_campaign` does, a search also by its own name.
 
     That is what its campaign file calls it; the newest of that name is meant. Raises
     :class:`Refused` when there is neither.
     """
-    return find_campaign_or_search_among(daemon, wanted, daemon.searches)
-
-
-def find_campaign_or_search_among(
-    source: CampaignSource, wanted: str, searches: Callable[[], Sequence[SearchRow]]
-) -> CampaignRow:
-    """Return what :func:`find_campaign_or_search` does, from a daemon or a ledger.
-
-    ``searches`` are asked for only when no campaign is meant.
-    """
     try:
         return find_campaign(source, wanted)
     except Refused:
-        called = [row for row in searches() if row.task.name == wanted]
+        # Searches are asked for only when no campaign is meant.
+        called = [row for row in source.searches() if row.task.name == wanted]
         found = source.campaign_page(id=called[0].campaign, limit=1) if called else ()
         if not found:
             raise

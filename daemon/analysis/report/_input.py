@@ -88,7 +88,7 @@ def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
 
 def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> ReportInput:
     """Return a campaign of a state directory with all its runs, also those without a result."""
-    records: Sequence[RunRow] = reader.all_runs(row.id)
+    records: Sequence[RunRow] = reader.all_runs(row.id, results=True)
     # A record holds verdicts, not what was specified: oracles and triggers are in the latter.
     specs = [reader.run(record.id).spec for record in records]
     records = [

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import UNREADABLE, connect_reader
 from daemon.batch.ledger._entry import RESERVE, read_spec
 from daemon.batch.ledger._queries import (
     campaign_filter,
-    find_trace,
-    missing_trace_text,
     run_filter,
     run_order,
     run_row,
@@ -31,25 +30,25 @@ from daemon.batch.ledger._time_left import (
     read_time_left,
 )
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import TraceReference
-from daemon.model.assessments import AssessmentRules
-from daemon.model.messages import (
-    LARGEST_PAGE,
-    LARGEST_PAGE_BYTES,
-    CampaignQuery,
-    RunQuery,
-)
+from daemon.model.messages import LARGEST_PAGE_BYTES, CampaignQuery, IdRequest, RunQuery
 from daemon.model.run_state import RunState
-from daemon.model.search_answer import SearchQuery, SearchRow
 from daemon.model.spec import RunResult
-from daemon.model.status import (
-    CampaignRow,
-    RunDetail,
-    RunPage,
-    RunRow,
-)
+from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow
 from daemon.model.submission import CampaignOrigin
+from daemon.model.verbs import (
+    CAMPAIGNS,
+    DECLARED,
+    ORIGIN,
+    RUN,
+    RUNS,
+    SEARCHES,
+    AnyVerb,
+    CampaignSource,
+    Verb,
+)
 from grammars.text import codec
+
+A = TypeVar("A")
 
 _COUNTED: Final = {
     "pass": "passed", "fail": "failed", "inconclusive": "inconclusive", "error": "errors",
@@ -59,9 +58,6 @@ _LARGEST_NAMES: Final = 2000
 """Bytes of a row of a page, without reason and result."""
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
-
-
-_ALL_CAMPAIGNS: Final = CampaignQuery(limit=2**53)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +72,7 @@ class ExpectedUpload:
     wanted: bool
 
 
-class LedgerReader:
+class LedgerReader(CampaignSource):
     """The read side of the ledger on one connection, used by one thread."""
 
     def __init__(self, connection: sqlite3.Connection, paths: StatePaths) -> None:
@@ -107,8 +103,20 @@ class LedgerReader:
         finally:
             self._db.execute("COMMIT")
 
-    def campaigns(self, query: CampaignQuery = _ALL_CAMPAIGNS) -> tuple[CampaignRow, ...]:
-        """A page of campaigns, the newest first."""
+    def ask(self, verb: Verb[..., A], request: object) -> A:
+        """Answer one of the questions that a :class:`CampaignSource` is asked."""
+        answers: dict[AnyVerb, Callable[[Any], Any]] = {
+            CAMPAIGNS: self._campaigns,
+            RUNS: self._runs,
+            RUN: self._run,
+            DECLARED: lambda asked: read_declared(self._db, asked.id),
+            ORIGIN: self._origin,
+            SEARCHES: partial(read_searches, self._db),
+        }
+        answer: A = answers[verb](request)
+        return answer
+
+    def _campaigns(self, query: CampaignQuery) -> tuple[CampaignRow, ...]:
         where, values = campaign_filter(query)
         rows = self._db.execute(
             "SELECT id, name, about, submitted_at, finished_at, total, cached, paused, priority,"
@@ -129,10 +137,6 @@ class LedgerReader:
             )
             for row in rows
         )
-
-    def campaign_page(self, **fields: Any) -> tuple[CampaignRow, ...]:
-        """A page of campaigns by the fields of a :class:`CampaignQuery`, as clients ask."""
-        return self.campaigns(CampaignQuery(**fields))
 
     def counts(self) -> tuple[int, dict[str, int]]:
         """Number of campaigns, and the fields of :class:`RunCounts` over all of them."""
@@ -167,10 +171,11 @@ class LedgerReader:
         """Return how long what waits and runs takes on so many slots."""
         return read_time_left(self._db, now, slots)
 
-    def runs(self, query: RunQuery) -> RunPage:
-        """One page of runs, filtered and sorted; equal values keep the order of submission.
+    def _runs(self, query: RunQuery) -> RunPage:
+        """Return one page; equal values keep the order of submission.
 
-        It has fewer than asked for when they have many bytes: ``total`` says how many there are.
+        It has fewer runs than asked for when they have many bytes: ``total`` says how many there
+        are.
         """
         where, values = run_filter(query)
         rows = select_runs(
@@ -191,18 +196,6 @@ class LedgerReader:
         total = query.offset + len(found) if last else self._total(query, where, values)
         return RunPage(tuple(found), total)
 
-    def all_runs(self, campaign: str) -> tuple[RunRow, ...]:
-        """Return every run of a campaign in order, with its result if there is one."""
-        rows: list[RunRow] = []
-        query = RunQuery(campaign, limit=LARGEST_PAGE, results=True)
-        while page := self.runs(replace(query, offset=len(rows))).rows:
-            rows += page
-        return tuple(rows)
-
-    def run_page(self, **fields: Any) -> RunPage:
-        """A page of runs by the fields of a :class:`RunQuery`, as clients ask."""
-        return self.runs(RunQuery(**fields))
-
     def _total(self, query: RunQuery, where: str, values: list[Any]) -> int:
         """How many runs the filter admits."""
         # The tally knows how many of a state there are; 100,000 runs need not be counted.
@@ -210,33 +203,23 @@ class LedgerReader:
         counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
         return int(self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0])
 
-    def run(self, name: str) -> RunDetail:
-        """Everything about one run."""
+    def _run(self, asked: IdRequest) -> RunDetail:
         where = "WHERE id = ? AND state <> ?"
-        row = next(select_runs(self._db, where, (name, RESERVE), results=True), None)
+        row = next(select_runs(self._db, where, (asked.id, RESERVE), results=True), None)
         if row is None:
-            raise Refused(f"there is no run {name}")
-        return RunDetail(run_row(self._db, row, self._paths), read_spec(self._db, name))
+            raise Refused(f"there is no run {asked.id}")
+        return RunDetail(run_row(self._db, row, self._paths), read_spec(self._db, asked.id))
 
-    def declared(self, campaign: str) -> AssessmentRules:
-        """What a campaign declares about its results."""
-        return read_declared(self._db, campaign)
-
-    def origin(self, campaign: str) -> CampaignOrigin:
-        """Return the file and the commit that a campaign was written in."""
+    def _origin(self, asked: IdRequest) -> CampaignOrigin:
         query = "SELECT origin FROM campaign WHERE id = ?"
-        row = self._db.execute(query, (campaign,)).fetchone()
+        row = self._db.execute(query, (asked.id,)).fetchone()
         if row is None:
-            raise Refused(f"there is no campaign {campaign}")
+            raise Refused(f"there is no campaign {asked.id}")
         return codec.from_json(CampaignOrigin, row[0])
 
     def forecast(self, runs: Sequence[PlannedRun]) -> Forecast:
         """Return which of these runs have results, and how long each takes."""
         return read_forecast(self._db, runs)
-
-    def searches(self, query: SearchQuery) -> tuple[SearchRow, ...]:
-        """Searches, the newest first."""
-        return read_searches(self._db, query)
 
     def steps(self, run: str) -> tuple[tuple[float, str, str], ...]:
         """When a run came to which state, and why; the oldest first, the earliest may be gone."""
@@ -253,39 +236,6 @@ class LedgerReader:
             "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?", (name,)
         ).fetchone()
         return None if row is None else codec.from_json(RunResult, row[0])
-
-    def traces(self, name: str) -> tuple[TraceReference, ...]:
-        """The traces there are of a campaign or a run, in order, those used again included."""
-        rows = self._db.execute(
-            "SELECT id, trace_name, cached, trace_at, body FROM run"
-            " JOIN result ON result.run = run.id"
-            " WHERE run.campaign = ?1 OR run.id = ?1 ORDER BY serial",
-            (name,),
-        )
-        found = []
-        for run, trace, source, url, body in rows:
-            location = find_trace(self._db, self._paths, trace, source, url)
-            if location:
-                info = codec.from_json(RunResult, body).trace
-                found.append(TraceReference(run, location, info.sha256, info.size))
-        return tuple(found)
-
-    def trace_reference(self, run: str) -> TraceReference:
-        """Where the trace of a run lies and what it is; refuses when there is none."""
-        query = (
-            "SELECT trace_name, cached, trace_at, result.body FROM run"
-            " LEFT JOIN result ON result.run = run.id WHERE run.id = ?"
-        )
-        row = self._db.execute(query, (run,)).fetchone()
-        if row is None:
-            raise Refused(f"there is no run {run}")
-        if row[3] is None:
-            raise Refused(f"{run} has no trace yet")
-        location = find_trace(self._db, self._paths, row[0], row[1], row[2])
-        if not location:
-            raise Refused(f"{run}: {missing_trace_text(row[1])}")
-        info = codec.from_json(RunResult, row[3]).trace
-        return TraceReference(run, location, info.sha256, info.size)
 
     def expected_upload(self, run: str, token: int, era: str) -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease, also one that is over.

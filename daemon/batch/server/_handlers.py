@@ -61,7 +61,7 @@ from daemon.model.status import (
     WorkerRow,
 )
 from daemon.model.submission import CampaignOrigin, Submission
-from daemon.model.verbs import DELETE, EXTEND, SUBMIT, VERBS
+from daemon.model.verbs import CAMPAIGNS, DELETE, EXTEND, RUNS, SUBMIT, VERBS
 from grammars.text import codec
 
 _FRESH: Final = 1.0
@@ -140,7 +140,7 @@ class Handlers(SearchHandlers):
         left = self._time_left(ledger).campaigns
         rows = (
             replace(row, search=self.clients.state(row.id)) if row.search == "waiting" else row
-            for row in ledger.campaigns(query)
+            for row in ledger.ask(CAMPAIGNS, query)
         )
         return tuple(
             row
@@ -177,7 +177,7 @@ class Handlers(SearchHandlers):
         return bool(halting), tuple(troubles)[:_MOST_TROUBLES]
 
     def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
-        return ledger.runs(query)
+        return ledger.ask(RUNS, query)
 
     def run(self, ledger: LedgerReader, request: IdRequest) -> RunDetail:
         return ledger.run(request.id)
@@ -219,12 +219,14 @@ class Handlers(SearchHandlers):
         if not request.run:
             scene, file = self.paths.scene(request.sha256), self.paths.files / request.sha256
             return scene if scene.exists() else file
-        trace = ledger.trace_reference(request.run)
-        if trace.sha256 != request.sha256:
+        row = ledger.run(request.run).row
+        if row.result is None or row.result.trace.sha256 != request.sha256:
             raise Refused(f"{request.run} has another trace now: ask again")
-        if is_url(trace.location):
-            raise Refused(f"the trace of {request.run} lies at {trace.location}: get it there")
-        return Path(trace.location)
+        if not row.trace:
+            raise Refused(f"{request.run}: {row.reason}")
+        if is_url(row.trace):
+            raise Refused(f"the trace of {request.run} lies at {row.trace}: get it there")
+        return Path(row.trace)
 
     def put(self, ledger: LedgerReader, request: PutRequest) -> Count:
         return self._uploads.put(ledger, request)

@@ -18,7 +18,7 @@ from daemon.model.messages import Count, Empty
 from daemon.model.proposals import ExtendRequest
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow, SearchState
-from daemon.model.verbs import EXTEND
+from daemon.model.verbs import EXTEND, SEARCHES
 
 _SILENT: Final = 15.0
 """Seconds after its last word when a client is gone; one that waits for runs speaks every five."""
@@ -105,7 +105,7 @@ class SearchHandlers:
             )
             if row.state == "waiting"
             else row
-            for row in ledger.searches(query)
+            for row in ledger.ask(SEARCHES, query)
         )
 
     def search(self, ledger: LedgerWriter, asked: SearchSubmission) -> Empty:

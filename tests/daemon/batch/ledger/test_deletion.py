@@ -21,11 +21,9 @@ from daemon.batch.ledger import (
 from daemon.batch.ledger.transitions import Cancelled, ExecutionState, Retried, advance
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import (
-    CampaignQuery,
     Completion,
     LedgerAnswer,
     RetryRequest,
-    RunQuery,
 )
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
@@ -171,7 +169,7 @@ def test_a_trace_that_another_campaign_uses_is_handed_over(ledger):
     with book.transaction():
         book.delete(("old",), NOW)
     assert not (places.traces / "old").exists()
-    rows = {name: reader.runs(RunQuery(name)).rows for name in ("second", "third")}
+    rows = {name: reader.runs(name).rows for name in ("second", "third")}
     assert [row.cached for row in rows["second"]] == ["", ""]
     assert [row.cached for row in rows["third"]] == ["second.0", "second.1"]
     for name in rows:
@@ -207,7 +205,7 @@ def test_campaigns_come_in_pages(ledger):
     ledger.book.cancel("c4", NOW)
 
     def ids(**fields):
-        return [row.id for row in ledger.reader.campaigns(CampaignQuery(**fields))]
+        return [row.id for row in ledger.reader.campaign_page(**fields)]
 
     assert ids() == ["c4", "c3", "c2", "c1", "c0"]
     assert ids(offset=1, limit=2) == ["c3", "c2"]

@@ -7,7 +7,7 @@ import pytest
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, LeaseRef, RunQuery
+from daemon.model.messages import Completion, LeaseRef
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.batch.samples import make_result, make_submission
@@ -66,7 +66,7 @@ def test_rows_show_the_deciding_oracle(ledger):
         1: _with(make_result(submission.specs[1]), (tight, failing), Outcome.FAIL),
     }
     finish(book, results)
-    first, second = reader.runs(RunQuery("c")).rows
+    first, second = reader.runs("c").rows
     assert (first.oracle, first.margin, first.unit) == ("near", 0.1, "m")
     assert (second.oracle, second.margin, second.outcome) == ("hits", -1.0, Outcome.FAIL)
     assert (second.trace, second.reason) == ("", "its trace is gone")
@@ -90,18 +90,18 @@ def test_pages_filter_sort_and_count(ledger):
         result = results[grant.spec.repeat]
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
     book.submit(make_submission("d", 3), NOW)
-    page = reader.runs(RunQuery("c", outcome="fail", sort="margin", offset=1, limit=2))
+    page = reader.runs("c", outcome="fail", sort="margin", offset=1, limit=2)
     assert page.total == 5
     assert [row.index for row in page.rows] == [7, 5]
-    assert [row.index for row in reader.runs(RunQuery("c", sort="margin")).rows][-2:] == [10, 11]
-    assert reader.runs(RunQuery("c", state="queued")).total == 2
-    assert reader.runs(RunQuery(text="PILOT/11")).total == 1
-    assert reader.runs(RunQuery(text="100%_'")).total == 0
-    assert reader.runs(RunQuery("c")).total == 12
-    assert reader.runs(RunQuery("c", scenario="S1", sut="pilot")).total == 12
-    assert reader.runs(RunQuery("c", scenario="S1", sut="pil")).total == 0
-    assert reader.runs(RunQuery()).total == 15
-    down = reader.runs(RunQuery("c", sort="index", descending=True, limit=1))
+    assert [row.index for row in reader.runs("c", sort="margin").rows][-2:] == [10, 11]
+    assert reader.runs("c", state="queued").total == 2
+    assert reader.runs(text="PILOT/11").total == 1
+    assert reader.runs(text="100%_'").total == 0
+    assert reader.runs("c").total == 12
+    assert reader.runs("c", scenario="S1", sut="pilot").total == 12
+    assert reader.runs("c", scenario="S1", sut="pil").total == 0
+    assert reader.runs().total == 15
+    down = reader.runs("c", sort="index", descending=True, limit=1)
     assert down.rows[0].index == 11
 
 
@@ -113,7 +113,7 @@ def test_the_worst_outcome_comes_first(ledger):
     pairs = zip(submission.specs, outcomes, strict=True)
     finish(book, {i: make_result(run, outcome=o) for i, (run, o) in enumerate(pairs)})
     book.submit(make_submission("d", 1), NOW)
-    rows = reader.runs(RunQuery(sort="outcome")).rows
+    rows = reader.runs(sort="outcome").rows
     worst_first = [Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS]
     assert [row.outcome for row in rows] == [*worst_first, None]
 
@@ -121,9 +121,9 @@ def test_the_worst_outcome_comes_first(ledger):
 def test_unknown_words_in_questions_come_back_with_a_hint(ledger):
     _, reader, _ = ledger
     with pytest.raises(Refused, match='did you mean "margin"'):
-        reader.runs(RunQuery(sort="margn"))
+        reader.runs(sort="margn")
     with pytest.raises(Refused, match='did you mean "queued"'):
-        reader.runs(RunQuery(state="qeued"))
+        reader.runs(state="qeued")
     with pytest.raises(Refused, match="no run"):
         reader.run("c.0")
 
@@ -165,7 +165,7 @@ def test_counting_does_not_read_the_runs(ledger, tmp_path):
     db.set_progress_handler(lambda: thousands.append(1), 1000)
     assert reader.counts()[1]["queued"] == 100_001
     assert reader.campaigns()[0].queued == 100_001
-    assert len(reader.runs(RunQuery(sort="index", offset=500, limit=50)).rows) == 50
+    assert len(reader.runs(sort="index", offset=500, limit=50).rows) == 50
     # Steps of SQLite's machine; reading every run takes several for each of the 100 000.
     assert len(thousands) < 50
 

@@ -30,7 +30,6 @@ from daemon.model.messages import (
     LedgerAnswer,
     ReleaseRequest,
     RetryRequest,
-    RunQuery,
 )
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, SutReference, Timing
@@ -70,10 +69,10 @@ class Ledger:
         return done
 
     def rows(self, campaign):
-        return self.reader.runs(RunQuery(campaign)).rows
+        return self.reader.runs(campaign).rows
 
     def records(self, campaign):
-        return self.reader.runs(RunQuery(campaign, limit=1000, results=True)).rows
+        return self.reader.runs(campaign, limit=1000, results=True).rows
 
     def row(self, campaign):
         return next(row for row in self.reader.campaigns() if row.id == campaign)
@@ -313,7 +312,7 @@ def test_rows_have_results_where_they_are_asked_for(ledger):
     ledger.submit("c", *specs(3))
     ledger.work(lambda spec: make_result(spec, margin=spec.repeat))
     ledger.book.submit(submission_of("d", *specs(1)), NOW)
-    last = ledger.reader.runs(RunQuery("c", offset=2, limit=9, results=True)).rows
+    last = ledger.reader.runs("c", offset=2, limit=9, results=True).rows
     assert [(r.id, r.seed, r.verdicts[0].margin) for r in last] == [("c.2", 2, 2.0)]
     assert last[0].result.timing.simulated > 0.0
     assert ledger.rows("c")[2].result is None

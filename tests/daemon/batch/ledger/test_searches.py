@@ -9,9 +9,9 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._search_handlers import read_extension
-from daemon.model.messages import Completion, LedgerAnswer, RetryRequest, RunQuery
+from daemon.model.messages import Completion, LedgerAnswer, RetryRequest
 from daemon.model.run_state import RunState
-from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery
+from daemon.model.search_answer import SearchAnswer, SearchProgress
 from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
@@ -64,7 +64,7 @@ class Searches:
         return done
 
     def rows(self, offset=0, limit=500, name="s"):
-        return self.reader.runs(RunQuery(name, offset=offset, limit=limit, results=True)).rows
+        return self.reader.runs(name, offset=offset, limit=limit, results=True).rows
 
     def campaign(self, name="s"):
         return next(row for row in self.reader.campaigns() if row.id == name)
@@ -138,13 +138,13 @@ def test_a_search_stays_open_until_it_is_said_to_be_over(searches):
     row = searches.campaign()
     assert (row.finished_at, row.finished, row.search) == (None, False, "waiting")
     searches.say(note="so far", answer=ANSWER)
-    (found,) = searches.reader.searches(SearchQuery("s"))
+    (found,) = searches.reader.searches("s")
     assert (found.state, found.note, found.answer) == ("waiting", "so far", ANSWER)
     assert (found.proposed, found.finished, found.task.name) == (2, 2, "doors")
     searches.say(state="finished", phase="shrink", answer=ANSWER)
-    (found,) = searches.reader.searches(SearchQuery())
+    (found,) = searches.reader.searches()
     assert (found.state, found.phase, found.answer) == ("finished", "shrink", ANSWER)
-    assert searches.reader.searches(SearchQuery(unfinished=True)) == ()
+    assert searches.reader.searches(unfinished=True) == ()
     row = searches.campaign()
     assert (row.finished_at, row.finished, row.search) == (NOW, True, "finished")
     with pytest.raises(Refused, match="the search s is finished"):
@@ -177,7 +177,7 @@ def test_a_cancelled_search_goes_on_when_it_is_begun_again(searches, runs):
     with pytest.raises(Refused, match="the search s is cancelled"):
         searches.extend(runs)
     searches.say(state="cancelled", answer=ANSWER)  # the last word of its client
-    (found,) = searches.reader.searches(SearchQuery("s"))
+    (found,) = searches.reader.searches("s")
     assert found.answer == ANSWER
     again = "s is a search: `scenario search campaign.yaml s` goes on with it"
     with pytest.raises(Refused, match=again):
@@ -236,7 +236,7 @@ def test_a_search_is_deleted_with_all_that_it_has(searches):
     searches.book.cancel("s", NOW)
     with searches.book.transaction():
         searches.book.delete(("s",), NOW)
-    assert searches.reader.searches(SearchQuery()) == ()
+    assert searches.reader.searches() == ()
     assert searches.rows() == ()
     assert broken_rules(searches.places.ledger) == []
     searches.begin("s")
@@ -249,13 +249,13 @@ def test_the_answers_of_many_searches_fit_into_a_page(searches):
         if name != "s":
             searches.begin(name)
         searches.book.note_progress(SearchProgress(name, "lab", "explore", answer=long), NOW)
-    rows = searches.reader.searches(SearchQuery())
+    rows = searches.reader.searches()
     assert [(row.campaign, row.answer is not None) for row in rows] == [
         ("u", True),
         ("t", True),
         ("s", False),
     ]
-    assert searches.reader.searches(SearchQuery("s"))[0].answer == long
+    assert searches.reader.searches("s")[0].answer == long
 
 
 def test_rules_see_a_search_that_is_not_whole(searches):

@@ -7,13 +7,10 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.model import verbs
 from daemon.model.messages import (
     Completion,
-    RunQuery,
 )
 from daemon.model.spec import LARGEST_RESULT
-from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Evidence
 from tests.daemon.batch.samples import make_result, make_submission
 
@@ -60,23 +57,10 @@ def large_results(db):
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
 
 
-class LedgerClient(DaemonClient):
-    """A client that asks a ledger; what it cannot be asked is not needed here."""
-
-    def __init__(self, reader):
-        self._reader = reader
-
-    def ask(self, verb, request):
-        assert verb is verbs.RUNS
-        return self._reader.runs(request)
-
-    submit = events = watch = None
-
-
 @pytest.mark.usefixtures("large_results")
 def test_a_client_goes_on_after_a_page_that_is_shorter_than_asked(reader):
-    assert 0 < len(reader.runs(RunQuery("c", limit=1000, results=True)).rows) < RUNS
-    records = LedgerClient(reader).all_runs("c", results=True)
+    assert 0 < len(reader.runs("c", limit=1000, results=True).rows) < RUNS
+    records = reader.all_runs("c", results=True)
     assert [record.id for record in records] == [f"c.{number}" for number in range(RUNS)]
 
 
@@ -84,7 +68,7 @@ def test_a_page_of_runs_ends_at_its_bytes(db, reader):
     LedgerWriter(db).submit(make_submission("c", 300), NOW)
     db.execute("UPDATE run SET reason = ?", ("x" * 20_000,))
     db.commit()
-    page = reader.runs(RunQuery("c", limit=1000))
+    page = reader.runs("c", limit=1000)
     assert 0 < len(page.rows) < page.total == 300
-    last = reader.runs(RunQuery("c", limit=1000, offset=290))
+    last = reader.runs("c", limit=1000, offset=290)
     assert (len(last.rows), last.total) == (10, 300)

@@ -5,7 +5,7 @@ import pytest
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.ledger.transitions import MOST_LAPSES
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import ReleaseRequest, RunQuery
+from daemon.model.messages import ReleaseRequest
 from daemon.model.run_state import RunState
 from tests.daemon.batch.samples import make_submission
 
@@ -28,7 +28,7 @@ def book(db):
 
 def rows(tmp_path):
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
-        return list(reader.runs(RunQuery("c")).rows)
+        return list(reader.runs("c").rows)
 
 
 def give_back(book, grant, now, *, blame=False):
@@ -72,7 +72,7 @@ def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(b
     assert [grant.campaign for (grant,) in grants] == ["c", "d", "c", "d", "c"]
     assert book.lease("w", 1, NOW, missing=missing) == ()
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
-        first, *others = reader.runs(RunQuery("gone")).rows
+        first, *others = reader.runs("gone").rows
     assert (first.attempt, first.reason) == (0, "its scene is gone")
     assert {row.reason for row in others} == {""}
     assert book.end_hold("its scene is gone", NOW) == 1

@@ -16,7 +16,7 @@ from daemon.batch.ledger import (
     sweep_traces,
 )
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import Completion, RetryRequest, RunQuery
+from daemon.model.messages import Completion, RetryRequest
 from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
 
 SIZE = 100
@@ -95,8 +95,8 @@ def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store
 def test_results_stay_and_say_that_the_trace_is_gone(store):
     sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
     with LedgerReader.open(store.places) as reader:
-        row = reader.runs(RunQuery("a")).rows[0]
-        record = reader.runs(RunQuery("a", results=True)).rows[0]
+        row = reader.runs("a").rows[0]
+        record = reader.runs("a", results=True).rows[0]
     assert (row.state, row.outcome, row.trace) == ("done", "pass", "")
     assert row.reason == record.note == "its trace is gone"
     assert record.verdicts

@@ -10,7 +10,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import WriterThread
 from daemon.batch.server._trace_mover import TraceMover
-from daemon.batch.stores import local_copy
+from daemon.batch.stores import local_copy, trace_reference
 from daemon.model.messages import Completion
 from daemon.model.spec import TraceInfo
 from tests.daemon.batch.harness import eventually
@@ -52,7 +52,7 @@ def mover(places, store):
 
 def trace_of(places):
     with LedgerReader.open(places) as reader:
-        return reader.trace_reference("c.0")
+        return trace_reference(reader.run("c.0").row)
 
 
 def test_traces_of_results_move(places, tmp_path):
