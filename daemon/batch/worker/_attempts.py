@@ -5,10 +5,7 @@
 
 What a dead worker left is adopted by the next one with the same key: results are delivered, and the
 runs that had none yet are given back at once, since their processes died with it.
-Attempts are executed by processes of this machine or by a cluster; the loop cannot tell which.
-
-Each attempt has a folder of its own, so two executions of a run never share a file. The spool is
-the outbox of a worker: what the daemon has not acknowledged stays in it and is delivered again.
+Each attempt has a folder of its own, so two executions of a run never share a file.
 """
 
 from __future__ import annotations
@@ -17,21 +14,19 @@ import fcntl
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from socket import socket
-from typing import IO, Final, Protocol, TypeAlias
+from typing import IO, Final, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, LEASE, RESULT, Wanted, read_output
-from daemon.model.execution import RunLimits
+from daemon.batch.run_process import FILES, LEASE, RESULT, read_output
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
-from daemon.model.spec import RunResult, SutReference
-from daemon.model.status import Preparation
+from daemon.model.spec import RunResult
 from grammars.text import codec
 
 _LOCK: Final = "lock"
@@ -278,71 +273,3 @@ class AttemptEnd:
 
 Waitable: TypeAlias = Connection | socket | int
 """What :func:`multiprocessing.connection.wait` waits for."""
-
-
-class Execution(Protocol):
-    """An attempt under way. It leaves its trace, then its result, in the attempt's folder."""
-
-    attempt: Attempt
-    live: bytes
-    """The last :class:`daemon.model.status.LiveSnapshot` it sent, in JSON, or nothing."""
-    judged: bytes
-    """The last :class:`daemon.model.live_judgement.LiveJudgement` it made, packed, or nothing."""
-    deadline: float
-    """When it has to be listened to at the latest, by the monotonic clock [s]."""
-
-    @property
-    def waitables(self) -> Sequence[Waitable]:
-        """What becomes ready when there is something to listen to, or at the end."""
-
-    @property
-    def end(self) -> AttemptEnd | None:
-        """How it ended, ``None`` while anything of it runs as far as can be known here."""
-
-    def listen(self) -> None:
-        """Take in what it has sent."""
-
-    def watch(self, wanted: frozenset[Wanted]) -> None:
-        """Have it tell what those who watch want; called when that changes."""
-
-    def kill(self, why: str = "") -> None:
-        """Have it ended, for that reason; its ``end`` comes within half a minute."""
-
-    def close(self) -> None:
-        """Free what belongs to it, once it has ended."""
-
-
-class Backend(Protocol):
-    """Starts executions."""
-
-    @property
-    def slots(self) -> int:
-        """How many executions it takes at a time, right now."""
-
-    @property
-    def waitables(self) -> Sequence[Waitable]:
-        """What becomes ready when an execution of it has something to tell, or ``slots`` change."""
-
-    @property
-    def trouble(self) -> str:
-        """What keeps it from executing anything, once that has lasted; empty otherwise."""
-
-    @property
-    def preparation(self) -> Preparation | None:
-        """What it does before it can execute a run that was asked for."""
-
-    def listen(self) -> None:
-        """Take in what made ``waitables`` ready."""
-
-    def prepare(self, sut: SutReference, limits: RunLimits) -> bool:
-        """Whether a run of ``sut`` can start; sees to it otherwise, and is asked again.
-
-        Raises as :meth:`start` does.
-        """
-
-    def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> Execution:
-        """Start an attempt on the scene in that file.
-
-        Raises :class:`daemon.batch.errors.DaemonError` or ``OSError`` when that is not possible
-        now, which is nothing to blame the run for.
-        """

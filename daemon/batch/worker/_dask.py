@@ -23,7 +23,7 @@ from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import FILES, RESULT, TRACE, Wanted
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.batch.worker._dask_task import execute_run
-from daemon.batch.worker._signals import WakeupSocket
+from daemon.batch.worker._wakeups import WakeupSocket
 from daemon.model.execution import RunLimits
 from daemon.model.spec import RunResult, SutReference, install_hint, own_version
 from grammars.text import codec

@@ -31,9 +31,9 @@ from daemon.batch.errors import (
 from daemon.batch.run_process import TRACE
 from daemon.batch.stores import file_sha256, upload
 from daemon.batch.worker._attempts import AdoptedWork, Attempt, Spool
-from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._wakeups import BackgroundAsks
 from daemon.model.messages import (
     Completion,
     Lease,

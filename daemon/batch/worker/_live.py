@@ -5,16 +5,26 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import zenoh
 
 from daemon.batch.run_process import Wanted
-from daemon.batch.worker._attempts import Execution
 from daemon.model.messages import JUDGED, LIVE, OWNER
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 
+if TYPE_CHECKING:
+    from daemon.batch.worker._dask import DaskExecution
+    from daemon.batch.worker._zygotes import ForkedExecution
+
+Execution: TypeAlias = "ForkedExecution | DaskExecution"
+"""An attempt under way. It leaves its trace, then its result, in the attempt's folder.
+
+It is listened to when its ``waitables`` are ready, at ``deadline`` at the latest. ``end`` is
+``None`` while anything of it runs as far as can be known here; that of one that is killed comes
+within half a minute.
+"""
 _LIVE_PERIOD: Final = 0.2
 """Seconds between two snapshots of a run for those who watch all runs, at least."""
 LINE_RATE: Final = 40_000.0
@@ -51,7 +61,6 @@ class _WatchedRun:
     budget: LineBudget = field(default_factory=LineBudget)
     wanted: frozenset[Wanted] = frozenset()
     published_at: float = 0.0
-    latest: bytes = b""
 
 
 @dataclass(slots=True)
@@ -80,7 +89,6 @@ class LivePublisher:
         if not live and not judged:
             return
         watch = self._watch(execution)
-        watch.latest = live or watch.latest
         now = time.monotonic()
         # Rather snapshots are left out than a judgement, of which there is one a second.
         if judged and Wanted.JUDGEMENT in watch.wanted and watch.budget.allows(now, LINE_RATE / 2):

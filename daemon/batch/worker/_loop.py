@@ -28,17 +28,10 @@ from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from daemon.batch.errors import (
-    DaemonError,
-    OtherLedger,
-    Refused,
-    Unavailable,
-    Unreachable,
-)
-from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
-from daemon.batch.worker._background import BackgroundAsks
+from daemon.batch.errors import DaemonError, OtherLedger, Refused, Unavailable, Unreachable
+from daemon.batch.worker._attempts import Attempt, AttemptEnd, Spool
 from daemon.batch.worker._connection import (
     DaemonConnection,
     InputCache,
@@ -46,13 +39,14 @@ from daemon.batch.worker._connection import (
     WorkerPaths,
 )
 from daemon.batch.worker._deliveries import Deliveries
-from daemon.batch.worker._live import LivePublisher
-from daemon.batch.worker._signals import WorkerSignals
+from daemon.batch.worker._live import Execution, LivePublisher
 from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._wakeups import BackgroundAsks, WorkerSignals
 from daemon.model.execution import RunLimits
 from daemon.model.messages import (
     Lease,
     LeaseRef,
+    LeaseReply,
     LeaseRequest,
     ReleaseRequest,
     RenewRequest,
@@ -61,6 +55,17 @@ from daemon.model.messages import (
 from daemon.model.status import Preparation
 from daemon.model.verbs import LEASE, RENEW
 
+if TYPE_CHECKING:
+    from daemon.batch.worker._dask import DaskPool
+    from daemon.batch.worker._zygotes import ZygotePool
+
+Backend: TypeAlias = "ZygotePool | DaskPool"
+"""Starts executions, ``slots`` at a time; ``trouble`` says what keeps it from that, if that lasts.
+
+A run that ``prepare`` returns ``False`` for is offered again. It and ``start`` raise
+:class:`daemon.batch.errors.DaemonError` or ``OSError`` when a run cannot start now, which is
+nothing to blame the run for.
+"""
 _POLL: Final = 1.0
 """Seconds between two requests for work: hints that there is some are sent once, unconfirmed."""
 _RETRY_UNREACHABLE: Final = 0.5
@@ -83,7 +88,6 @@ Traces that are on their way go on.
 _MOST_UPLOADS: Final = 8
 """Traces under way at a time: each part must arrive in time over the line that they share."""
 _LEASING: Final = "lease"
-_Answer: TypeAlias = Future[Any]
 
 
 class WorkerLoop:
@@ -115,7 +119,7 @@ class WorkerLoop:
         self._inputs = InputCache(daemon, paths)
         # One thread: runs of a campaign share what comes. A renewal waits for none of it.
         self._fetches = BackgroundAsks(threads=1)
-        self._fetched: dict[Hashable, _Answer] = {}
+        self._fetched: dict[Hashable, Future[Any]] = {}
         # Leased, not started yet: scenes and files come, or kernels are compiled. Renewed like
         # those that run.
         self._leased: deque[Lease] = deque()
@@ -130,6 +134,7 @@ class WorkerLoop:
         self._unwanted: set[int] = set()
         self._renew_at = 0.0
         self._lease_at = 0.0
+        self._wanted = 0
         self._silent_until = 0.0
         self._shortage = ""
         self._leave_by = 0.0
@@ -269,17 +274,14 @@ class WorkerLoop:
     def _take_answers(self) -> None:
         for key, answer in (*self._asks.take(), *self._uploads.take()):
             try:
-                self._take_answer(key, answer)
+                if key == _LEASING:
+                    self._take_grants(answer.result())
+                elif isinstance(key, ReleaseRequest):
+                    self._deliveries.take_release_answer(key, answer)
+                elif isinstance(key, Path):
+                    self._deliveries.take_result_answer(key, answer)
             except (Unreachable, Refused) as error:
                 self._not_answered(error)
-
-    def _take_answer(self, key: Hashable, answer: _Answer) -> None:
-        if key == _LEASING:
-            self._take_grants(answer)
-        elif isinstance(key, ReleaseRequest):
-            self._deliveries.take_release_answer(key, answer)
-        elif isinstance(key, Path):
-            self._deliveries.take_result_answer(key, answer)
 
     def _leave_ledger(self, error: OtherLedger) -> None:
         """Begin and deliver nothing more: another ledger answers."""
@@ -320,8 +322,6 @@ class WorkerLoop:
         return replace(info, trouble=trouble, preparation=self._preparation, notice=notice)
 
     def _renew(self) -> None:
-        if time.monotonic() < self._renew_at:
-            return
         running = [
             execution.attempt
             for execution in self._executions
@@ -363,23 +363,22 @@ class WorkerLoop:
                 return
             wanted = 1
         request = LeaseRequest(self._busy(), wanted, tuple(self._missing_suts))
-        ask = partial(self._daemon.ask, LEASE, request)
+        self._wanted = wanted
         # Until a hint, or for a while, unless it brings as many as were wanted.
         self._lease_at = time.monotonic() + _POLL
-        self._asks.start(_LEASING, partial(_with_count, ask, wanted))
+        self._asks.start(_LEASING, partial(self._daemon.ask, LEASE, request))
 
     def _is_disk_short(self) -> bool:
         before, self._shortage = self._shortage, self._paths.disk_shortage()
         if self._shortage != before:
             self._log(self._shortage or "the disk has room again")
-            self._renew_at = 0.0
+            self._renew_soon()
         return bool(self._shortage)
 
-    def _take_grants(self, answer: _Answer) -> None:
-        wanted, reply = answer.result()
+    def _take_grants(self, reply: LeaseReply) -> None:
         self._refusal = ""
         self._leased.extend(reply.grants)
-        if len(reply.grants) == wanted:
+        if len(reply.grants) == self._wanted:
             self._lease_at = 0.0
         # Before anybody is heard who wants this worker to leave: these count as running.
         self._fill_slots()
@@ -463,7 +462,3 @@ class WorkerLoop:
             if self._deliveries.trouble.words or self._silent_until or time.monotonic() > deadline:
                 self._log("left without telling the daemon all: results stay in the spool")
                 return
-
-
-def _with_count(ask: Callable[[], object], wanted: int) -> tuple[int, object]:
-    return wanted, ask()

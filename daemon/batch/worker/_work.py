@@ -15,10 +15,10 @@ from daemon.batch import bus
 from daemon.batch.errors import Unreachable, WorkerBroken
 from daemon.batch.paths import StatePaths, is_encrypted
 from daemon.batch.security import find_credentials
-from daemon.batch.worker._attempts import Backend, Spool
+from daemon.batch.worker._attempts import Spool
 from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
-from daemon.batch.worker._loop import WorkerLoop
-from daemon.batch.worker._signals import WorkerSignals
+from daemon.batch.worker._loop import Backend, WorkerLoop
+from daemon.batch.worker._wakeups import WorkerSignals
 from daemon.batch.worker._zygotes import ZygotePool
 from daemon.model.execution import (
     DEFAULT_EXECUTOR,

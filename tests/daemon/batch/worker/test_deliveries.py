@@ -13,10 +13,10 @@ from daemon.batch.errors import Failed, Refused, Rejected, Unavailable, Unreacha
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Spool
-from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._connection import WorkerPaths
 from daemon.batch.worker._deliveries import Deliveries
 from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._wakeups import BackgroundAsks
 from daemon.model import verbs
 from daemon.model.messages import (
     PART,

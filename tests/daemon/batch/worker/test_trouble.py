@@ -4,8 +4,8 @@ import time
 
 import pytest
 
-from daemon.batch.worker._background import BackgroundAsks
 from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._wakeups import BackgroundAsks
 
 
 def test_pauses_double_until_a_success(monkeypatch):
