@@ -337,7 +337,6 @@ class Handlers(SearchHandlers):
         # do not notice restarts.
         self.registry.check_version(worker)
         ledger.require_era(worker.era)
-        self.registry.check_room(worker.id)
         if self.registry.record_contact(worker):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)

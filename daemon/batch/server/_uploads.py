@@ -38,20 +38,10 @@ class Uploads:
     Another daemon goes on with what is there. Housekeeping removes what nobody goes on with.
     """
 
-    def __init__(
-        self,
-        paths: StatePaths,
-        log: EventLog,
-        inputs: InputStore,
-        *,
-        most: int = _MOST_UPLOADS,
-        most_of_one: int = _MOST_OF_ONE,
-    ) -> None:
+    def __init__(self, paths: StatePaths, log: EventLog, inputs: InputStore) -> None:
         self._paths = paths
         self._log = log
         self._inputs = inputs
-        self._most = most
-        self._most_of_one = most_of_one
         self._senders: dict[str, str] = {}
 
     def put(self, reader: LedgerReader, request: PutRequest) -> Count:
@@ -122,10 +112,10 @@ class Uploads:
             self._remove(f"{request.lease.run}.{request.lease.token}")
         if self._paths.disk().free < request.size:
             raise Unavailable(f"no room for the {request.size} bytes of {name}")
-        ages = {path.stem: age for path, age in self._uploads()}
+        ages = self._ages()
         self._senders = {one: by for one, by in self._senders.items() if one in ages}
         own = [one for one, by in self._senders.items() if by == sender]
-        for uploads, most in ((own, self._most_of_one), (list(ages), self._most)):
+        for uploads, most in ((own, _MOST_OF_ONE), (list(ages), _MOST_UPLOADS)):
             if len(uploads) < most:
                 continue
             oldest = max(uploads, key=ages.__getitem__)
@@ -138,14 +128,14 @@ class Uploads:
         for path in self._paths.incoming.glob(f"{beginning}.*"):
             path.unlink(missing_ok=True)
 
-    def _uploads(self) -> list[tuple[Path, float]]:
-        """Return the uploads and for how long nobody has gone on with each [s]."""
-        found, now = [], time.time()
+    def _ages(self) -> dict[str, float]:
+        """Return for how long nobody has gone on with each upload [s]."""
+        ages, now = {}, time.time()
         for path in self._paths.incoming.iterdir():
             with suppress(FileNotFoundError):
                 # A clock that was set back must not keep anything for ever.
-                found.append((path, abs(now - path.stat().st_mtime)))
-        return found
+                ages[path.stem] = abs(now - path.stat().st_mtime)
+        return ages
 
     def _accept(self, part: Path, whole: Path, request: PutRequest, sender: str) -> bool:
         """Give a file that is complete its name if it is the one that was announced."""

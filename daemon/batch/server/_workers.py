@@ -13,7 +13,7 @@ from daemon.model.messages import LeaseRef, WorkerInfo
 from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
 
-MOST_WORKERS: Final = 4096
+_MOST_WORKERS: Final = 4096
 _REMEMBERED: Final = 5.0
 """Seconds for which a worker that is away and has no leases stays on the list.
 
@@ -99,12 +99,6 @@ class WorkerRegistry:
     # Asked by the ledger's threads, told by Zenoh's callbacks.
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def check_room(self, worker: str) -> None:
-        """Refuse one worker too many."""
-        with self._lock:
-            if worker not in self._entries and len(self._entries) >= MOST_WORKERS:
-                raise Refused(f"worker {worker} has to wait: there are {MOST_WORKERS} already")
-
     def check_version(self, worker: WorkerInfo) -> None:
         """Refuse a worker of another version."""
         # Results must not depend on who computed them, and trace bytes do depend on the version.
@@ -116,11 +110,17 @@ class WorkerRegistry:
             )
 
     def record_contact(self, info: WorkerInfo) -> bool:
-        """A request came from this worker; returns whether it is a new one."""
+        """A request came from this worker; returns whether it is a new one.
+
+        Raises :class:`Refused` for one worker too many.
+        """
         now, heard = time.time(), self.clock.now
         with self._lock:
             entry = self._entries.get(info.id)
             if entry is None:
+                if len(self._entries) >= _MOST_WORKERS:
+                    there = f"there are {_MOST_WORKERS} already"
+                    raise Refused(f"worker {info.id} has to wait: {there}")
                 self._entries[info.id] = _KnownWorker(info, now, now, heard)
                 return True
             entry.info, entry.last_seen_at = info, now

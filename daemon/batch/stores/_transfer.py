@@ -124,7 +124,7 @@ def trim_cache(paths: Iterable[Path], most: int, in_use: float) -> None:
         total -= found.st_size
 
 
-LARGEST_CACHE: Final = 4 * 2**30
+_LARGEST_CACHE: Final = 4 * 2**30
 _IN_USE: Final = 3600.0
 """Seconds after its last use during which a trace stays in the cache: somebody may read it."""
 
@@ -153,14 +153,13 @@ def local_copy(
     source: DaemonClient | None = None,
     *,
     cache: Path | None = None,
-    largest: int = LARGEST_CACHE,
     progress: ByteProgress = lambda _: None,
 ) -> Path:
     """Return a path on this machine where a trace can be read, bringing it here if need be.
 
-    ``source`` is asked for what lies at a path of another machine; ``cache`` is a folder of at
-    most ``largest`` bytes, that of the user if not given. Raises :class:`TraceUnavailable` with
-    the reason and what to do, and whatever ``source`` raises.
+    ``source`` is asked for what lies at a path of another machine; ``cache`` is a folder, that of
+    the user if not given. Raises :class:`TraceUnavailable` with the reason and what to do, and
+    whatever ``source`` raises.
     """
     there = Path(trace.location)
     # By digest also on this machine: another machine may have another file under the same path.
@@ -172,7 +171,7 @@ def local_copy(
         os.utime(kept)
         return kept
     copy_trace(trace, source, kept, progress=progress)
-    trim_cache(kept.parent.glob("*.mcap"), largest, _IN_USE)
+    trim_cache(kept.parent.glob("*.mcap"), _LARGEST_CACHE, _IN_USE)
     return kept
 
 

@@ -100,12 +100,7 @@ class Spool:
     often. A folder that is in the way for good is put aside.
     """
 
-    def __init__(
-        self,
-        paths: StatePaths,
-        worker: str,
-        log: Callable[[str], None] = lambda _: None,
-    ) -> None:
+    def __init__(self, paths: StatePaths, worker: str, log: Callable[[str], None]) -> None:
         self._paths = paths
         self._log = log
         self._remains: list[Path] = []

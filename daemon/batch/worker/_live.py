@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import zenoh
 
 from daemon.batch.run_process import Wanted
-from daemon.model.messages import JUDGED, LIVE, OWNER
+from daemon.model.messages import JUDGED, LIVE
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 
@@ -69,7 +69,7 @@ class LivePublisher:
 
     session: zenoh.Session
     worker: str
-    name: str = OWNER
+    name: str
     _all: zenoh.Publisher = field(init=False)
     _runs: dict[str, _WatchedRun] = field(init=False, default_factory=dict)
 

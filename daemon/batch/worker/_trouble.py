@@ -23,11 +23,7 @@ class WorkerTrouble:
     ``changed`` is called when it begins and when it ends, which ``log`` gets too.
     """
 
-    def __init__(
-        self,
-        log: Callable[[str], None] = lambda _: None,
-        changed: Callable[[], None] = lambda: None,
-    ) -> None:
+    def __init__(self, log: Callable[[str], None], changed: Callable[[], None]) -> None:
         self._log = log
         self._changed = changed
         self.words = ""

@@ -15,6 +15,7 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
+from daemon.batch.server import _uploads
 from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._uploads import Uploads
@@ -58,10 +59,10 @@ class Site:
         """Take a part; returns how many bytes are there."""
         return self.intake.put(self.reader, self.part(offset, data, **changes)).count
 
-    def begin_again(self, **limits):
+    def begin_again(self):
         """Have another daemon go on."""
         inputs = InputStore(self.places, self.journal)
-        self.intake = Uploads(self.places, self.journal, inputs, **limits)
+        self.intake = Uploads(self.places, self.journal, inputs)
 
     def leave_idle(self):
         """Have nobody go on with what there is for two minutes."""
@@ -330,8 +331,8 @@ def test_only_traces_are_larger_than_files_may_be(site):
     assert site.take(0, TRACE[:400], size=2**27) == 400
 
 
-def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site):
-    site.begin_again(most_of_one=2)
+def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site, monkeypatch):
+    monkeypatch.setattr(_uploads, "_MOST_OF_ONE", 2)
     for number in (1, 2):
         site.intake.put(site.reader, other_file(number))
     with pytest.raises(Unavailable, match="2 files are on their way already"):
@@ -340,17 +341,17 @@ def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site):
     assert site.intake.put(site.reader, other_file(2, offset=5, data=b"on")).count == 7
 
 
-def test_uploads_are_bounded_in_number(site):
-    site.begin_again(most=2)
+def test_uploads_are_bounded_in_number(site, monkeypatch):
+    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
     for number in (1, 2):
         site.intake.put(site.reader, other_file(number))
     with pytest.raises(Unavailable, match="2 files are on their way already"):
         site.take(0, TRACE)
 
 
-@pytest.mark.parametrize("limits", [{"most": 2}, {"most_of_one": 2}])
-def test_the_oldest_upload_nobody_goes_on_with_gives_way(site, limits):
-    site.begin_again(**limits)
+@pytest.mark.parametrize("limit", ["_MOST_UPLOADS", "_MOST_OF_ONE"])
+def test_the_oldest_upload_nobody_goes_on_with_gives_way(site, monkeypatch, limit):
+    monkeypatch.setattr(_uploads, limit, 2)
     for number in (1, 2):
         site.intake.put(site.reader, other_file(number))
         site.leave_idle()

@@ -8,6 +8,7 @@ import pytest
 from daemon.batch.errors import TraceUnavailable
 from daemon.batch.stores import (
     TraceReference,
+    _transfer,
     check_store_url,
     copy_between,
     file_sha256,
@@ -85,11 +86,12 @@ def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path):
         local_copy(TraceReference("c.0", str(there), "0" * 64, 1000), cache=tmp_path / "cache")
 
 
-def test_the_cache_is_bounded(tmp_path):
+def test_the_cache_is_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(_transfer, "_LARGEST_CACHE", 2500)
     cache = tmp_path / "cache"
     for number in range(4):
         source = tmp_path / f"{number}.mcap"
         source.write_bytes(bytes([number]) * 1000)
         trace = TraceReference("c.0", source.as_uri(), file_sha256(source), 1000)
-        os.utime(local_copy(trace, cache=cache, largest=2500), (number, number))
+        os.utime(local_copy(trace, cache=cache), (number, number))
     assert sorted(path.read_bytes()[0] for path in cache.iterdir()) == [2, 3]

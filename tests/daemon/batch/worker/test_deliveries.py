@@ -78,7 +78,7 @@ class Site:
         self.paths = StatePaths(folder)
         self.paths.make_folders()
         self.asks, self.uploads = BackgroundAsks(), BackgroundAsks()
-        self.spool, self.trouble = Spool(self.paths, "w"), WorkerTrouble()
+        self.spool, self.trouble = Spool(self.paths, "w", print), WorkerTrouble(print, int)
         paths = WorkerPaths(self.paths, shared)
         self.deliveries = Deliveries(
             self.daemon,

@@ -10,7 +10,7 @@ from daemon.batch.run_process import WATCH, SnapshotSender, Wanted
 from daemon.batch.worker import _live
 from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
-from daemon.model.messages import LIVE, Empty
+from daemon.model.messages import LIVE, OWNER, Empty
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import OVERVIEW
@@ -76,7 +76,7 @@ def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(daemon
     told = Told()
     heard = []
     with bus.open_client(daemon.endpoint) as session:
-        publisher = LivePublisher(session, "worker-1")
+        publisher = LivePublisher(session, "worker-1", OWNER)
         publish_seconds(publisher, told, clock, 2)
         assert told.wanted == []
         with client.watch("another.1", heard.append, lambda _: None):
@@ -100,7 +100,7 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(daemon, client, c
             sizes.setdefault(str(sample.key_expr), []).append(len(sample.payload.to_bytes()))
 
         subscriber = line.declare_subscriber(f"{LIVE}/**", weigh)
-        publisher = LivePublisher(session, "worker-1")
+        publisher = LivePublisher(session, "worker-1", OWNER)
         both = {Wanted.DETAILS, Wanted.JUDGEMENT}
 
         def is_known():
@@ -166,7 +166,7 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, cl
         client.events(lambda _: None, seen.append),
         client.watch(RUN, lambda _: None),
     ):
-        publisher = LivePublisher(session, "worker-1")
+        publisher = LivePublisher(session, "worker-1", OWNER)
 
         def is_watched():
             clock.time += 1.0

@@ -30,14 +30,14 @@ def lease(position):
 
 def leave(places):
     """A worker that dies with two attempts, the first of them finished."""
-    with closing(Spool(places, "dead")) as spool:
+    with closing(Spool(places, "dead", print)) as spool:
         (spool.open(lease(0)).folder / RESULT).touch()
         spool.open(lease(1))
 
 
 def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
-    with closing(Spool(places, "heir")) as heir:
-        with closing(Spool(places, "living")) as living:
+    with closing(Spool(places, "heir", print)) as heir:
+        with closing(Spool(places, "living", print)) as living:
             living.open(lease(2))
             assert heir.adopt() == AdoptedWork()
             living.discard(living.open(lease(2)))
@@ -50,7 +50,7 @@ def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
 
 
 def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(places):
-    with closing(Spool(places, "one")) as spool:
+    with closing(Spool(places, "one", print)) as spool:
         before, again = spool.open(lease(0)), spool.open(replace(lease(0), token=9))
         spool.discard(before)
         assert (again.folder / LEASE).exists()
@@ -84,13 +84,13 @@ def put_loop(folder):
 
 @pytest.mark.parametrize("spoil", [put_link, put_pipe, put_loop])
 def test_whatever_lies_in_an_attempts_place_stops_neither_its_worker_nor_the_next(places, spoil):
-    with closing(Spool(places, "one")) as spool:
+    with closing(Spool(places, "one", print)) as spool:
         attempt = spool.open(lease(0))
         spoil(attempt.folder)
         spool.discard(attempt)
         assert not os.path.lexists(attempt.folder)
         spoil(spool.open(lease(1)).folder)
-    with closing(Spool(places, "heir")) as heir:
+    with closing(Spool(places, "heir", print)) as heir:
         assert heir.adopt().finished == ()
         assert [path.name for path in places.spool.iterdir()] == ["heir"]
 
@@ -111,7 +111,7 @@ def test_what_cannot_be_taken_over_is_tried_less_and_less_often(places, monkeypa
     monkeypatch.setattr(_attempts, "time", SimpleNamespace(monotonic=lambda: now.time))
     leave(places)
     places.aside.write_text("no folder")
-    with closing(Spool(places, "heir")) as heir:
+    with closing(Spool(places, "heir", print)) as heir:
         looks = []
         for _ in range(600):
             now.time += 1.0

@@ -11,7 +11,7 @@ from daemon.batch.worker._wakeups import BackgroundAsks
 def test_pauses_double_until_a_success(monkeypatch):
     now = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: now)
-    trouble, whole = WorkerTrouble(), 1.0
+    trouble, whole = WorkerTrouble(print, int), 1.0
     for _ in range(12):
         trouble.note("the disk is full")
         assert 0.75 * whole <= trouble.until - now <= 1.25 * whole
