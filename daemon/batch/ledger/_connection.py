@@ -5,7 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -87,19 +88,19 @@ def _open_error(path: Path, error: OSError) -> DaemonError:
     return Unavailable(words) if passing else DaemonError(words)
 
 
-def connect_reader(path: Path) -> sqlite3.Connection:
+@contextmanager
+def open_reader(path: Path) -> Iterator[sqlite3.Connection]:
     """Open an existing ledger for questions only, whether a daemon keeps it or not.
 
-    Waits five seconds at most for a lock. Raises ``sqlite3.Error`` if there is no ledger, and
-    :class:`DaemonError` if it has another schema.
+    Waits five seconds at most for a lock. Raises :class:`DaemonError`, also for a question in the
+    block, when there is no ledger, it cannot be read or has another schema.
     """
-    connection = _open_to_read(path)
     try:
-        check_current(connection, path)
-    except (sqlite3.Error, DaemonError):
-        connection.close()
-        raise
-    return connection
+        with closing(_open_to_read(path)) as connection:
+            check_current(connection, path)
+            yield connection
+    except UNREADABLE as error:
+        raise DaemonError(f"{path} is not a usable ledger: {error}") from error
 
 
 def _open_to_read(path: Path) -> sqlite3.Connection:
@@ -192,7 +193,6 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
     """
     try:
         with closing(_open_to_read(path)) as db:
-            db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
             return _examine(db, quick)
     except UNREADABLE as error:
         if _is_passing(error):
@@ -210,15 +210,9 @@ def _examine(db: sqlite3.Connection, quick: bool) -> LedgerIntegrity:
     damage += [f"{row[0]} refers to nothing" for row in dangling[:_MOST_SHOWN]]
     if damage:
         return LedgerIntegrity(version, tuple(damage))
-    newest = db.execute("SELECT max(at) FROM event").fetchone()[0]
-    return LedgerIntegrity(
-        version,
-        runs=_count(db, "SELECT count(*) FROM run"),
-        results=_count(db, "SELECT count(*) FROM result"),
-        alarms=_count(db, "SELECT count(*) FROM event WHERE kind = 'alarm'"),
-        newest_event=newest or 0.0,
-    )
-
-
-def _count(db: sqlite3.Connection, query: str) -> int:
-    return int(db.execute(query).fetchone()[0])
+    # In one statement, of one snapshot: the numbers must agree.
+    numbers = db.execute(
+        "SELECT (SELECT count(*) FROM run), (SELECT count(*) FROM result), count(*)"
+        " FILTER (WHERE kind = 'alarm'), ifnull(max(at), 0.0) FROM event"
+    ).fetchone()
+    return LedgerIntegrity(version, (), *numbers)

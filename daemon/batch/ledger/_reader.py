@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger._connection import UNREADABLE, connect_reader
+from daemon.batch.errors import Refused
+from daemon.batch.ledger._connection import open_reader
 from daemon.batch.ledger._entry import RESERVE, read_spec
 from daemon.batch.ledger._queries import (
     campaign_filter,
@@ -88,11 +88,8 @@ class LedgerReader(CampaignSource):
         Raises :class:`DaemonError`, also for a question in the block, when it cannot be read or
         has another schema.
         """
-        try:
-            with closing(connect_reader(paths.ledger)) as connection:
-                yield cls(connection, paths)
-        except UNREADABLE as error:
-            raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
+        with open_reader(paths.ledger) as connection:
+            yield cls(connection, paths)
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:

@@ -14,7 +14,7 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger._entry import enter_campaign, enter_runs
 from daemon.batch.ledger._leases import RETRY, RunUpdates
 from daemon.batch.ledger._results import reuse_results
-from daemon.batch.ledger._searches import no_search, read_task, search_state
+from daemon.batch.ledger._searches import no_search, search_state
 from daemon.model.assessments import AssessmentRules
 from daemon.model.proposals import Proposal
 from daemon.model.search import MOST_SEARCH_RUNS, SearchSubmission
@@ -65,9 +65,13 @@ class SearchUpdates(RunUpdates):
                 f"{campaign} has {total} runs of at most {MOST_SEARCH_RUNS}:"
                 f" {len(proposals)} cannot be added at {first}"
             )
-        task = read_task(self._db, campaign)
-        if any(len(proposal.values) != len(task.parameters) for proposal in proposals):
-            raise Refused(f"{campaign} has {len(task.parameters)} parameters, its runs others")
+        (parameters,) = self._db.execute(
+            "SELECT json_array_length(CAST(task AS TEXT), '$.parameters') FROM search"
+            " WHERE campaign = ?",
+            (campaign,),
+        ).fetchone()
+        if any(len(proposal.values) != parameters for proposal in proposals):
+            raise Refused(f"{campaign} has {parameters} parameters, its runs others")
         rows = self._db.execute(
             "SELECT digest FROM run WHERE campaign = ? AND position >= ? ORDER BY position LIMIT ?",
             (campaign, first, len(proposals)),

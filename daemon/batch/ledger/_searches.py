@@ -6,7 +6,6 @@ import sqlite3
 from dataclasses import replace
 from typing import Any, Final
 
-from daemon.batch.errors import Refused
 from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery, SearchRow
@@ -32,14 +31,6 @@ def search_state(db: sqlite3.Connection, campaign: str) -> str:
     """
     row = db.execute("SELECT state FROM search WHERE campaign = ?", (campaign,)).fetchone()
     return "" if row is None else str(row[0])
-
-
-def read_task(db: sqlite3.Connection, campaign: str) -> SearchTask:
-    """Return the task of a search; refuses when there is none."""
-    row = db.execute("SELECT task FROM search WHERE campaign = ?", (campaign,)).fetchone()
-    if row is None:
-        raise Refused(no_search(campaign))
-    return codec.from_json(SearchTask, row[0])
 
 
 def read_searches(db: sqlite3.Connection, query: SearchQuery) -> tuple[SearchRow, ...]:

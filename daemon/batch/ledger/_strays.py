@@ -10,15 +10,13 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from daemon.batch.errors import DaemonError
-from daemon.batch.ledger._connection import check_present, connect_reader
+from daemon.batch.ledger._connection import check_present, open_reader
 from daemon.batch.ledger._entry import needed_inputs
 from daemon.batch.locks import is_locked
 from daemon.batch.paths import StatePaths
@@ -96,13 +94,10 @@ class _Needed:
 
 def _read_ledger(paths: StatePaths) -> _Needed:
     check_present(paths.ledger)
-    try:
-        with closing(connect_reader(paths.ledger)) as db:
-            needed = needed_inputs(db)
-            unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
-            deleted = db.execute(_DELETED).fetchall()
-    except sqlite3.Error as error:
-        raise DaemonError(f"{paths.ledger} does not say what is needed: {error}") from error
+    with open_reader(paths.ledger) as db:
+        needed = needed_inputs(db)
+        unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
+        deleted = db.execute(_DELETED).fetchall()
     named = (frozenset(row[0] for row in rows) for rows in (unfinished, deleted))
     return _Needed(needed, *named)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -11,12 +12,10 @@ from typing import Final
 from daemon.batch.ledger._searches import read_searches
 from daemon.model.search_answer import SearchQuery
 
-_AT_ONCE: Final = 500
-"""Digests in a question: SQLite takes some thousand values."""
 # As results are found for runs that are submitted (``_results._FIND_RESULTS``).
 _WITH_RESULT: Final = (
-    "SELECT DISTINCT digest FROM run AS old WHERE digest IN ({marks}) AND result <> ''"
-    " AND repeatable AND state = 'done' AND outcome <> 'error'"
+    "SELECT DISTINCT digest FROM run AS old WHERE digest IN (SELECT value FROM json_each(?))"
+    " AND result <> '' AND repeatable AND state = 'done' AND outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = old.digest"
     " AND alarm.doubted = 1)"
 )
@@ -77,20 +76,12 @@ class Forecast:
 def read_forecast(db: sqlite3.Connection, runs: Sequence[PlannedRun]) -> Forecast:
     """Return which runs need not be executed, and how long each takes."""
     times = _MeanTimes(db)
-    known = _with_result(db, [run.digest for run in runs if run.repeatable])
+    digests = json.dumps([run.digest for run in runs if run.repeatable])
+    known = {digest for (digest,) in db.execute(_WITH_RESULT, (digests,))}
     return Forecast(
         tuple(run.repeatable and run.digest in known for run in runs),
         tuple(times.of(run.scenario, run.sut) for run in runs),
     )
-
-
-def _with_result(db: sqlite3.Connection, digests: Sequence[str]) -> set[str]:
-    found: set[str] = set()
-    for start in range(0, len(digests), _AT_ONCE):
-        some = digests[start : start + _AT_ONCE]
-        marks = ", ".join("?" * len(some))
-        found |= {row[0] for row in db.execute(_WITH_RESULT.format(marks=marks), some)}
-    return found
 
 
 @dataclass(frozen=True, slots=True)

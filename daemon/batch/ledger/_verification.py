@@ -5,14 +5,12 @@ from __future__ import annotations
 import sqlite3
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from daemon.batch.errors import DaemonError
 from daemon.batch.inputs import is_intact
-from daemon.batch.ledger._connection import UNREADABLE, connect_reader
+from daemon.batch.ledger._connection import open_reader
 from daemon.batch.ledger._entry import needed_inputs
 from daemon.batch.ledger._results import read_engine_problems, result_columns
 from daemon.batch.paths import StatePaths
@@ -71,19 +69,16 @@ def verify_contents(
     rows take: a daemon may be working. Raises :class:`DaemonError` when the ledger cannot be read.
     """
     look = _Look(paths, traces)
-    try:
-        with closing(connect_reader(paths.ledger)) as db:
-            last = int(db.execute("SELECT ifnull(max(serial), 0) FROM run").fetchone()[0])
-            at = start = max(0, last - _QUICK) if quick else 0
-            # In parts: between them the ledger is nobody's, and its WAL can be emptied.
-            while rows := db.execute(_RUNS, (at,)).fetchall():
-                for at, *row in rows:  # noqa: B007  (where the next part begins)
-                    look.at_run(*row)
-                progress("runs", at - start, last - start)
-            missing = look.missing_inputs(db)
-            foreign = dict.fromkeys(words for _, words in read_engine_problems(db))
-    except UNREADABLE as error:
-        raise DaemonError(f"{paths.ledger} cannot be read: {error}") from error
+    with open_reader(paths.ledger) as db:
+        last = int(db.execute("SELECT ifnull(max(serial), 0) FROM run").fetchone()[0])
+        at = start = max(0, last - _QUICK) if quick else 0
+        # In parts: between them the ledger is nobody's, and its WAL can be emptied.
+        while rows := db.execute(_RUNS, (at,)).fetchall():
+            for at, *row in rows:  # noqa: B007  (where the next part begins)
+                look.at_run(*row)
+            progress("runs", at - start, last - start)
+        missing = look.missing_inputs(db)
+        foreign = dict.fromkeys(words for _, words in read_engine_problems(db))
     if not quick:
         kept = (path for path in paths.files.glob("*") if is_digest(path.name))
         for what, files in (("scenes", paths.scenes.glob("*.json")), ("files", kept)):

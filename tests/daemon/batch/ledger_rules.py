@@ -1,8 +1,6 @@
 """Rules that hold in every ledger, at any moment: tests and chaos examine files with them."""
 
-from contextlib import closing
-
-from daemon.batch.ledger._connection import connect_reader
+from daemon.batch.ledger._connection import open_reader
 
 RULES = {
     "runs are counted as done and have no result": (
@@ -35,7 +33,7 @@ RULES = {
 
 def broken_rules(ledger):
     """Return the rules that a ledger breaks, each with how often."""
-    with closing(connect_reader(ledger)) as db:
+    with open_reader(ledger) as db:
         db.execute("BEGIN")  # one snapshot: numbers that must agree are counted one by one
         counts = {words: db.execute(rule).fetchone()[0] for words, rule in RULES.items()}
     return [f"{count} {words}" for words, count in counts.items() if count]
