@@ -1,25 +1,34 @@
-"""Transfer of files in parts that goes on where it was, and copies of traces on this machine."""
+"""Places of traces and their travels: a store by URL, parts of files, copies on this machine.
+
+A store is an fsspec URL that finished traces are moved to, and fetched from. The marker of a state
+directory tells one directory from another, and from a copy.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
 import os
+import secrets
+import shutil
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
+from urllib.parse import urlsplit
 
 import platformdirs
 
 from daemon.batch.errors import TraceUnavailable, Unavailable
-from daemon.batch.stores._store import copy_between, is_url
+from daemon.batch.paths import StatePaths
+from daemon.model.ids import is_id
 from daemon.model.messages import PART, FilePart
 from daemon.model.status import RunRow
 from daemon.model.verbs import DaemonClient
-from grammars.text.files import move_durably
+from grammars.text import codec
+from grammars.text.files import move_durably, sync_directory, write_atomically
 
 _FAULTS: Final = 5
 
@@ -219,3 +228,74 @@ def _bring(
     if not matches_digest(part, trace.size, trace.sha256):
         os.truncate(part, 0)
         raise ValueError(f"what comes from {trace.location} is not what was recorded")
+
+
+def is_url(location: str) -> bool:
+    """Whether a trace lies at a URL rather than at a path."""
+    return "://" in location
+
+
+def check_store_url(url: str) -> str:
+    """Return the URL of a store without a slash at its end; raises ``ValueError`` for none."""
+    from fsspec import available_protocols
+
+    parts = urlsplit(url)
+    if not is_url(url) or parts.scheme not in available_protocols():
+        raise ValueError(f"{url!r} is no store: write file:///mnt/traces or s3://bucket/folder")
+    if parts.scheme == "file" and (parts.netloc or len(parts.path) < 2):
+        raise ValueError(f"{url!r} has no absolute path: write file:///mnt/traces")
+    if parts.password is not None or parts.query:
+        raise ValueError("the URL has credentials in it: they belong into the environment")
+    return url.rstrip("/")
+
+
+def copy_between(source: str, target: str) -> None:
+    """Copy a file from a path or URL to another, for good; raises ``OSError``."""
+    import fsspec
+
+    try:
+        with fsspec.open(source) as taken, fsspec.open(target, "wb") as given:
+            shutil.copyfileobj(taken, given)
+        if target.startswith("file://"):
+            _sync(Path(target.removeprefix("file://")))
+    except Exception as error:  # the library behind a URL may raise anything
+        url = source if is_url(source) else target
+        why = getattr(error, "strerror", "") or repr(error)
+        raise OSError(f"{url} cannot be used from here: {why}") from error
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+    sync_directory(path.parent)
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """Contents of the marker: the ``identity`` of the directory, and the ``era`` of its ledger."""
+
+    identity: str
+    era: str
+
+
+def write_marker(paths: StatePaths, era: str) -> Marker:
+    """Write a marker nobody can know from elsewhere, and return it.
+
+    The directory keeps its identity for good. The era is new with each start of a daemon: a copy of
+    the directory on another machine, under the same path, is not mistaken for it. Raises
+    ``OSError``.
+    """
+    known = read_marker(paths)
+    identity = known.identity if known is not None else secrets.token_hex(8)
+    marker = Marker(identity, era)
+    write_atomically(paths.marker, codec.to_json(marker), mode=0o600)
+    return marker
+
+
+def read_marker(paths: StatePaths) -> Marker | None:
+    """Return the marker in a directory, or ``None`` when there is none that can be read."""
+    try:
+        marker = codec.from_json(Marker, paths.marker.read_bytes())
+    except (OSError, ValueError):
+        return None
+    return marker if is_id(marker.identity) else None
