@@ -228,7 +228,15 @@ class StatePaths:
 
     def make_socket_folder(self) -> None:
         """Create the folder of the socket; raises ``OSError`` when it is not ours alone."""
-        _make_private(self.socket.parent)
+        folder = self.socket.parent
+        folder.mkdir(mode=0o700, exist_ok=True)
+        # Below /tmp somebody else may have been faster, with a folder or with a link to one of
+        # ours: whoever owns the folder of the socket can put another socket there.
+        found = folder.lstat()
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+            raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
+        if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            folder.chmod(0o700)
 
     def disk_shortage(self) -> str:
         """Say so when the disk is too full to keep what a run leaves, empty when it is not.
@@ -306,18 +314,6 @@ class StatePaths:
 def is_same_folder(one: Path, other: Path) -> bool:
     """Whether two paths lead to one folder, whatever they are called."""
     return one == other or (one.is_dir() and other.is_dir() and one.samefile(other))
-
-
-def _make_private(folder: Path) -> None:
-    """Make ``folder`` and see to it that it is ours alone; raises ``OSError``."""
-    folder.mkdir(mode=0o700, exist_ok=True)
-    # Below /tmp somebody else may have been faster, with a folder or with a link to one of ours:
-    # whoever owns the folder of the socket can put another socket there.
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-        raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
-    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-        folder.chmod(0o700)
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,17 +39,13 @@ _RUNS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class ContentReport:
-    """What was verified, by kind, and each kind of problem with the first that have it.
+    """Counts of what was verified, and each kind of problem with the first that have it.
 
     ``missing`` are scenes and files of runs that wait; without them these cannot be executed. Nor
     can those of other engines, which ``foreign`` says in words.
     """
 
-    results: int
-    specifications: int
-    scenes: int
-    files: int
-    traces: int
+    counts: Counter[str]
     problems: tuple[str, ...]
     missing: tuple[str, ...]
     foreign: tuple[str, ...]
@@ -87,11 +83,7 @@ def verify_contents(
                 look.at_file(what, path)
                 progress(what, i, len(every))
     return ContentReport(
-        results=look.counts["results"],
-        specifications=look.counts["specifications"],
-        scenes=look.counts["scenes"],
-        files=look.counts["files"],
-        traces=look.counts["traces"],
+        counts=look.counts,
         problems=tuple(_line(words, names) for words, names in look.found.items()),
         missing=missing,
         foreign=tuple(foreign),

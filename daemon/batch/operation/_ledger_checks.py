@@ -115,10 +115,11 @@ def _content_findings(report: ContentReport, *, quick: bool) -> Iterator[DoctorF
     for words in report.foreign:
         yield warning("contents", words.partition(": ")[0], words.partition(": ")[2])
     if not report.problems and not report.missing:
-        counts = f"{report.results} results, {report.specifications} specifications"
+        looked = report.counts
+        counts = f"{looked['results']} results, {looked['specifications']} specifications"
         if quick:
             words = f"the newest {counts} agree with their digests"
         else:
-            words = f"{counts}, {report.scenes} scenes and {report.files} files agree with their "
-            words += f"digests, {report.traces} traces with what was recorded"
+            words = f"{counts}, {looked['scenes']} scenes and {looked['files']} files agree with "
+            words += f"their digests, {looked['traces']} traces with what was recorded"
         yield ok("contents", words)

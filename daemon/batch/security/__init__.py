@@ -4,9 +4,7 @@ Making keys imports the cryptography library; that is :mod:`daemon.batch.securit
 """
 
 from daemon.batch.security._access_control import (
-    CLIENT_ROLES,
     access_control,
-    allowed_verbs,
     denial_text,
     strip_control_characters,
 )
@@ -23,19 +21,15 @@ from daemon.batch.security._keys import (
     keys_folder,
     load_register,
 )
-from daemon.model.verbs import Role
 
 __all__ = [
-    "CLIENT_ROLES",
     "KEYS_VARIABLE",
     "REGISTER_FILE",
     "Credentials",
     "DaemonCredentials",
     "IssuedKey",
     "KeyRegister",
-    "Role",
     "access_control",
-    "allowed_verbs",
     "denial_text",
     "find_credentials",
     "find_daemon_credentials",

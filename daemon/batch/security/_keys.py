@@ -66,11 +66,6 @@ class KeyRegister:
         )
 
 
-def read_register(folder: Path) -> KeyRegister:
-    """Read the register of a keys folder; raises ``OSError`` and ``ValueError``."""
-    return codec.from_json(KeyRegister, (folder / REGISTER_FILE).read_bytes())
-
-
 def write_register(folder: Path, register: KeyRegister) -> None:
     """Write the register so that it is never half there; raises ``OSError``."""
     write_atomically(folder / REGISTER_FILE, codec.to_json(register))
@@ -171,7 +166,7 @@ def _newest_of_role(folder: Path, register: KeyRegister, role: Role) -> Credenti
 def load_register(folder: Path) -> KeyRegister:
     """Read the register of a keys folder; raises :class:`KeysUnusable` with the remedy."""
     try:
-        return read_register(folder)
+        return codec.from_json(KeyRegister, (folder / REGISTER_FILE).read_bytes())
     except OSError as error:
         raise KeysUnusable(
             f"there are no keys in {folder}: `scenario keys init` makes them, "

@@ -35,7 +35,6 @@ from daemon.batch.security._keys import (
     IssuedKey,
     KeyRegister,
     load_register,
-    read_register,
     write_register,
 )
 from daemon.model.verbs import Role
@@ -75,7 +74,7 @@ def create_authority(
     _make_authority(folder, now)
     for role in Role:
         issue_key(folder, role, "", hosts if role is Role.DAEMON else (), now, days)
-    return read_register(folder)
+    return load_register(folder)
 
 
 def issue_key(
@@ -99,7 +98,14 @@ def issue_key(
         certificate = _sign(signer, key, common, role, _checked_hosts(hosts), now, days)
         # First the key, then the register: a key that is not in it is admitted nowhere.
         _store_key(folder, common, key, certificate)
-        entry = _register_entry(common, role, hosts, certificate)
+        entry = IssuedKey(
+            common,
+            role,
+            tuple(hosts),
+            certificate.not_valid_before_utc.timestamp() + _LEEWAY.total_seconds(),
+            certificate.not_valid_after_utc.timestamp(),
+            certificate.fingerprint(hashes.SHA256()).hex(),
+        )
         write_register(folder, KeyRegister((*register.issued, entry)))
     return entry
 
@@ -133,7 +139,7 @@ def _locked(folder: Path) -> Iterator[tuple[_Signer, KeyRegister]]:
             certificate = x509.load_pem_x509_certificate((folder / CA_FILE).read_bytes())
             if not isinstance(key, ec.EllipticCurvePrivateKey):
                 raise ValueError(f"{_CA_KEY} is no key of an elliptic curve")
-            yield _Signer(certificate, key), read_register(folder)
+            yield _Signer(certificate, key), load_register(folder)
     except FileNotFoundError as error:
         words = f"{folder} has no authority, {error.filename} is missing"
         raise KeysUnusable(f"{words}: `scenario keys init` makes one") from error
@@ -221,19 +227,6 @@ def _checked_host(host: str) -> x509.GeneralName:
         if not _HOST.match(host):
             raise KeysUnusable(f'"{host}" is neither the name of a host nor an address') from None
     return x509.DNSName(host)
-
-
-def _register_entry(
-    common: str, role: Role, hosts: Sequence[str], certificate: x509.Certificate
-) -> IssuedKey:
-    return IssuedKey(
-        common,
-        role,
-        tuple(hosts),
-        certificate.not_valid_before_utc.timestamp() + _LEEWAY.total_seconds(),
-        certificate.not_valid_after_utc.timestamp(),
-        certificate.fingerprint(hashes.SHA256()).hex(),
-    )
 
 
 def _store_key(

@@ -156,8 +156,3 @@ def write_contact(paths: StatePaths, contact: DaemonContact) -> None:
     if not paths.contact_file.exists():
         with suppress(OSError):
             write_atomically(paths.contact_file, codec.to_json(contact), mode=0o600)
-
-
-def remove_contact(paths: StatePaths) -> None:
-    """Remove what this daemon, or one that was killed, has said."""
-    paths.contact_file.unlink(missing_ok=True)

@@ -29,7 +29,6 @@ from daemon.batch.server._opening import (
     hold_alone,
     open_state,
     prepare_endpoints,
-    remove_contact,
     write_contact,
 )
 from daemon.batch.server._processes import LocalWorker
@@ -248,8 +247,9 @@ class _Daemon:
             keeper.start()
             stack.callback(keeper.close)
         # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
-        remove_contact(self._paths)
-        stack.callback(remove_contact, self._paths)
+        remove_contact = partial(self._paths.contact_file.unlink, missing_ok=True)
+        remove_contact()  # one that was killed may have left its own
+        stack.callback(remove_contact)
         where = self._listening.socket
         contact = DaemonContact(where, os.getpid(), self._version, time.time())
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
@@ -352,8 +352,4 @@ def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
         # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
         session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
     if any(event.state in _HINTS for event in events):
-        _publish_hint(session)
-
-
-def _publish_hint(session: zenoh.Session) -> None:
-    session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)
+        session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.security import CLIENT_ROLES
+from daemon.batch.security._access_control import CLIENT_ROLES
 from daemon.model.verbs import VERBS, Role
 
 DOC = Path(__file__).parents[3] / "docs" / "security.md"

@@ -16,15 +16,14 @@ from daemon.batch.errors import DaemonError, KeysUnusable, Refused, Unreachable
 from daemon.batch.operation import FindingLevel, check_keys
 from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint, is_local
 from daemon.batch.security import (
-    CLIENT_ROLES,
     access_control,
-    allowed_verbs,
     denial_text,
     find_credentials,
     find_daemon_credentials,
     load_register,
     strip_control_characters,
 )
+from daemon.batch.security._access_control import CLIENT_ROLES, allowed_verbs
 from daemon.batch.security.authority import create_authority, issue_key, pack_key, revoke_key
 from daemon.batch.server import exposure_warning
 from daemon.batch.server._opening import prepare_endpoints

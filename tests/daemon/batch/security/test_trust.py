@@ -13,7 +13,7 @@ from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.paths import StatePaths
-from daemon.batch.security import Role, find_credentials, find_daemon_credentials
+from daemon.batch.security import find_credentials, find_daemon_credentials
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key
 from daemon.model import verbs
 from daemon.model.messages import (
@@ -23,6 +23,7 @@ from daemon.model.messages import (
     LedgerAnswer,
     WorkerInfo,
 )
+from daemon.model.verbs import Role
 from grammars.text import codec
 from tests.daemon.batch.harness import daemon_at, eventually, free_endpoint
 from tests.daemon.batch.samples import make_result, make_submission
