@@ -15,6 +15,7 @@ Shell completion asks at every TAB where the ledger lies: what is heavy is impor
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
 import ipaddress
 import os
@@ -22,6 +23,7 @@ import re
 import shutil
 import stat
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
@@ -309,6 +311,21 @@ class StatePaths:
             return contact.endpoint
         # A daemon whose disk is full cannot say where it is; its socket is where it always is.
         return self.endpoint if self.socket.is_socket() else None
+
+
+def is_locked(path: Path) -> bool:
+    """Whether a process holds the lock that ``path`` is; its lock ends with the process.
+
+    One that is not there is held by nobody. Raises ``OSError`` for what cannot be a lock.
+    """
+    with suppress(FileNotFoundError, NotADirectoryError), path.open("rb") as lock:
+        try:
+            # Shared, so that two who look do not take each other for its holder, and given back at
+            # once: a daemon that starts meanwhile would be told that there is one already.
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def is_same_folder(one: Path, other: Path) -> bool:

@@ -14,10 +14,12 @@ from pydantic import Base64Bytes, Field
 
 from daemon.model.ranges import IdText, NonNegativeInt, ShortText
 from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
-from daemon.model.status import PREFIX, Preparation
+from daemon.model.status import Preparation
 
 PROTOCOL: Final = 2
 """Raise it when a message changes so that others do not understand it any more."""
+PREFIX: Final = "scenario/v1"
+"""Of every key on the bus; another one would be for messages that this version cannot read."""
 ASK: Final = f"{PREFIX}/ask"
 """Questions are asked at ``ASK/<name>/<verb>``, under the name of the requester's key."""
 EVENTS: Final = f"{PREFIX}/event"

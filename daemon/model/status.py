@@ -16,10 +16,6 @@ from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome, Verdict, join_notes
 
-PREFIX: Final = "scenario/v1"
-"""Of every key on the bus; another one would be for messages that this version cannot read."""
-
-
 NONDETERMINISTIC: Final = "nondeterministic"
 """The state of an alarm among the events, and a word of the run's ``reason``, to look for it by."""
 

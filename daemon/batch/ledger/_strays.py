@@ -18,8 +18,7 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.batch.ledger._connection import check_present, open_reader
 from daemon.batch.ledger._entry import needed_inputs
-from daemon.batch.locks import is_locked
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import StatePaths, is_locked
 from daemon.model.ids import is_digest, is_id
 
 StrayKind: TypeAlias = Literal[

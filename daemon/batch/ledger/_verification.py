@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -25,7 +25,6 @@ VerificationProgress: TypeAlias = Callable[[str, int, int], None]
 _PAGE: Final = 500
 _QUICK: Final = 1000
 """Runs of a quick look: the newest."""
-_NAMED: Final = 3
 
 _RUNS: Final = (
     "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed, trace_name,"
@@ -39,14 +38,14 @@ _RUNS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class ContentReport:
-    """Counts of what was verified, and each kind of problem with the first that have it.
+    """Counts of what was verified, and the names of all that have each kind of problem.
 
     ``missing`` are scenes and files of runs that wait; without them these cannot be executed. Nor
     can those of other engines, which ``foreign`` says in words.
     """
 
     counts: Counter[str]
-    problems: tuple[str, ...]
+    problems: Mapping[str, list[str]]
     missing: tuple[str, ...]
     foreign: tuple[str, ...]
 
@@ -84,15 +83,10 @@ def verify_contents(
                 progress(what, i, len(every))
     return ContentReport(
         counts=look.counts,
-        problems=tuple(_line(words, names) for words, names in look.found.items()),
+        problems=look.found,
         missing=missing,
         foreign=tuple(foreign),
     )
-
-
-def _line(words: str, names: list[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"{words}: {', '.join(names[:_NAMED])}{more}"
 
 
 class _Look:

@@ -21,7 +21,6 @@ from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.ledger import VerificationProgress, find_strays
-from daemon.batch.locks import is_locked
 from daemon.batch.operation._findings import (
     DoctorFinding,
     guarded,
@@ -38,6 +37,7 @@ from daemon.batch.paths import (
     is_encrypted,
     is_endpoint,
     is_local,
+    is_locked,
     is_same_folder,
 )
 from daemon.batch.permissions import Exposure, find_exposure, find_key_exposure

@@ -47,10 +47,10 @@ def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
     return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
 
 
-def names(paths: Sequence[Path]) -> str:
-    """Name the first of some paths, and how many more there are."""
-    more = f" and {len(paths) - _SHOWN} more" if len(paths) > _SHOWN else ""
-    return ", ".join(map(str, paths[:_SHOWN])) + more
+def names(things: Sequence[Path | str]) -> str:
+    """Name the first of some paths or runs, and how many more there are."""
+    more = f" and {len(things) - _SHOWN} more" if len(things) > _SHOWN else ""
+    return ", ".join(map(str, things[:_SHOWN])) + more
 
 
 def guarded(subject: str, check: Callable[[], Iterable[DoctorFinding]]) -> Iterator[DoctorFinding]:

@@ -16,7 +16,7 @@ from daemon.batch.ledger import (
     schema_problem,
     verify_contents,
 )
-from daemon.batch.operation._findings import DoctorFinding, ok, problem, warning
+from daemon.batch.operation._findings import DoctorFinding, names, ok, problem, warning
 from daemon.batch.paths import StatePaths
 from daemon.model.status import NONDETERMINISTIC
 
@@ -103,13 +103,13 @@ def _history_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFind
 
 
 def _content_findings(report: ContentReport, *, quick: bool) -> Iterator[DoctorFinding]:
-    for words in report.problems:
-        yield problem("contents", words, _WRONG)
+    for words, having in report.problems.items():
+        yield problem("contents", f"{words}: {names(having)}", _WRONG)
     if report.missing:
-        names = ", ".join(name[:12] for name in report.missing[:3])
+        first = ", ".join(name[:12] for name in report.missing[:3])
         yield problem(
             "contents",
-            f"{len(report.missing)} scenes or files of runs that wait are gone: {names}",
+            f"{len(report.missing)} scenes or files of runs that wait are gone: {first}",
             "submit their campaigns again: what is missing is sent along",
         )
     for words in report.foreign:

@@ -148,11 +148,6 @@ class StopRequest:
         """Wait until it was asked for; returns whether it was."""
         return self._asked.wait(seconds)
 
-    @property
-    def asked(self) -> bool:
-        """Whether it was asked for."""
-        return self._asked.is_set()
-
     @contextmanager
     def signals(self) -> Iterator[None]:
         """Let SIGTERM and SIGINT ask for it."""
@@ -228,7 +223,7 @@ class _Daemon:
     def _starting(self) -> Preparation | None:
         """Return what the daemon's own worker does before it can say so itself."""
         local = self._local
-        if local is None or local.trouble or self._stop.asked:
+        if local is None or local.trouble or self._stop.count:
             return None
         known = any(row.pid == local.pid for row in self._registry.rows())
         return None if known else Preparation(PreparationPhase.STARTING)
@@ -253,7 +248,7 @@ class _Daemon:
         where = self._listening.socket
         contact = DaemonContact(where, os.getpid(), self._version, time.time())
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
-        while not self._stop.asked:
+        while not self._stop.count:
             write_contact(self._paths, contact)
             self._revoked.look()
             if local is not None:

@@ -16,8 +16,7 @@ import pytest
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
-from daemon.batch.locks import is_locked
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import StatePaths, is_locked
 from daemon.batch.server._opening import hold_alone
 from daemon.model.run_state import RunState
 from tests.daemon.batch.harness import (
