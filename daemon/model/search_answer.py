@@ -128,7 +128,7 @@ class SearchAnswer:
     """What a search has found, so far or in the end.
 
     ``ended`` says why it ended (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
-    ``exhausted``, ``cancelled``), empty while it lasts. Of the ``explored`` proposals ``refused``
+    ``exhausted``), empty while it may go on. Of the ``explored`` proposals ``refused``
     are points that no run can be made of. ``first`` is the failure of the lowest number, ``best``
     the smallest margin. Of the ``space_filling`` runs, those with a verdict that were drawn without
     looking at results (the scenario as written was not drawn), ``space_filling_failed`` fail. Of

@@ -59,7 +59,7 @@ def run_search(case: SearchCase, runs: DaemonRuns) -> SearchAnswer:
     try:
         return search.run()
     except SearchStoppedError as error:
-        error.answer = search.with_found(search.answer("cancelled"))
+        error.answer = search.with_found(search.answer())
         raise
 
 

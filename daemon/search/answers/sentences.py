@@ -69,8 +69,9 @@ def phase_words(row: SearchRow) -> str:
         return "waiting for somebody to go on with it"
     if row.state == "failed":
         return "it could not go on"
-    ended = row.answer.ended if row.answer is not None else ""
-    return ending_words(row.task, "cancelled" if row.state == "cancelled" else ended) or "ended"
+    if row.state == "cancelled":
+        return "it was cancelled"
+    return ending_words(row.task, row.answer.ended if row.answer else "") or "ended"
 
 
 def headline_sentence(row: SearchRow) -> str:
@@ -264,5 +265,4 @@ def ending_words(task: SearchTask, ended: str) -> str:
         "settled": "it ends because nothing better and nothing new was found for a while",
         "errors": "it ends because of errors in a row",
         "exhausted": "it ends because every point of the space was run",
-        "cancelled": "it was cancelled",
     }.get(ended, "")
