@@ -12,11 +12,11 @@ from typing import Final
 from daemon.batch.errors import Refused, Rejected
 from daemon.batch.ledger._entry import read_spec
 from daemon.batch.ledger._results import (
-    engine_problem,
     has_stopped_result,
+    hold_text,
     queue_reserve,
-    read_engine_problems,
     read_holds,
+    read_other_engines,
     require_era,
     require_lease,
     reuse_results,
@@ -44,7 +44,7 @@ from daemon.model.messages import (
     ReleaseRequest,
 )
 from daemon.model.run_state import RunState
-from daemon.model.spec import LARGEST_RESULT, RunSpec
+from daemon.model.spec import ENGINE_VERSION, LARGEST_RESULT, RunSpec
 from daemon.model.status import NONDETERMINISTIC, ChangeEvent
 from grammars.text import codec
 
@@ -191,8 +191,8 @@ class RunUpdates:
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
         Within a campaign the first submitted run goes first, one that was given back after all
         others. Runs of systems under test whose kind the worker ``lacks`` wait for another one. A
-        campaign waits as a whole for what
-        ``missing`` says that a run of it lacks here: its scene, say.
+        campaign waits as a whole for what ``missing`` says that a run of it lacks here: a scene or
+        a file, named as :func:`hold_text` takes it.
         """
         leases: list[Lease] = []
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
@@ -203,8 +203,9 @@ class RunUpdates:
                 break
             run, campaign, trace, leads = row
             spec = read_spec(self._db, run)
-            if why := engine_problem(spec.engine) or missing(spec):
-                self._hold(campaign, run, why, now)
+            other = f"engine {spec.engine}" if spec.engine != ENGINE_VERSION else ""
+            if lacking := other or missing(spec):
+                self._hold(campaign, run, lacking, now)
                 continue
             token = self._next_token()
             change = self._apply(run, Leased(worker, token), now)
@@ -215,24 +216,26 @@ class RunUpdates:
             leases.append(lease)
         return tuple(leases)
 
-    def _hold(self, campaign: str, run: str, why: str, now: float) -> None:
+    def _hold(self, campaign: str, run: str, lacking: str, now: float) -> None:
         """Lease nothing of a campaign while it lacks something; a run of it has that as reason."""
-        self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (why, campaign))
+        why = hold_text(lacking)
+        self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (lacking, campaign))
         self._db.execute("UPDATE run SET reason = ?, nondeterministic = 0 WHERE id = ?", (why, run))
         self.record_event(now, "campaign", campaign, campaign, "held", why)
 
-    def end_hold(self, why: str, now: float) -> int:
-        """Go on with the campaigns that lack this; returns how many there are."""
-        held = self._db.execute(
-            "UPDATE campaign SET lacks = '' WHERE lacks = ? RETURNING id", (why,)
-        ).fetchall()
-        for (campaign,) in held:
-            self._db.execute(
-                "UPDATE run SET reason = '' WHERE campaign = ? AND state = 'queued' AND reason = ?",
-                (campaign, why),
-            )
-            self.record_event(now, "campaign", campaign, campaign, "resumed")
-        return len(held)
+    def end_holds(self, is_there: Callable[[str], bool], now: float) -> None:
+        """Go on with the campaigns whose lacking scene or file is there again."""
+        for lacking in filter(is_there, read_holds(self._db)):
+            held = self._db.execute(
+                "UPDATE campaign SET lacks = '' WHERE lacks = ? RETURNING id", (lacking,)
+            ).fetchall()
+            for (campaign,) in held:
+                self._db.execute(
+                    "UPDATE run SET reason = ''"
+                    " WHERE campaign = ? AND state = 'queued' AND reason = ?",
+                    (campaign, hold_text(lacking)),
+                )
+                self.record_event(now, "campaign", campaign, campaign, "resumed")
 
     def begin_era(self) -> str:
         """Begin to keep this ledger; leases are of the era that this returns from now on.
@@ -241,8 +244,8 @@ class RunUpdates:
         of another engine wait for a daemon that has it.
         """
         self._db.execute("UPDATE campaign SET lacks = '' WHERE lacks <> ''")
-        for campaign, why in read_engine_problems(self._db):
-            self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (why, campaign))
+        for campaign, lacking in read_other_engines(self._db):
+            self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (lacking, campaign))
         self._era = secrets.token_hex(8)
         query = "INSERT INTO era (id, token) SELECT ?, value FROM meta WHERE key = 'token'"
         self._db.execute(query, (self._era,))
@@ -250,7 +253,7 @@ class RunUpdates:
 
     def holds(self) -> tuple[str, ...]:
         """Return what campaigns lack that wait for it, in words for people."""
-        return read_holds(self._db)
+        return tuple(map(hold_text, read_holds(self._db)))
 
     def require_era(self, era: str, token: int = 0) -> None:
         """Raise :class:`daemon.batch.errors.OtherLedger` for what belongs to another ledger."""

@@ -20,7 +20,13 @@ from daemon.batch.ledger._queries import (
     run_row,
     select_runs,
 )
-from daemon.batch.ledger._results import read_declared, read_holds, require_era, require_lease
+from daemon.batch.ledger._results import (
+    hold_text,
+    read_declared,
+    read_holds,
+    require_era,
+    require_lease,
+)
 from daemon.batch.ledger._searches import read_searches
 from daemon.batch.ledger._time_left import (
     Forecast,
@@ -162,7 +168,7 @@ class LedgerReader(CampaignSource):
 
     def holds(self) -> tuple[str, ...]:
         """Return what campaigns lack that wait for it, in words for people."""
-        return read_holds(self._db)
+        return tuple(map(hold_text, read_holds(self._db)))
 
     def time_left(self, now: float, slots: int) -> TimeLeft:
         """Return how long what waits and runs takes on so many slots."""

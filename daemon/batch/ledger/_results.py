@@ -56,30 +56,33 @@ _COPY_RESULT: Final = (
 
 
 def read_holds(db: sqlite3.Connection) -> tuple[str, ...]:
-    """Return what campaigns lack that wait for it, in words for people."""
+    """Return what campaigns lack that wait for it, which :func:`hold_text` says in words."""
     query = "SELECT DISTINCT lacks FROM campaign WHERE finished_at IS NULL AND lacks <> ''"
-    return tuple(words for (words,) in db.execute(query))
+    return tuple(lacks for (lacks,) in db.execute(query))
 
 
-def engine_problem(engine: str) -> str:
-    """Say why runs of an engine wait here; empty for those of ours."""
-    if engine == ENGINE_VERSION:
-        return ""
-    return (
-        f"runs of engine {engine} wait, this version has engine {ENGINE_VERSION}: cancel their"
-        " campaign and submit it again, or use the version it was submitted with"
+def hold_text(lacks: str) -> str:
+    """Say what runs lack: ``engine N``, ``scene DIGEST`` or ``file DIGEST``, and what to do."""
+    kind, _, name = lacks.partition(" ")
+    if kind == "engine":
+        return (
+            f"runs of engine {name} wait, this version has engine {ENGINE_VERSION}: cancel their"
+            " campaign and submit it again, or use the version it was submitted with"
+        )
+    return f"the {kind} {name[:12]} is gone or was damaged: submit its campaign again"
+
+
+def read_other_engines(db: sqlite3.Connection) -> tuple[tuple[str, str], ...]:
+    """Return unfinished campaigns of other engines than ours, each with what it lacks."""
+    return tuple(
+        db.execute(
+            "SELECT DISTINCT campaign, 'engine ' || json_extract(body, '$.engine') FROM"
+            " (SELECT cell.campaign, CAST(body AS TEXT) AS body FROM cell JOIN campaign"
+            " ON campaign.id = cell.campaign WHERE finished_at IS NULL)"
+            " WHERE json_valid(body) AND json_extract(body, '$.engine') <> ?",
+            (ENGINE_VERSION,),
+        )
     )
-
-
-def read_engine_problems(db: sqlite3.Connection) -> tuple[tuple[str, str], ...]:
-    """Return unfinished campaigns of other engines than ours, each with the problem."""
-    engines = db.execute(
-        "SELECT DISTINCT campaign, json_extract(body, '$.engine') FROM"
-        " (SELECT cell.campaign, CAST(body AS TEXT) AS body FROM cell JOIN campaign"
-        " ON campaign.id = cell.campaign WHERE finished_at IS NULL) WHERE json_valid(body)"
-    )
-    problems = ((campaign, engine_problem(engine)) for campaign, engine in engines)
-    return tuple((campaign, words) for campaign, words in problems if words)
 
 
 def require_era(db: sqlite3.Connection, era: str, token: int = 0) -> None:

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import open_reader
 from daemon.batch.ledger._entry import needed_inputs
-from daemon.batch.ledger._results import read_engine_problems, result_columns
+from daemon.batch.ledger._results import hold_text, read_other_engines, result_columns
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.model.ids import is_digest
@@ -73,7 +73,7 @@ def verify_contents(
                 look.at_run(*row)
             progress("runs", at - start, last - start)
         missing = look.missing_inputs(db)
-        foreign = dict.fromkeys(words for _, words in read_engine_problems(db))
+        foreign = dict.fromkeys(hold_text(lacks) for _, lacks in read_other_engines(db))
     if not quick:
         kept = (path for path in paths.files.glob("*") if is_digest(path.name))
         for what, files in (("scenes", paths.scenes.glob("*.json")), ("files", kept)):

@@ -30,7 +30,7 @@ CREATE TABLE campaign (
     priority     INTEGER NOT NULL DEFAULT 0,
     served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
     origin       BLOB NOT NULL DEFAULT x'',  -- its file and the commit it was written at
-    lacks        TEXT NOT NULL DEFAULT ''    -- scene or file that is gone, in words: it waits for that
+    lacks        TEXT NOT NULL DEFAULT ''    -- it waits for this: 'scene DIGEST', 'file DIGEST', 'engine N'
 ) STRICT;
 
 -- Whose turn it is: campaigns of one priority take turns.

@@ -237,15 +237,10 @@ class Handlers(SearchHandlers):
         return read_submission(payload, self.paths)
 
     def submit(self, ledger: LedgerWriter, submission: Submission) -> SubmissionReceipt:
-        self._end_waits(ledger)
+        ledger.end_holds(self._inputs.has, time.time())
         receipt = ledger.submit(submission, time.time())
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
-
-    def _end_waits(self, ledger: LedgerWriter) -> None:
-        """Let runs go on whose scene or file somebody has brought back."""
-        for reason in self._inputs.take_restored():
-            ledger.end_hold(reason, time.time())
 
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
         count = ledger.cancel(request.id, time.time())
@@ -291,7 +286,7 @@ class Handlers(SearchHandlers):
             return LeaseReply((), draining=True)
         if self.housekeeping.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
-        self._end_waits(ledger)
+        ledger.end_holds(self._inputs.has, now)
         return LeaseReply(
             ledger.lease(
                 request.worker.id,

@@ -6,9 +6,6 @@ brings the scene, by submitting its campaign again say.
 
 from __future__ import annotations
 
-import threading
-from pathlib import Path
-
 from daemon.batch.inputs import is_intact
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
@@ -22,31 +19,22 @@ class InputStore:
     def __init__(self, paths: StatePaths, log: EventLog) -> None:
         self._paths = paths
         self._log = log
-        self._lock = threading.Lock()
-        self._missing: dict[Path, str] = {}
 
     def missing(self, spec: RunSpec) -> str:
-        """What a run lacks here, in words for people; empty when all is there."""
+        """What a run lacks here, as ``scene`` or ``file`` and a digest; empty when all is there."""
         files = (self._paths.files / digest for digest in spec.files if is_digest(digest))
         paths = [self._paths.scene(spec.scene), *files]
         absent = next((path for path in paths if not path.exists()), None)
         if absent is None:
             return ""
-        with self._lock:
-            if absent not in self._missing:
-                self._missing[absent] = _words(absent)
-                self._log.write("input missing", path=str(absent))
-            return self._missing[absent]
+        self._log.write("input missing", path=str(absent))
+        return f"{'scene' if absent.suffix else 'file'} {absent.stem}"
 
-    def take_restored(self) -> tuple[str, ...]:
-        """The reasons why runs waited that are none any more; each once."""
-        if not self._missing:
-            return ()
-        with self._lock:
-            restored = {path: words for path, words in self._missing.items() if path.exists()}
-            for path in restored:
-                del self._missing[path]
-        return tuple(restored.values())
+    def has(self, lacked: str) -> bool:
+        """Whether what runs lacked, as :meth:`missing` says it, is here."""
+        kind, _, digest = lacked.partition(" ")
+        path = self._paths.scene(digest) if kind == "scene" else self._paths.files / digest
+        return path.exists()
 
     def examine(self, digest: str) -> None:
         """Look whether the scene or file is what its name says; put it aside if it is not."""
@@ -56,8 +44,3 @@ class InputStore:
             if path.exists() and not is_intact(path):
                 aside = self._paths.put_aside(path)
                 self._log.write("input damaged", path=str(path), aside=str(aside))
-
-
-def _words(path: Path) -> str:
-    what = "scene" if path.suffix else "file"
-    return f"the {what} {path.stem[:12]} is gone or was damaged: submit its campaign again"

@@ -66,22 +66,25 @@ def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(b
     book.submit(make_submission("d", 2), NOW)
 
     def missing(spec):
-        return "its scene is gone" if spec.scenario == "gone" else ""
+        return "scene 0123456789abcdef" if spec.scenario == "gone" else ""
 
     grants = [book.lease("w", 1, NOW, missing=missing) for _ in range(5)]
     assert [grant.campaign for (grant,) in grants] == ["c", "d", "c", "d", "c"]
     assert book.lease("w", 1, NOW, missing=missing) == ()
     with LedgerReader.open(StatePaths(tmp_path)) as reader:
         first, *others = reader.runs("gone").rows
-    assert (first.attempt, first.reason) == (0, "its scene is gone")
+    words = "the scene 0123456789ab is gone or was damaged: submit its campaign again"
+    assert (first.attempt, first.reason) == (0, words)
     assert {row.reason for row in others} == {""}
-    assert book.end_hold("its scene is gone", NOW) == 1
+    book.end_holds(lambda lacked: lacked != "scene 0123456789abcdef", NOW)
+    assert book.lease("w", 1, NOW) == ()
+    book.end_holds(lambda lacked: lacked == "scene 0123456789abcdef", NOW)
     assert len(book.lease("w", 600, NOW)) == 600
     assert rows(tmp_path)[0].reason == ""
 
 
 def test_what_a_campaign_lacked_is_looked_for_anew_by_the_next_daemon(book):
-    assert book.lease("w", 1, NOW, missing=lambda _: "its scene is gone") == ()
+    assert book.lease("w", 1, NOW, missing=lambda _: "scene 0123") == ()
     assert book.lease("w", 1, NOW) == ()
     book.begin_era()
     assert len(book.lease("w", 1, NOW)) == 1
