@@ -42,9 +42,7 @@ def running_daemon(state: Path) -> str | None:
         return None
 
 
-def ensure_daemon(
-    state: Path, *, slots: int | None = None, executor: str = DEFAULT_EXECUTOR
-) -> str:
+def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
     """Return the endpoint of the daemon that keeps ``state``, starting one if need be.
 
     A started daemon is detached: it outlives this process. Raises :class:`LaunchFailed` with the
@@ -55,7 +53,7 @@ def ensure_daemon(
         return found
     paths = StatePaths.find(state)
     paths.make_folders()
-    command = _command(paths, slots, executor)
+    command = _command(paths, slots, DEFAULT_EXECUTOR)
     with open_private_log(paths.worker_log) as output:
         process = subprocess.Popen(
             command,

@@ -118,6 +118,17 @@ def matches_digest(path: Path, size: int, sha256: str) -> bool:
         return False
 
 
+def is_intact(path: Path) -> bool:
+    """Whether a scene or file of runs is there that is what its name says: its digest.
+
+    Raises ``OSError`` when it is there and cannot be read.
+    """
+    try:
+        return file_sha256(path) == path.stem
+    except FileNotFoundError:
+        return False
+
+
 def trim_cache(paths: Iterable[Path], most: int, in_use: float) -> None:
     """Remove the files that were not used for longest until the rest has at most ``most`` bytes.
 

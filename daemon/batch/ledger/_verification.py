@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from daemon.batch.inputs import is_intact
 from daemon.batch.ledger._connection import open_reader
 from daemon.batch.ledger._entry import needed_inputs
 from daemon.batch.ledger._results import hold_text, read_other_engines, result_columns
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import file_sha256
+from daemon.batch.stores import file_sha256, is_intact
 from daemon.model.ids import is_digest
 from daemon.model.spec import RunResult, TraceInfo, run_digest, text_digest
 from grammars.text import codec

@@ -6,9 +6,9 @@ brings the scene, by submitting its campaign again say.
 
 from __future__ import annotations
 
-from daemon.batch.inputs import is_intact
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
+from daemon.batch.stores import is_intact
 from daemon.model.ids import is_digest
 from daemon.model.spec import RunSpec
 

@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.inputs import keep_scene
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
+from daemon.batch.stores import is_intact
 from daemon.model.ids import is_id, trace_name
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.submission import MOST_RUNS, Submission, too_many_runs
 from daemon.model.verbs import SUBMIT
+from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
 """Problems that are said: who has forgotten a scene has forgotten it for every cell."""
@@ -43,7 +45,11 @@ def admit_submission(submission: Submission, paths: StatePaths) -> None:
     # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
     try:
         for scene in submission.scenes:
-            keep_scene(paths.scene(scene.digest), scene)
+            path = paths.scene(scene.digest)
+            if is_intact(path):
+                os.utime(path)  # a campaign on its way needs it: it is no stray for now
+            else:
+                write_atomically(path, codec.to_json(scene))
     except OSError as error:
         raise Unavailable(f"the submission cannot be stored: {error}") from error
 

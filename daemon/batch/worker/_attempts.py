@@ -224,10 +224,8 @@ class Spool:
 def _try_lock(folder: Path) -> IO[str] | None:
     try:
         return _lock(folder)
-    except (FileNotFoundError, NotADirectoryError):
-        return None  # removed by another worker that adopted it
-    except BlockingIOError:
-        return None
+    except (BlockingIOError, FileNotFoundError, NotADirectoryError):
+        return None  # its worker lives, or another worker has adopted it
 
 
 def _lock(folder: Path) -> IO[str]:

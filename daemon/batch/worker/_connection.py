@@ -15,12 +15,12 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import Refused, WorkerBroken
-from daemon.batch.inputs import is_intact
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
 from daemon.batch.stores import (
     download,
     file_sha256,
+    is_intact,
     read_marker,
     trim_cache,
 )

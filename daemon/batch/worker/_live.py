@@ -56,8 +56,7 @@ class _WatchedRun:
     """One run under way: its own publishers, and what is wanted of it as far as it knows."""
 
     execution: Execution
-    details: zenoh.Publisher
-    judgements: zenoh.Publisher
+    publishers: dict[Wanted, zenoh.Publisher]
     budget: LineBudget = field(default_factory=LineBudget)
     wanted: frozenset[Wanted] = frozenset()
     published_at: float = 0.0
@@ -93,12 +92,12 @@ class LivePublisher:
         # Rather snapshots are left out than a judgement, of which there is one a second.
         if judged and Wanted.JUDGEMENT in watch.wanted and watch.budget.allows(now, LINE_RATE / 2):
             watch.budget.spend(len(judged))
-            watch.judgements.put(judged)
+            watch.publishers[Wanted.JUDGEMENT].put(judged)
         if not live:
             return
         if Wanted.DETAILS in watch.wanted and watch.budget.allows(now):
             watch.budget.spend(len(live))
-            watch.details.put(live)
+            watch.publishers[Wanted.DETAILS].put(live)
         due = now - watch.published_at >= _LIVE_PERIOD and Wanted.MARGIN in watch.wanted
         if due and watch.budget.allows(now):
             watch.published_at = now
@@ -112,14 +111,10 @@ class LivePublisher:
         if watch is None or watch.execution is not execution:
             self.forget(run)
             key = f"{LIVE}/{self.name}/{self.worker}/{run}"
-            watch = self._runs[run] = _WatchedRun(
-                execution, self._publisher(key), self._publisher(f"{key}/{JUDGED}")
-            )
-        listened = {
-            Wanted.MARGIN: self._all,
-            Wanted.DETAILS: watch.details,
-            Wanted.JUDGEMENT: watch.judgements,
-        }
+            keys = {Wanted.DETAILS: key, Wanted.JUDGEMENT: f"{key}/{JUDGED}"}
+            publishers = {what: self._publisher(key) for what, key in keys.items()}
+            watch = self._runs[run] = _WatchedRun(execution, publishers)
+        listened = {Wanted.MARGIN: self._all, **watch.publishers}
         wanted = frozenset(what for what, where in listened.items() if _has_subscribers(where))
         if wanted != watch.wanted:
             watch.wanted = wanted
@@ -128,10 +123,9 @@ class LivePublisher:
 
     def forget(self, run: str) -> None:
         """Let go of a run that is over here."""
-        watch = self._runs.pop(run, None)
-        if watch is not None:
-            watch.details.undeclare()  # type: ignore[no-untyped-call]
-            watch.judgements.undeclare()  # type: ignore[no-untyped-call]
+        if watch := self._runs.pop(run, None):
+            for publisher in watch.publishers.values():
+                publisher.undeclare()  # type: ignore[no-untyped-call]
 
 
 def _without_details(live: bytes) -> bytes:

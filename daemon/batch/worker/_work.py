@@ -50,16 +50,15 @@ def work(
 ) -> None:
     """Execute runs of the daemon at ``connect`` until told to leave.
 
-    ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster that
-    at the address ``dask`` that executes them). Where the daemon's state directory can be reached,
-    under the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a
-    folder of its own, in ``state`` or the user's state folder, and sends traces.
-    ``executor`` (``module:function``) executes runs and is never taken from the network. When
-    its standard input closes, with ``tether``, the worker exits at once, or finishes and leaves.
-    With ``nice`` the session it leads steps
-    back behind others, not only each run behind the worker. ``commands``: whether runs may start
-    commands that stand in SUT files; ``None``: only those of a daemon on this machine. To be called
-    from the main thread.
+    ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster at the
+    address ``dask`` that executes them). Where the daemon's state directory can be reached, under
+    the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a folder
+    of its own, in ``state`` or the user's state folder, and sends traces. ``executor``
+    (``module:function``) executes runs and is never taken from the network. When its standard input
+    closes, with ``tether``, the worker exits at once, or finishes and leaves. With ``nice`` the
+    session it leads steps back behind others, not only each run behind the worker. ``commands``:
+    whether runs may start commands that stand in SUT files; ``None``: only those of a daemon on
+    this machine. To be called from the main thread.
 
     SIGTERM or SIGINT: finish what runs, then leave. A second one, or SIGQUIT: give it back.
 
