@@ -158,15 +158,11 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
 
     steps: tuple[RunStep, ...] = ()
     output: tuple[str, ...] = ()
+    with target.open() if target.named else open_ledger(target.paths) as source:
+        row = find_run(source, run).row
+        campaign = None if row.trace else find_campaign(source, row.campaign)
     # Attempts and what they print are files of the state directory: no verb of the bus has them.
-    if target.named:
-        with target.open() as daemon:
-            row = find_run(daemon, run).row
-            campaign = None if row.trace else find_campaign(daemon, row.campaign)
-    else:
-        with open_ledger(target.paths) as ledger:
-            row = find_run(ledger, run).row
-            campaign = None if row.trace else find_campaign(ledger, row.campaign)
+    if not target.named:
         steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
     recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
     standing = "" if row.trace else without_trace_text(row, campaign)

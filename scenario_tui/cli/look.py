@@ -261,7 +261,7 @@ def show(
         if search is not None:
             found = replace(found, task=search.task)
         if not detail.row.trace:
-            standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon.runs)
+            standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon)
             found = replace(found, standing=standing)
         if detail.row.state == "running":
             found = replace(found, live=latest_snapshot(daemon, detail.row.id))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -21,7 +21,7 @@ from scenario_tui.text.run_state import unfinished_text, without_trace_text, wit
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
     from daemon.batch.stores import ByteProgress, TraceReference
-    from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow
+    from daemon.model.status import CampaignRow, RunDetail, RunRow
     from daemon.model.verbs import CampaignSource, DaemonClient
 
 _MCAP: Final = b"\x89MCAP0\r\n"
@@ -162,20 +162,18 @@ def why_without_traces(name: str, target: DaemonTarget) -> str:
         found = _find_named(ledger, name)
         if isinstance(found, RunDetail):
             campaign = find_campaign(ledger, found.row.campaign)
-            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger.runs)
+            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger)
         return without_traces_text(_as_daemon_sees(found, target))
     return ""
 
 
-def why_no_trace(
-    run: RunRow, campaign: CampaignRow | None, run_page: Callable[..., RunPage]
-) -> str:
+def why_no_trace(run: RunRow, campaign: CampaignRow | None, source: CampaignSource) -> str:
     """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
     from daemon.model.messages import LARGEST_PAGE
 
     if run.state is not RunState.QUEUED:
         return without_trace_text(run, campaign)
-    waiting = run_page(campaign=run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
+    waiting = source.runs(run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
     before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
     return without_trace_text(run, campaign, before)
 
@@ -206,7 +204,7 @@ def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunRow, .
     if isinstance(found, RunDetail):
         if found.row.result is None:
             campaign = daemon.campaign(found.row.campaign)
-            message = why_no_trace(found.row, campaign, daemon.runs)
+            message = why_no_trace(found.row, campaign, daemon)
             raise typer.BadParameter(message, param_hint=hint)
         return (found.row,)
     rows = daemon.all_runs(found.id, results=True)

@@ -58,18 +58,11 @@ def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
 def _search_called(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
     from daemon.analysis.report import open_ledger
 
-    if target.named:
-        with target.open() as daemon:
-            return _material_called(daemon, wanted)
-    if not target.paths.ledger.is_file():
+    if not target.named and not target.paths.ledger.is_file():
         return None
-    with open_ledger(target.paths) as reader:
-        return _material_called(reader, wanted)
-
-
-def _material_called(source: CampaignSource, wanted: str) -> SearchMaterial | None:
-    campaign = find_search_id(source, wanted)
-    return search_material(source, *ask_search(source, campaign)) if campaign else None
+    with target.open() if target.named else open_ledger(target.paths) as source:
+        campaign = find_search_id(source, wanted)
+        return search_material(source, *ask_search(source, campaign)) if campaign else None
 
 
 def ask_search(

@@ -131,7 +131,7 @@ class RunUpdates:
             return
         # Again and again: the results of new repeats may be in the ledger already, and then the
         # next look at the cells is due at once.
-        while not self._unfinished_runs(campaign):
+        while not self._count_runs(campaign, RunState.QUEUED, RunState.RUNNING):
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
                 return
@@ -154,12 +154,9 @@ class RunUpdates:
         row = self._db.execute("SELECT total FROM campaign WHERE id = ?", (campaign,)).fetchone()
         return int(row[0])
 
-    def _unfinished_runs(self, campaign: str) -> int:
-        found = self._db.execute(
-            "SELECT total(runs) FROM tally WHERE campaign = ? AND state IN ('queued', 'running')",
-            (campaign,),
-        ).fetchone()
-        return int(found[0])
+    def _count_runs(self, campaign: str, *states: RunState) -> int:
+        query = "SELECT state, runs FROM tally WHERE campaign = ?"
+        return sum(runs for state, runs in self._db.execute(query, (campaign,)) if state in states)
 
     def record_event(
         self, now: float, kind: str, name: str, campaign: str = "", state: str = "", note: str = ""

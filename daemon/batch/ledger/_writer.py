@@ -18,6 +18,7 @@ from daemon.batch.ledger._search_updates import SearchUpdates
 from daemon.batch.ledger._searches import search_state
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import RetryRequest, SteerRequest
+from daemon.model.run_state import RunState
 from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
@@ -208,10 +209,7 @@ class LedgerWriter(SearchUpdates):
             self.record_event(now, "campaign", campaign, campaign, state)
         if priority is not None and self._set(campaign, "priority", priority):
             self.record_event(now, "campaign", campaign, campaign, "prioritised", str(priority))
-        found = self._db.execute(
-            "SELECT total(runs) FROM tally WHERE campaign = ? AND state = 'queued'", (campaign,)
-        ).fetchone()
-        return int(found[0])
+        return self._count_runs(campaign, RunState.QUEUED)
 
     def _set(self, campaign: str, column: str, value: int) -> bool:
         """Give a column of a campaign a value; returns whether it had another one."""
@@ -258,7 +256,7 @@ class LedgerWriter(SearchUpdates):
                     f"{campaign} is a search that goes on: cancel it first"
                     f" (`scenario cancel {campaign}`)"
                 )
-            if waiting := self._unfinished_runs(campaign):
+            if waiting := self._count_runs(campaign, RunState.QUEUED, RunState.RUNNING):
                 raise Refused(
                     f"{campaign} has {waiting} runs that wait or run: cancel it first"
                     f" (`scenario cancel {campaign}`)"
