@@ -53,7 +53,7 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
         return found
     paths = StatePaths.find(state)
     paths.make_folders()
-    command = _command(paths, slots, DEFAULT_EXECUTOR)
+    command = _command(paths, slots)
     with open_private_log(paths.worker_log) as output:
         process = subprocess.Popen(
             command,
@@ -72,7 +72,6 @@ def embedded_daemon(
     state: Path,
     *,
     slots: int | None = None,
-    executor: str = DEFAULT_EXECUTOR,
     wall: float = 0.0,
     attempts: int | None = None,
 ) -> Iterator[str]:
@@ -88,7 +87,7 @@ def embedded_daemon(
     paths = StatePaths.find(state)
     paths.make_folders()
     settings = {"attempts": attempts} if attempts else {}
-    command = _command(paths, slots, executor, settings, tether=True, limits={"wall": wall})
+    command = _command(paths, slots, settings, tether=True, limits={"wall": wall})
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,
@@ -107,7 +106,6 @@ def embedded_daemon(
 def _command(
     paths: StatePaths,
     slots: int | None,
-    executor: str,
     settings: Mapping[str, object] = {},
     **more: object,
 ) -> list[str]:
@@ -115,7 +113,7 @@ def _command(
         quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
     except ValueError as error:
         raise DaemonError(f"the quota of traces: {error}") from error
-    order = {"state": str(paths.state), "slots": slots, "executor": executor, **more}
+    order = {"state": str(paths.state), "slots": slots, "executor": DEFAULT_EXECUTOR, **more}
     order["settings"] = {"quota": quota, **settings}
     return python_command("-m", "daemon", "serve", json.dumps(order))
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft
@@ -72,12 +72,8 @@ _MOST_TROUBLES: Final = 32
 """Said at a time: with hundreds of workers on one full disk nobody reads them all."""
 
 
-@dataclass(frozen=True, slots=True)
-class _MeasuredDeletion:
-    """What is to be deleted, and the sizes of its traces by campaign."""
-
-    request: DeleteRequest
-    sizes: dict[str, tuple[int, ...]]
+_MeasuredDeletion: TypeAlias = tuple[DeleteRequest, dict[str, tuple[int, ...]]]
+"""A request to delete campaigns, and the sizes of their traces by campaign [B]."""
 
 
 @dataclass
@@ -258,12 +254,12 @@ class Handlers(SearchHandlers):
         wanted = tuple(dict.fromkeys(request.campaigns))
         # Thousands of files: not the writer's either.
         sizes = {one: self.paths.trace_sizes(one) for one in wanted if is_id(one)}
-        return _MeasuredDeletion(replace(request, campaigns=wanted), sizes)
+        return replace(request, campaigns=wanted), sizes
 
     def delete(
         self, ledger: LedgerWriter, measured: _MeasuredDeletion
     ) -> tuple[DeletedCampaign, ...]:
-        request, sizes = measured.request, measured.sizes
+        request, sizes = measured
         counts = ledger.deletable(request.campaigns)
         gone = tuple(
             DeletedCampaign(name, runs, len(sizes[name]), sum(sizes[name]))

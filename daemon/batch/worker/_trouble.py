@@ -9,8 +9,8 @@ from typing import Final
 
 from daemon.model.messages import LONGEST_TROUBLE
 
-FIRST_PAUSE: Final = 1.0
-LONGEST_PAUSE: Final = 60.0
+_FIRST_PAUSE: Final = 1.0
+_LONGEST_PAUSE: Final = 60.0
 """Seconds: after the first trouble, and after many without a success in between."""
 _SPREAD: Final = 0.25
 """Workers that share a full disk do not all come back in the same moment."""
@@ -41,7 +41,7 @@ class WorkerTrouble:
         now = time.monotonic()
         if now < self.until:
             return  # of what was under way when the pause began
-        self._pause = min(2.0 * self._pause, LONGEST_PAUSE) if self._pause else FIRST_PAUSE
+        self._pause = min(2.0 * self._pause, _LONGEST_PAUSE) if self._pause else _FIRST_PAUSE
         self.until = now + self._pause * random.uniform(1.0 - _SPREAD, 1.0 + _SPREAD)
 
     def clear(self) -> None:

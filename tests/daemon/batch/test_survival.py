@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from daemon.batch import launch
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
@@ -262,11 +263,12 @@ def test_a_second_signal_gives_runs_back(tmp_path, at_once):
         assert any(line["event"] == "released" for line in daemon.journal())
 
 
-def test_an_embedded_daemon_is_gone_afterwards(tmp_path):
+def test_an_embedded_daemon_is_gone_afterwards(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "DEFAULT_EXECUTOR", EXECUTOR)
     state = tmp_path / "state"
     # Tests before this one in the same process may have left some that serve it to its end.
     others = psutil.Process().children(recursive=True)
-    with embedded_daemon(state, slots=1, executor=EXECUTOR) as endpoint:
+    with embedded_daemon(state, slots=1) as endpoint:
         with Client.open(endpoint, timeout=30.0) as client:
             client.submit(make_submission("c", 3))
             eventually(lambda: finished(client, 3))
@@ -284,9 +286,10 @@ PARENT = """
 import sys, time
 from pathlib import Path
 from daemon.batch.client import Client
-from daemon.batch.launch import embedded_daemon
+from daemon.batch import launch
 from tests.daemon.batch.samples import make_submission
-with embedded_daemon(Path(sys.argv[1]), slots=2, executor="{executor}") as endpoint:
+launch.DEFAULT_EXECUTOR = "{executor}"
+with launch.embedded_daemon(Path(sys.argv[1]), slots=2) as endpoint:
     with Client.open(endpoint, timeout=30.0) as client:
         client.submit(make_submission("c", 4, sleep=600.0))
         while client.overview().running < 2:
