@@ -126,8 +126,8 @@ class Judged:
 @pytest.mark.parametrize("limit", [12.0, 3.0])
 def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(tmp_path, monkeypatch, limit):
     # Judged with every snapshot, where it otherwise takes a tenth of the time.
-    monkeypatch.setattr("daemon.run_judge._PERIODS", {"everything": 0.0, "margin": 0.0})
-    monkeypatch.setattr("daemon.run_judge._SHARES", {"everything": 1e9, "margin": 1e9})
+    monkeypatch.setattr("daemon.run_judge._PERIOD", 0.0)
+    monkeypatch.setattr("daemon.run_judge._SHARE", 1e9)
     campaign = expand(load_campaign(CAMPAIGN))
     spec = replace(campaign.specs[0], limit=limit)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)

@@ -121,13 +121,19 @@ def test_a_name_that_is_taken_already_is_said_with_whose_it_is(installed, tmp_pa
 IMPORTING = "import daemon.batch.paths; print('serve')"
 
 
-@pytest.mark.parametrize("words", [("-m", "daemon", "serve", "--help"), ("-c", IMPORTING)])
-def test_children_are_ours_whatever_pythonpath_says(tmp_path, words):
+SERVING = ("-m", "daemon", "serve", '{"state": "/dev/null"}')
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [(SERVING, 3, "choose another directory"), (("-c", IMPORTING), 0, "serve")],
+)
+def test_children_are_ours_whatever_pythonpath_says(tmp_path, words, code, said):
     for name in OWN_PACKAGES:
         (tmp_path / f"{name}.py").write_text(FOREIGN)
     done = run(python_command(*words), tmp_path, Path(), tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "serve" in done.stdout
+    assert done.returncode == code, done.stderr
+    assert said in done.stdout + done.stderr
 
 
 def test_the_command_is_ours_whatever_pythonpath_says(tmp_path):

@@ -242,10 +242,11 @@ def test_neither_do_the_files_of_a_report(place):
 
 
 def test_what_daemons_and_workers_say_in_processes_of_their_own(place):
-    command = [sys.executable, "-m", "daemon", "worker", "--connect", f"tcp/{NAME}"]
-    for more in ((f"--{NAME}",), ("--slots", NAME)):
-        said = subprocess.run(
-            [*command, *more], capture_output=True, check=False, timeout=120, cwd=ROOT
-        )
-        assert said.returncode == 2
+    for process, order in (
+        ("worker", {"connect": f"tcp/{NAME}"}),
+        ("serve", {"state": f"/dev/null/{NAME}"}),
+    ):
+        command = [sys.executable, "-m", "daemon", process, json.dumps(order)]
+        said = subprocess.run(command, capture_output=True, check=False, timeout=120, cwd=ROOT)
+        assert said.returncode == 3
         assert WORD in assert_harmless(said.stderr)
