@@ -78,23 +78,19 @@ def store_data(data: bytes) -> str:
     return digest
 
 
-def stored_file(digest: str, environ: Mapping[str, str] = os.environ) -> Path:
+def stored_file(digest: str) -> Path:
     """Return where a file is kept for this process, by digest; whether it is, is not looked at."""
-    return Path(environ.get(FILES_VARIABLE) or user_files_folder()) / digest
+    return Path(os.environ.get(FILES_VARIABLE) or user_files_folder()) / digest
 
 
-def resolve_paths(
-    parameters: Mapping[str, Any],
-    files: Mapping[str, str],
-    environ: Mapping[str, str] = os.environ,
-) -> Mapping[str, Any]:
+def resolve_paths(parameters: Mapping[str, Any], files: Mapping[str, str]) -> Mapping[str, Any]:
     """Return the parameters of a system, with the paths of its files on this machine.
 
     ``files`` are their digests by name. Raises :class:`SutMissing` for a file that is not here.
     """
     if not files:
         return parameters
-    paths = {name: stored_file(digest, environ) for name, digest in files.items()}
+    paths = {name: stored_file(digest) for name, digest in files.items()}
     for name, path in paths.items():
         if not path.is_file():
             raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')

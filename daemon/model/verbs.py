@@ -241,14 +241,14 @@ class CampaignSource(ABC):
     declared = _question(DECLARED)
     origin = _question(ORIGIN)
 
-    def campaigns(self, *, unfinished: bool = False) -> tuple[CampaignRow, ...]:
-        """All campaigns, the newest first; or all of which runs wait or run.
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first.
 
         There may be thousands: who wants one or a few asks for a page.
         """
         found: list[CampaignRow] = []
         while True:
-            page = self.campaign_page(unfinished=unfinished, offset=len(found), limit=LARGEST_PAGE)
+            page = self.campaign_page(offset=len(found), limit=LARGEST_PAGE)
             # One that came meanwhile has moved the others on.
             known = {row.id for row in found}
             found.extend(row for row in page if row.id not in known)
@@ -264,7 +264,6 @@ class CampaignSource(ABC):
         self,
         campaign: str,
         *,
-        state: str = "",
         outcome: str = "",
         text: str = "",
         offset: int = 0,
@@ -275,7 +274,6 @@ class CampaignSource(ABC):
         while True:
             page = self.runs(
                 campaign,
-                state=state,
                 outcome=outcome,
                 text=text,
                 offset=offset + len(rows),

@@ -55,13 +55,12 @@ def send_signal(processes: Iterable[int], number: int) -> None:
             os.kill(process, number)
 
 
-def end_marked(token: str, limit: float = KILL_LIMIT) -> set[int]:
-    """Kill a stack whose supervisor is gone; returns what could not be killed."""
-    deadline = time.monotonic() + limit
+def end_marked(token: str) -> None:
+    """Kill a stack whose supervisor is gone, as far as that works within :data:`KILL_LIMIT`."""
+    deadline = time.monotonic() + KILL_LIMIT
     while (left := marked_processes(token)) and time.monotonic() < deadline:
         send_signal(left, signal.SIGKILL)
         time.sleep(POLL)
-    return left
 
 
 def end_container(engine: str, name: str) -> None:
@@ -140,15 +139,14 @@ def end_children(
     process: int,
     spared: Callable[[], Iterable[int]] = tuple,
     *,
-    limit: float = KILL_LIMIT,
-    reap: Callable[[], object] = lambda: None,
-) -> set[int]:
+    reap: Callable[[], object],
+) -> None:
     """Kill all that descends from a subreaper, except ``spared`` children and supervisors.
 
     Whose parent is killed becomes the subreaper's child, and is next. ``reap`` is called before
-    each look. Returns what could not be killed within ``limit`` seconds.
+    each look. What cannot be killed within :data:`KILL_LIMIT` stays.
     """
-    deadline, pause = time.monotonic() + limit, _FIRST_LOOK
+    deadline, pause = time.monotonic() + KILL_LIMIT, _FIRST_LOOK
     while True:
         reap()
         # With zombies: one that was alive when the list was read may have left children since.
@@ -156,7 +154,7 @@ def end_children(
         found = children(process)
         left = {child for child in found - {*spared()} if not is_supervisor(child)}
         if not left or time.monotonic() > deadline:
-            return left
+            return
         send_signal(left, signal.SIGKILL)
         time.sleep(pause)
         pause = min(2 * pause, POLL)
