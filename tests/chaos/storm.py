@@ -61,6 +61,8 @@ def storm(folder, *, runs=200, seed=1, lease=30.0, every=8.0, seconds=120.0):
             stack.enter_context(worker)
             stack.callback(line.mend)
         with daemon.client() as client:
+            # A worker that finds no daemon when it begins leaves, and nobody starts it again.
+            eventually(lambda: len(client.workers()) == 1 + len(lines), 120.0)
             client.submit(submission_of("storm", *specs))
         end = time.monotonic() + seconds
         while time.monotonic() < end and progress(daemon.endpoint) != (runs, 0):
