@@ -356,6 +356,7 @@ def _detach(
 ) -> SearchRow:
     """Let a process of its own run a search; return how it stands once that has begun."""
     import subprocess
+    import threading
     import time
 
     from daemon.batch.errors import LaunchFailed
@@ -374,6 +375,8 @@ def _detach(
             stderr=log,
             start_new_session=True,
         )
+    # It stays when we leave; should it end before, somebody has to take notice of it.
+    threading.Thread(target=process.wait, daemon=True).start()
     with target.open() as daemon:
         while True:
             ended = process.poll() is not None

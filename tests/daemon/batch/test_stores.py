@@ -8,7 +8,6 @@ import pytest
 from daemon.batch.errors import TraceUnavailable
 from daemon.batch.stores import (
     TraceReference,
-    _transfer,
     check_store_url,
     copy_between,
     file_sha256,
@@ -87,7 +86,7 @@ def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path):
 
 
 def test_the_cache_is_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(_transfer, "_LARGEST_CACHE", 2500)
+    monkeypatch.setattr("daemon.batch.stores._LARGEST_CACHE", 2500)
     cache = tmp_path / "cache"
     for number in range(4):
         source = tmp_path / f"{number}.mcap"

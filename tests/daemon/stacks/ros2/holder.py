@@ -51,8 +51,15 @@ def marked(token):
 
 def marked_without_relay(token):
     """What runs of the stack alone."""
-    programs = [(p, p.cmdline()) for p in marked(token)]
+    programs = [(p, _words(p)) for p in marked(token)]
     return [p for p, words in programs if words and not _is_quiet_relay(words)]
+
+
+def _words(process):
+    try:
+        return process.cmdline()
+    except psutil.NoSuchProcess:  # what a shell starts comes and goes
+        return []
 
 
 def _is_quiet_relay(words):
