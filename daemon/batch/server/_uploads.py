@@ -22,7 +22,7 @@ from daemon.batch.stores import append_part, file_sha256, file_size, matches_dig
 from daemon.model.attachments import LARGEST_FILE
 from daemon.model.ids import is_run_id
 from daemon.model.messages import Completion, Count, LedgerAnswer, PutRequest
-from grammars.text.files import move_durably
+from grammars.text.files import move_durably, sync_directory
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time; finished traces whose result has not come count."""
@@ -43,6 +43,8 @@ class Uploads:
         self._log = log
         self._inputs = inputs
         self._senders: dict[str, str] = {}
+        # Of folders that a daemon before this one made, and was killed before it had synchronised.
+        sync_directory(paths.traces)
 
     def put(self, reader: LedgerReader, request: PutRequest) -> Count:
         """Add a part to its file; the answer says how many bytes are there.
@@ -125,8 +127,10 @@ class Uploads:
         self._senders[name] = sender
 
     def _remove(self, beginning: str) -> None:
-        for path in self._paths.incoming.glob(f"{beginning}.*"):
-            path.unlink(missing_ok=True)
+        # Once for every result: a pattern of pathlib took 0.1 ms more, most of it to compile.
+        for path in self._paths.incoming.iterdir():
+            if path.name.startswith(f"{beginning}."):
+                path.unlink(missing_ok=True)
 
     def _ages(self) -> dict[str, float]:
         """Return for how long nobody has gone on with each upload [s]."""
@@ -176,11 +180,12 @@ class Uploads:
         is_lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
         is_recorded = answer is LedgerAnswer.RECORDED
         if whole.exists() and (is_recorded or is_lost):
-            there.parent.mkdir(mode=0o700, exist_ok=True)
+            if not there.parent.exists():
+                there.parent.mkdir(mode=0o700)
+                ledger.sync_before_commit(there.parent.parent)
             whole.replace(there)
             # Once for all results that share the commit: measured, 5 ms each on one disk.
             ledger.sync_before_commit(there.parent)
-            ledger.sync_before_commit(there.parent.parent)
         # The first result makes uploads under all other leases pointless, too: their senders
         # hear so when they go on.
         self._remove(completion.run if is_recorded else f"{completion.run}.{completion.token}")
