@@ -14,14 +14,12 @@ Shell completion asks at every TAB where the ledger lies: what is heavy is impor
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import hashlib
 import ipaddress
 import os
 import re
 import shutil
-import stat
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -31,6 +29,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import platformdirs
 
 from daemon.model.ids import is_digest, is_id
+from grammars.text.files import private_folder
 
 if TYPE_CHECKING:
     from daemon.model.status import DiskUsage
@@ -230,15 +229,8 @@ class StatePaths:
 
     def make_socket_folder(self) -> None:
         """Create the folder of the socket; raises ``OSError`` when it is not ours alone."""
-        folder = self.socket.parent
-        folder.mkdir(mode=0o700, exist_ok=True)
-        # Below /tmp somebody else may have been faster, with a folder or with a link to one of
-        # ours: whoever owns the folder of the socket can put another socket there.
-        found = folder.lstat()
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-            raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
-        if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-            folder.chmod(0o700)
+        # Whoever owns the folder of the socket can put another socket there.
+        private_folder(self.socket.parent)
 
     def disk_shortage(self) -> str:
         """Say so when the disk is too full to keep what a run leaves, empty when it is not.

@@ -5,6 +5,7 @@ Every part of the product that keeps something for others to read writes it this
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -67,3 +68,15 @@ def sync_directory(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def private_folder(folder: Path) -> Path:
+    """Make ``folder`` unless it is there, ours alone; raises ``OSError`` where it cannot be."""
+    folder.mkdir(mode=0o700, exist_ok=True)
+    # Below /tmp somebody else may have been faster, with a folder or a link to one of ours.
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
+    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        folder.chmod(0o700)
+    return folder

@@ -13,7 +13,6 @@ import os
 import random
 import shlex
 import socket
-import stat
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from daemon.model.sut import SutFailure
+from grammars.text.files import private_folder
 
 OWN_DOMAINS: Final = range(1, 102)
 """Domain ids handed out. Ports of higher ones lie in Linux' range of ephemeral ports (ROS 2
@@ -60,18 +60,6 @@ def runtime_folder() -> Path:
         raise SutFailure(
             f"no folder for a running stack: {error}; name another one by TMPDIR"
         ) from error
-
-
-def private_folder(folder: Path) -> Path:
-    """Make ``folder`` unless it is there, ours alone; raises ``OSError`` where it cannot be."""
-    folder.mkdir(mode=0o700, exist_ok=True)
-    # In /tmp somebody else may have been faster, with a folder or a link to one of ours.
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-        raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
-    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-        folder.chmod(0o700)
-    return folder
 
 
 def lock_domain(wanted: int | None) -> DomainLock:

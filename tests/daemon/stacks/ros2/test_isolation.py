@@ -15,10 +15,10 @@ from daemon.stacks.ros2.isolation import (
     environment_script,
     isolating_variables,
     lock_domain,
-    private_folder,
     runtime_folder,
     without_ours,
 )
+from grammars.text.files import private_folder
 
 
 def sourced(script, shell="bash", **environ):
