@@ -53,8 +53,12 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
         return found
     paths = StatePaths.find(state)
     paths.make_folders()
-    command = _command(paths, slots)
-    with open_private_log(paths.worker_log) as output:
+    return _wait_until_up(start_detached(_command(paths, slots), paths.worker_log), paths)
+
+
+def start_detached(command: list[str], log: Path) -> subprocess.Popen[bytes]:
+    """Start a process that outlives this one; what it says goes to ``log``."""
+    with open_private_log(log) as output:
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -64,7 +68,7 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
         )
     # It stays when we leave; should it end before, somebody has to take notice of it.
     threading.Thread(target=process.wait, daemon=True).start()
-    return _wait_until_up(process, paths)
+    return process
 
 
 @contextmanager

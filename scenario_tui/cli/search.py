@@ -355,28 +355,18 @@ def _detach(
     submission: SearchSubmission, target: DaemonTarget, out: Path | None, *, gazebo: bool
 ) -> SearchRow:
     """Let a process of its own run a search; return how it stands once that has begun."""
-    import subprocess
-    import threading
     import time
 
     from daemon.batch.errors import LaunchFailed
-    from daemon.batch.permissions import open_private_log
+    from daemon.batch.launch import start_detached
     from daemon.model.execution import python_command
 
     words = ["search", submission.file, submission.campaign, *target.words]
     words += ["--out", str(out)] if out is not None else []
     words += [] if gazebo else ["--no-gazebo"]
     target.paths.make_folders()
-    with open_private_log(target.paths.search_log) as log:
-        process = subprocess.Popen(
-            python_command("-c", "from scenario_tui.cli import main; main()", *words),
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            start_new_session=True,
-        )
-    # It stays when we leave; should it end before, somebody has to take notice of it.
-    threading.Thread(target=process.wait, daemon=True).start()
+    command = python_command("-c", "from scenario_tui.cli import main; main()", *words)
+    process = start_detached(command, target.paths.search_log)
     with target.open() as daemon:
         while True:
             ended = process.poll() is not None
