@@ -75,7 +75,7 @@ def drive(world, robot):
 
 def load():
     paper = expand(load_campaign(CAMPAIGNS / "ortega2024" / "first.yaml"))
-    run = next(r for r in paper.runs if r.scenario == "S2")
+    run = next(r for r in paper.specs if r.scenario == "S2")
     scene = {s.digest: s for s in paper.scenes}[run.scene]
     robot = replace(run.robot, laser=replace(run.robot.laser, rays=150, range_max=5.6))
     return scene, robot, occupancy_grid(scene, laser_height=robot.laser.z)

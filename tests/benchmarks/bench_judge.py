@@ -39,7 +39,7 @@ def measure():
     written = tuple(OracleText(o.name, o.text) for o in layer.values())
     paper = expand(load_campaign(PAPER / "first.yaml"))
     scenes = {scene.digest: scene for scene in paper.scenes}
-    run = next(r for r in paper.runs if r.scenario == "S2")
+    run = next(r for r in paper.specs if r.scenario == "S2")
     oracles.warm_up()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

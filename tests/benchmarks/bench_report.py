@@ -41,7 +41,7 @@ def measure():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         runs = []
-        for run in {run.scenario: run for run in reversed(paper.runs)}.values():
+        for run in {run.scenario: run for run in reversed(paper.specs)}.values():
             there = run.mission.waypoints
             mission = replace(run.mission, waypoints=there * (1 + 400 // len(there)))
             runs.append(replace(run, mission=mission, limit=SECONDS))

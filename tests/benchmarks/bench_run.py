@@ -44,7 +44,7 @@ def cases():
     scene = corridor.scene()
     paper = expand(load_campaign(CAMPAIGNS / "ortega2024" / "first.yaml"))
     building = {s.digest: s for s in paper.scenes}
-    driven = next(r for r in paper.runs if r.scenario == "S2")
+    driven = next(r for r in paper.specs if r.scenario == "S2")
     return [
         (AT_REST, idle(scene, doors_move=False), scene),
         (MOVING, idle(scene, doors_move=True), scene),
