@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from daemon.stacks import warm_up
-from daemon.stacks.ros1.amcl import Amcl
 from daemon.stacks.ros1.amcl.distance_field import distance_field
+from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid

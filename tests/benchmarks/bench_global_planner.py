@@ -9,9 +9,11 @@ import numpy as np
 
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner import warm_up as warm_up_global_planner
-from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
+from daemon.stacks.ros1.navfn import NavfnParameters
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.quirks import FIXED
 from tests.benchmarks.bench_navfn import STEP, disturb
 from tests.benchmarks.measurement import Measurement, Reference

@@ -11,7 +11,7 @@ import numpy as np
 
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.navfn import PotentialField
+from daemon.stacks.ros1.navfn.planner import PotentialField
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
 

@@ -14,10 +14,10 @@ from unittest import mock
 
 from daemon.campaign import expand, load_campaign
 from daemon.run import execute, warm_up
-from daemon.stacks.ros1.amcl import Amcl
+from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.dwa import Dwa
-from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.stack import RosStack
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least

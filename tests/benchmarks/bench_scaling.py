@@ -17,7 +17,7 @@ import numpy as np
 
 from daemon.run import execute, warm_up
 from daemon.simulator import World
-from daemon.stacks.ros1.amcl import Amcl
+from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo, Walk

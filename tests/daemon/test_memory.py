@@ -16,7 +16,7 @@ from daemon.run_loop import RunLoop
 from daemon.simulator import World
 from daemon.stacks.calls import make_in_time
 from daemon.stacks.ros1.costmap import Costmap
-from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.trace import TraceWriter
 
 KINDS = ("ros", "pilot", "no such system")

@@ -12,9 +12,9 @@ from collections.abc import Collection
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.frames import CostmapFrame
-from daemon.stacks.ros1.global_planner import GlobalPlanner
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base import RobotPoses, TransformBuffer
-from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Floats, Pose2, Twist2

@@ -15,8 +15,10 @@ from daemon.stacks.findings import FindingCollector, ParameterFinding, Parameter
 from daemon.stacks.ros1 import dwa, global_planner, navfn, trajectory_planner
 from daemon.stacks.ros1.base_local_planner import Objection
 from daemon.stacks.ros1.dwa import Dwa, DwaParameters
-from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
-from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
+from daemon.stacks.ros1.navfn import NavfnParameters
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.parameters import ParameterTree, read_section
 from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters

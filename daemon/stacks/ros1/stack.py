@@ -49,7 +49,8 @@ from daemon.model.sut import (
     LaserScan,
     Observation,
 )
-from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
+from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.costmap import Costmap
 from daemon.stacks.ros1.costmap_sources import laser_sources

@@ -20,7 +20,7 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.model.sut import Cloud, CostmapPicture, Estimate
-from daemon.stacks.ros1.amcl import AmclPose
+from daemon.stacks.ros1.amcl.node import AmclPose
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.timers import MinimumInterval
 from grammars.model.geometry import Floats, Pose2

@@ -13,11 +13,12 @@ there) its result is undefined; here there is nothing to be found: see :mod:`.ex
 """
 
 from daemon.stacks.ros1.global_planner._parameters import WITHOUT_EFFECT, GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner._planner import GlobalPlanner, warm_up
 
-__all__ = [
-    "WITHOUT_EFFECT",
-    "GlobalPlanner",
-    "GlobalPlannerParameters",
-    "warm_up",
-]
+__all__ = ["WITHOUT_EFFECT", "GlobalPlannerParameters", "warm_up"]
+
+
+def warm_up() -> None:
+    """Plan across a small costmap, and restricted while its costs change."""
+    from daemon.stacks.ros1.global_planner.planner import warm_up as run
+
+    run()

@@ -23,18 +23,13 @@ in a whole run of S1. Paths were counted when doubt was found
 by reading a log of the wave backward; the tests hold what the wave passes on to that.
 """
 
-from daemon.stacks.ros1.navfn._planner import (
-    WITHOUT_EFFECT,
-    Navfn,
-    NavfnParameters,
-    PotentialField,
-    warm_up,
-)
+from daemon.stacks.ros1.navfn._parameters import WITHOUT_EFFECT, NavfnParameters
 
-__all__ = [
-    "WITHOUT_EFFECT",
-    "Navfn",
-    "NavfnParameters",
-    "PotentialField",
-    "warm_up",
-]
+__all__ = ["WITHOUT_EFFECT", "NavfnParameters", "warm_up"]
+
+
+def warm_up() -> None:
+    """Plan across a small costmap, whole and restricted, while its costs change."""
+    from daemon.stacks.ros1.navfn.planner import warm_up as run
+
+    run()

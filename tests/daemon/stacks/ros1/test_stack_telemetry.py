@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 
 import daemon.stacks.ros1
 from daemon.stacks import warm_up
-from daemon.stacks.ros1.amcl import AmclPose
+from daemon.stacks.ros1.amcl.node import AmclPose
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.telemetry import (
     CostmapRecorder,

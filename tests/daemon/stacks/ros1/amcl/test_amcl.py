@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.amcl import Amcl
+from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, wrap_angle
 from tests.daemon.stacks.ros1.amcl import plain

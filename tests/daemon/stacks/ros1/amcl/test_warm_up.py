@@ -6,7 +6,8 @@ from numba.core.dispatcher import Dispatcher
 
 import daemon.stacks.ros1.amcl as room
 from daemon.stacks import warm_up
-from daemon.stacks.ros1.amcl import Amcl, AmclParameters
+from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.amcl.world import LASER, a_room, map_of, see

@@ -5,12 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.global_planner import (
-    WITHOUT_EFFECT,
-    GlobalPlanner,
-    GlobalPlannerParameters,
-    warm_up,
-)
+from daemon.stacks.ros1.global_planner import WITHOUT_EFFECT, GlobalPlannerParameters, warm_up
 from daemon.stacks.ros1.global_planner.descent import (
     descend_gradient,
     goal_is_doubtful,
@@ -22,6 +17,7 @@ from daemon.stacks.ros1.global_planner.expansion import (
     fill_around_goal,
     seed_wave,
 )
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.navfn.propagation import propagate_wave
 from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import FAST, FIXED
@@ -198,15 +194,13 @@ def test_near_the_border_of_a_map_without_outline_nothing_lies_beyond():
 
 
 def test_what_did_not_change_is_not_planned_again(monkeypatch):
-    from daemon.stacks.ros1.global_planner import _planner
-
     calls = []
 
     def counted(*arguments):
         calls.append(arguments)
         return propagate_wave(*arguments)
 
-    monkeypatch.setattr(_planner, "propagate_wave", counted)
+    monkeypatch.setattr("daemon.stacks.ros1.global_planner.planner.propagate_wave", counted)
     grid = a_grid()
     planner = GlobalPlanner(GlobalPlannerParameters(), FAST)
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)

@@ -8,18 +8,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters, _planner
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.navfn import building
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
 
+PLANNER = "daemon.stacks.ros1.global_planner.planner"
+
 
 @contextmanager
 def margins_of(*margins, worthwhile):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_planner, "MARGINS", margins)
-        patch.setattr(_planner, "WORTHWHILE", worthwhile)
+        patch.setattr(f"{PLANNER}.MARGINS", margins)
+        patch.setattr(f"{PLANNER}.WORTHWHILE", worthwhile)
         yield
 
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.navfn import Navfn, NavfnParameters, PotentialField
+from daemon.stacks.ros1.navfn import NavfnParameters
+from daemon.stacks.ros1.navfn.planner import Navfn, PotentialField
 from daemon.stacks.ros1.navfn.propagation import (
     GAINS,
     UNREACHED,

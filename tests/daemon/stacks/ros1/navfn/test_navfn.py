@@ -6,7 +6,8 @@ from pydantic import ValidationError
 
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters
+from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, NavfnParameters
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.navfn.propagation import (
     descend_gradient,
     interpolate_potential,

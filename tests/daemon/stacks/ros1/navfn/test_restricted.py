@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.navfn import PotentialField
+from daemon.stacks.ros1.navfn.planner import PotentialField
 from daemon.stacks.ros1.navfn.propagation import (
     DOUBTFUL,
     GAINS,

@@ -6,15 +6,13 @@ Costs, potential and path of one costmap are kept from plan to plan (:class:`Pot
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
-from pydantic import ConfigDict, Field
-from pydantic.dataclasses import dataclass
 
 from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
+from daemon.stacks.ros1.navfn._parameters import NavfnParameters
 from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
@@ -32,30 +30,6 @@ from daemon.stacks.ros1.navfn.propagation import (
 from daemon.stacks.ros1.navfn.restricted import spread_towards
 from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2
-
-
-@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
-class NavfnParameters:
-    """What can be set under ``NavfnROS``."""
-
-    allow_unknown: bool = True
-    """Whether a path may lead through cells that are unknown in the global costmap."""
-    default_tolerance: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
-    """[m] A path may end this far from the goal in x and in y; 0 demands the goal's own cell."""
-    visualize_potential: bool = False
-    """Publish the potential as a point cloud."""
-    planner_window_x: float = 0.0
-    """[m] Size of a window around the robot to plan in; the original reads and ignores it."""
-    planner_window_y: float = 0.0
-    """[m] The same in y."""
-
-
-WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "visualize_potential": "nothing is published while a run lasts",
-    "planner_window_x": "NavfnROS reads it and never uses it",
-    "planner_window_y": "NavfnROS reads it and never uses it",
-}
-
 
 _FIRST_THRESHOLD: Final = np.float32(BLOCKED)
 _NO_TRIP: Final = (-1, -1)
