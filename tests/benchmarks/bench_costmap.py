@@ -16,7 +16,6 @@ from daemon.campaign import expand, load_campaign
 from daemon.simulator import World
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.costmap import (
-    Costmap,
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
@@ -25,6 +24,7 @@ from daemon.stacks.ros1.costmap import (
     StaticLayer,
     VoxelColumn,
 )
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.costmap.master_grid import inflate_window, merge_window
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2

@@ -18,7 +18,7 @@ import numpy as np
 from daemon.run import execute, warm_up
 from daemon.simulator import World
 from daemon.stacks.ros1.amcl.node import Amcl
-from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo, Walk
 from grammars.model.geometry import Pose2

@@ -15,7 +15,7 @@ from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.simulator import World
 from daemon.stacks.calls import make_in_time
-from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.trace import TraceWriter
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.frames import CostmapFrame
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner

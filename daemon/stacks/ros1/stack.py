@@ -52,7 +52,7 @@ from daemon.model.sut import (
 from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
-from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.costmap_sources import laser_sources
 from daemon.stacks.ros1.frames import CostmapFrame
 from daemon.stacks.ros1.move_base import (

@@ -1,6 +1,9 @@
-"""costmap_2d of ROS Noetic: layers of the map, of what lasers see and of inflation in one grid."""
+"""costmap_2d of ROS Noetic: layers of the map, of what lasers see and of inflation in one grid.
 
-from daemon.stacks.ros1.costmap._costmap import Costmap, warm_up
+Parameters and how they are read; the costmap itself, with its kernels, is in :mod:`.costmap`, so
+that checking parameters loads no compiler.
+"""
+
 from daemon.stacks.ros1.costmap._footprint import footprint_of_radius, padded_footprint, radii
 from daemon.stacks.ros1.costmap._layer_reading import CostmapContext
 from daemon.stacks.ros1.costmap._layers import (
@@ -19,7 +22,6 @@ from daemon.stacks.ros1.costmap._sections import WRITTEN_SECTIONS
 
 __all__ = [
     "WRITTEN_SECTIONS",
-    "Costmap",
     "CostmapContext",
     "InflationLayer",
     "Layer",
@@ -38,3 +40,10 @@ __all__ = [
     "read_costmap",
     "warm_up",
 ]
+
+
+def warm_up() -> None:
+    """Update, clear and reset small costmaps of every sort."""
+    from daemon.stacks.ros1.costmap import costmap
+
+    costmap.warm_up()

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
-from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.costmap._layers import ObservationSource, ObstacleLayer
 from grammars.model.geometry import Floats, Pose2
+
+if TYPE_CHECKING:  # kernels load the compiler
+    from daemon.stacks.kernels import Singles
 
 Hears: TypeAlias = Callable[[str], Collection[str]]
 """From a topic to the names of the lasers that are published on it."""

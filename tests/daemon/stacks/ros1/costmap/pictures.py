@@ -5,13 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from daemon.stacks.ros1.costmap import (
-    Costmap,
-    LayeredCostmap,
-    ObservationSource,
-    ObstacleLayer,
-    SensedScan,
-)
+from daemon.stacks.ros1.costmap import LayeredCostmap, ObservationSource, ObstacleLayer, SensedScan
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 

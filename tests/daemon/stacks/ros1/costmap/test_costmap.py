@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.costmap import (
-    Costmap,
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
@@ -15,6 +14,7 @@ from daemon.stacks.ros1.costmap import (
     SensedScan,
     StaticLayer,
 )
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.costmap import Costmap, InflationLayer, LayeredCostmap, StaticLayer
+from daemon.stacks.ros1.costmap import InflationLayer, LayeredCostmap, StaticLayer
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid

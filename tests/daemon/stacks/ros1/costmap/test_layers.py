@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.costmap import (
-    Costmap,
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
@@ -16,6 +15,7 @@ from daemon.stacks.ros1.costmap import (
     VoxelColumn,
     hears_height,
 )
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.costmap.test_costmap import (

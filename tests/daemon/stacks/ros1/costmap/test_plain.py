@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.costmap import (
-    Costmap,
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
@@ -17,6 +16,7 @@ from daemon.stacks.ros1.costmap import (
     StaticLayer,
     VoxelColumn,
 )
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
