@@ -14,15 +14,11 @@ from typing import Any, Final, Generic, TypeAlias, TypeVar
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
 from daemon.stacks.ros1 import dwa, global_planner, navfn, trajectory_planner
 from daemon.stacks.ros1.base_local_planner import Objection
-from daemon.stacks.ros1.dwa import Dwa, DwaParameters
+from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.navfn import NavfnParameters
-from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.parameters import ParameterTree, read_section
-from daemon.stacks.ros1.quirks import Quirks
-from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
-from grammars.model.geometry import Floats
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 
 GlobalPlannerChoice: TypeAlias = NavfnParameters | GlobalPlannerParameters
 LocalPlannerChoice: TypeAlias = DwaParameters | TrajectoryPlannerParameters
@@ -101,30 +97,6 @@ def read_local_planner(
     inherited = {"controller_frequency": controller_frequency}
     read: LocalPlannerChoice = _read(tree, name, LOCAL[name], inherited)
     return read
-
-
-def make_global_planner(parameters: GlobalPlannerChoice, quirks: Quirks) -> Navfn | GlobalPlanner:
-    """Return the global planner that ``parameters`` are of."""
-    if isinstance(parameters, GlobalPlannerParameters):
-        return GlobalPlanner(parameters, quirks)
-    return Navfn(parameters, quirks)
-
-
-def make_local_planner(
-    parameters: LocalPlannerChoice,
-    quirks: Quirks,
-    footprint: Floats,
-    control_period: float,
-    *,
-    latch_goal: bool,
-) -> Dwa | TrajectoryPlanner:
-    """Return the controller that ``parameters`` are of.
-
-    ``footprint`` (k, 2) [m] is padded; ``latch_goal`` is what move_base's own namespace says.
-    """
-    if isinstance(parameters, TrajectoryPlannerParameters):
-        return TrajectoryPlanner(parameters, quirks, footprint, control_period)
-    return Dwa(parameters, quirks, footprint, control_period, latch_goal=latch_goal)
 
 
 def _known(

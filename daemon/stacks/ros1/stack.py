@@ -54,7 +54,10 @@ from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.costmap_sources import laser_sources
+from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.frames import CostmapFrame
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base import (
     ClearTarget,
     ClearTargets,
@@ -65,8 +68,10 @@ from daemon.stacks.ros1.move_base import (
     WaypointDispatcher,
     make_recoveries,
 )
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.nodes import LocalController, ObservedCostmap, PlanMaker
-from daemon.stacks.ros1.planners import make_global_planner, make_local_planner
+from daemon.stacks.ros1.planners import GlobalPlannerChoice, LocalPlannerChoice
+from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from daemon.stacks.ros1.telemetry import (
     CostmapRecorder,
@@ -75,6 +80,7 @@ from daemon.stacks.ros1.telemetry import (
     PlanRecorder,
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
 from grammars.model.geometry import Floats, Pose2
 
 
@@ -132,10 +138,10 @@ class Navigation:
         p = self._parameters
         footprint = p.local_costmap.padded_footprint()
         plans = PlanMaker(
-            make_global_planner(p.global_planner, p.quirks), self._global, self._local,
+            _make_global_planner(p.global_planner, p.quirks), self._global, self._local,
             p.move_base.clearing_radius if _clears_square(p) else None,
         )  # fmt: skip
-        local_planner = make_local_planner(
+        local_planner = _make_local_planner(
             p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
@@ -264,6 +270,30 @@ class Navigation:
         return Decision(
             command, progress, estimate, cloud, plan, local_plan, events, particles, costmap
         )
+
+
+def _make_global_planner(parameters: GlobalPlannerChoice, quirks: Quirks) -> Navfn | GlobalPlanner:
+    """Return the global planner that ``parameters`` are of."""
+    if isinstance(parameters, GlobalPlannerParameters):
+        return GlobalPlanner(parameters, quirks)
+    return Navfn(parameters, quirks)
+
+
+def _make_local_planner(
+    parameters: LocalPlannerChoice,
+    quirks: Quirks,
+    footprint: Floats,
+    control_period: float,
+    *,
+    latch_goal: bool,
+) -> Dwa | TrajectoryPlanner:
+    """Return the controller that ``parameters`` are of.
+
+    ``footprint`` (k, 2) [m] is padded; ``latch_goal`` is what move_base's own namespace says.
+    """
+    if isinstance(parameters, TrajectoryPlannerParameters):
+        return TrajectoryPlanner(parameters, quirks, footprint, control_period)
+    return Dwa(parameters, quirks, footprint, control_period, latch_goal=latch_goal)
 
 
 def _clears_square(parameters: RosParameters) -> bool:
