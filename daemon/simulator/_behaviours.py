@@ -24,8 +24,6 @@ from grammars.model.behaviour import (
     KeyFrames,
     Motion,
     Reaction,
-    Servo,
-    Spring,
     Trigger,
     Walk,
 )
@@ -42,7 +40,7 @@ _COMPLIANCE = 0.002
 
 
 class RobotProximity:
-    """The distance a trigger watches, and safe bounds on when it need not be watched.
+    """The distance a trigger watches, and a safe bound on when it need not be watched.
 
     ``of``: ``hinge`` is the anchor of a revolute joint, or the object's origin for a prismatic
     one; ``foot`` is that origin; ``leaf`` the nearest point of the moving link; ``doorway`` a
@@ -59,33 +57,33 @@ class RobotProximity:
         footprint: Floats,
     ) -> None:
         motion, joint = drive.motion, drive.motion.joint
-        self._of, self._to, self._doorway = of, to, doorway
+        self._of, self._to, self._fixed = of, to, doorway
         self._parent, self._child = drive.parent, drive.child
         self._turns = joint.kind == "revolute"
         foot = joint.anchor if self._turns and of != "foot" else (0.0, 0.0)
+        # The centre the distance is measured to or bounded by, if it stands still.
         self._foot = motion.frame.apply(foot)
-        self._stands = of == "doorway" or motion.parent == WORLD
+        if motion.parent == WORLD and doorway is None:
+            self._fixed = self._centre()
         self._outlines = [
             ring_array(ring) for p in assembly.placements if p.owner == motion.owner
             for ring in p.rings
         ]  # fmt: skip
         # The watched distance is the one from the base origin to the centre, less at most
-        # ``nearer`` and plus at most ``farther``; corners of the leaf have the lever ``lever``.
-        self._nearer = self._farther = self._lever = 0.0
+        # ``nearer`` and plus at most ``farther``.
+        self._nearer = self._farther = 0.0
         if to == "footprint":
             self._nearer += float(np.hypot(*footprint.T).max())
             self._farther += float(convex_distance(np.zeros((1, 2)), footprint))
         if of == "leaf":
             levers = np.hypot(*(np.concatenate(self._outlines) - np.array(foot)).T)
             travel = 0.0 if self._turns else max(abs(joint.lower), abs(joint.upper)) + _OVERRUN
-            self._lever = float(levers.max())
-            self._nearer += self._lever + travel
+            self._nearer += float(levers.max()) + travel
             self._farther += float(levers.min()) + travel
-        self._seen = (0.0, 0.0, 0.0)
 
     def _centre(self) -> Point2:
-        if self._doorway is not None:
-            return self._doorway
+        if self._fixed is not None:
+            return self._fixed
         x, y = self._parent.local_to_world(self._foot)
         return (x, y)
 
@@ -94,8 +92,7 @@ class RobotProximity:
         robot = footprint if self._to == "footprint" else np.array([[base.x, base.y]])
         if self._of != "leaf":
             return float(convex_distance(np.array([self._centre()]), robot))
-        self._seen = (*self._child.position, self._child.angle)
-        frame = Pose2(*self._seen)
+        frame = Pose2(*self._child.position, self._child.angle)
         return min(
             float(convex_distance(transform_array(frame, outline), robot))
             for outline in self._outlines
@@ -108,30 +105,13 @@ class RobotProximity:
         such bound holds. ``inside``: the distance is to grow beyond the threshold, not to fall
         below it.
         """
-        if not self._stands:
+        if self._fixed is None:
             return 0.0
-        x, y = self._centre()
+        x, y = self._fixed
         distance = math.hypot(base.x - x, base.y - y)
         if inside:
             return threshold - distance - self._farther - _COMPLIANCE
         return distance - self._nearer - threshold
-
-    def near_slack(self, distance: float, threshold: float) -> float:
-        """Return the motion that leaves a distance just measured on its side of ``threshold``.
-
-        Motion is that of the base origin, of the fastest point of the footprint around it, and
-        what ``moved`` says.
-        """
-        return abs(distance - threshold) - _COMPLIANCE if self._stands else 0.0
-
-    def moved(self) -> float:
-        """Return a bound on how far the leaf moved since its distance was measured [m]."""
-        if self._of != "leaf":
-            return 0.0
-        if self._turns:
-            return abs(self._child.angle - self._seen[2]) * self._lever
-        x, y = self._child.position
-        return math.hypot(x - self._seen[0], y - self._seen[1])
 
 
 EventReporter = Callable[[str, str], None]
@@ -146,7 +126,7 @@ class JointActuator:
     ) -> None:
         self._motion, self._drive, self._jumper = motion, drive, jumper
         self._report = report
-        self._wanted: float | None = None
+        self._target: float | None = None
 
     @property
     def name(self) -> str:
@@ -156,7 +136,7 @@ class JointActuator:
     @property
     def blocked(self) -> bool:
         """Whether a held jump still waits for the robot to make way."""
-        return self._wanted is not None
+        return self._target is not None
 
     def report(self, text: str) -> None:
         """Report something that happened to this joint."""
@@ -164,41 +144,26 @@ class JointActuator:
 
     def move_to(self, target: float, footprint: Floats, *, hold: bool) -> None:
         """Start to move to ``target``; a jump with ``hold`` stays there, else it is let go."""
-        match self._motion:
-            case Jump():
-                reached = self._jumper.jump(target, footprint)
-                if reached != target:
-                    self.report(f"stopped at {reached:.3f} by the robot, short of {target:g}")
-                # Only what is to stay there goes on trying; a key frame had its moment.
-                self._wanted = target if hold and reached != target else None
-                if hold:
-                    self._drive.hold(reached)
-            case motion:
-                self._push(motion, target)
-
-    def _push(self, motion: Servo | Spring, target: float) -> None:
-        if isinstance(motion, Servo):
-            self._drive.servo(target, motion.rate, motion.effort)
-        else:
-            self._drive.spring(target, motion.stiffness, motion.damping)
+        if not isinstance(self._motion, Jump):
+            self._drive.drive(self._motion, target)
+            return
+        reached = self._jumper.jump(target, footprint)
+        if reached != target:
+            self.report(f"stopped at {reached:.3f} by the robot, short of {target:g}")
+        # Only what is to stay there goes on trying; a key frame had its moment.
+        self._target = target if hold and reached != target else None
+        if hold:
+            self._drive.hold(reached)
 
     def retry(self, footprint: Floats) -> None:
         """Take a blocked, held jump as far as the robot now allows."""
-        if self._wanted is None:
+        if self._target is None:
             return
-        reached = self._jumper.jump(self._wanted, footprint)
+        reached = self._jumper.jump(self._target, footprint)
         self._drive.hold(reached)
-        if reached == self._wanted:
+        if reached == self._target:
             self.report(f"reached {reached:g}")
-            self._wanted = None
-
-    def hold_start(self, start: float) -> None:
-        """Hold the joint where it starts, by the means of the motion."""
-        match self._motion:
-            case Jump():
-                self._drive.hold(start)
-            case motion:
-                self._push(motion, start)
+            self._target = None
 
 
 class KeyFramePlayer:
@@ -255,8 +220,7 @@ class TriggeredJoint:
     ) -> None:
         self._behaviour, self.actuator, self.proximity = behaviour, actuator, proximity
         self._fires = fires
-        self._fired = self.near = False
-        actuator.hold_start(behaviour.start)
+        self._fired = False
 
     @property
     def threshold(self) -> float:
@@ -267,26 +231,20 @@ class TriggeredJoint:
         return math.inf if behaviour.rearm is None else behaviour.rearm
 
     def check(self, base: Pose2, footprint: Floats) -> float:
-        """Fire or re-arm if it is time; return how much motion cannot change anything [m].
-
-        Motion of the base origin alone, or, when ``near`` is set, of footprint and leaf too.
-        """
-        # The cheap bound first: most of a run the robot is far from most doors, and the distance
-        # of polygons need not be computed at all.
-        threshold, self.near = self.threshold, False
+        """Fire or re-arm if it is time; return how far the base may move before it can be [m]."""
+        threshold = self.threshold
         if math.isinf(threshold):
             return math.inf
+        # The cheap bound first: most of a run the robot is far from most doors, and the distance
+        # of polygons need not be computed at all.
         slack = self.proximity.far_slack(base, threshold, inside=self._fired)
         if slack > 0.0:
             return slack
-        self.near = True
         distance = self.proximity.distance(base, footprint)
         if self._fired and distance > threshold:
             self._switch(False, f"re-armed at {distance:.3f} m: back to", footprint)
         elif not self._fired and distance < threshold:
             self._switch(True, f"triggered at {distance:.3f} m: to", footprint)
-        else:
-            return self.proximity.near_slack(distance, threshold)
         return 0.0
 
     def _switch(self, fired: bool, text: str, footprint: Floats) -> None:
@@ -303,7 +261,6 @@ class ReactingJoint:
 
     def __init__(self, behaviour: Reaction, actuator: JointActuator) -> None:
         self._behaviour, self.actuator = behaviour, actuator
-        actuator.hold_start(behaviour.start)
 
     def act(self, footprint: Floats) -> None:
         """Go: the event has happened and the delay is over."""

@@ -17,6 +17,7 @@ import pymunk
 from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly, MovingJoint
 from daemon.simulator._physics import DT, convex_distance, ring_array, transform_array
+from grammars.model.behaviour import Jump, Motion, Servo, Spring
 from grammars.model.geometry import Floats, Point2, Pose2
 
 _LIMIT_LAG = 0.5
@@ -130,6 +131,16 @@ class JointDrive:
         hinge = self.hinge()
         arms = [body.local_to_world(body.center_of_gravity).get_distance(hinge) for body in bodies]
         return sum(b.moment + b.mass * arm**2 for b, arm in zip(bodies, arms, strict=True))
+
+    def drive(self, motion: Motion, target: float) -> None:
+        """Drive to ``target`` by ``motion``; a jump keeps the joint there, where it already is."""
+        match motion:
+            case Jump():
+                self.hold(target)
+            case Servo():
+                self.servo(target, motion.rate, motion.effort)
+            case Spring():
+                self.spring(target, motion.stiffness, motion.damping)
 
     def servo(self, target: float, rate: float, effort: float) -> None:
         """Drive to ``target`` and stay there, with bounded speed and effort.

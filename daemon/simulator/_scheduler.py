@@ -182,7 +182,6 @@ class BehaviourScheduler:
         self._reacting: list[ReactingJoint] = []
         self._walkers: list[Walker] = []
         self._tick = 0
-        self._radius = max(math.hypot(*corner) for corner in robot.footprint)
         self._doorways = {d.name: area_and_centroid(d.footprint)[1] for d in scene.doorways}
         positions: dict[str, Callable[[], float]] = {
             name: drive.position for name, drive in drives.items()
@@ -201,8 +200,7 @@ class BehaviourScheduler:
             if not isinstance(behaviour, Hold | Walk):
                 self._add(behaviour)
         self._due = min((t.due for t in self._timed), default=math.inf)
-        self._near: list[RobotProximity] = []
-        self._seen = (0.0, 0.0, 0.0)
+        self._seen = (0.0, 0.0)
         self._slack = 0.0 if self._triggers else math.inf
         self.due: float = 0
 
@@ -213,7 +211,9 @@ class BehaviourScheduler:
         )
         if isinstance(behaviour, KeyFrames):
             self._timed.append(KeyFramePlayer(behaviour, actuator))
-        elif isinstance(behaviour, Trigger):
+            return
+        drive.drive(behaviour.motion, behaviour.start)
+        if isinstance(behaviour, Trigger):
             centre = _doorway_centre(behaviour, drive, self._doorways)
             near = RobotProximity(
                 drive, self._assembly, behaviour.of, behaviour.to, centre, self._footprint
@@ -255,7 +255,7 @@ class BehaviourScheduler:
     def close(self) -> None:
         """Let go of all that acts and waits here: it holds this object in turn."""
         self._events.close()
-        for actors in (self._timed, self._triggers, self._reacting, self._walkers, self._near):
+        for actors in (self._timed, self._triggers, self._reacting, self._walkers):
             actors.clear()
 
     def progress(self, current: int, reached: int, tick: int) -> None:
@@ -309,13 +309,9 @@ class BehaviourScheduler:
                 reacting.actuator.retry(self._world_footprint())
 
     def _way_since_check(self) -> float:
-        """Return a bound on what moved since the triggers were watched [m]."""
-        base, seen = chipmunk.position(self._base.handle), self._seen
-        motion = math.hypot(base.x - seen[0], base.y - seen[1])
-        if self._near:
-            motion += self._radius * abs(chipmunk.angle(self._base.handle) - seen[2])
-            motion += max(proximity.moved() for proximity in self._near)
-        return motion
+        """Return how far the base is from where it was when the triggers were watched [m]."""
+        base = chipmunk.position(self._base.handle)
+        return math.hypot(base.x - self._seen[0], base.y - self._seen[1])
 
     def _play(self, tick: int) -> None:
         footprint = self._world_footprint()
@@ -332,8 +328,7 @@ class BehaviourScheduler:
             slack = trigger.check(pose, footprint)
             # A blocked jump is retried every tick, so that it follows the robot out of its way.
             slacks.append(0.0 if trigger.actuator.blocked else slack)
-        self._near = [trigger.proximity for trigger in self._triggers if trigger.near]
-        self._seen = (pose.x, pose.y, chipmunk.angle(self._base.handle))
+        self._seen = (pose.x, pose.y)
         # Slightly less than the bound, so that rounding cannot make a check late.
         self._slack = min(slacks) - 1e-6
 
