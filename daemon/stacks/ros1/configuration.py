@@ -19,7 +19,6 @@ from daemon.stacks.ros1.costmap_sources import COSTMAPS, read_costmaps
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.move_base import (
     CLEAR,
-    CLEAR_COSTMAP_WITHOUT_EFFECT,
     MOVE_BASE_WITHOUT_EFFECT,
     OTHER_NAMES,
     ROTATE,
@@ -177,7 +176,6 @@ def _read_reset(tree: ParameterTree, name: str) -> ClearCostmapParameters:
         tree.at("move_base", name),
         ("move_base", name),
         tree.report,
-        without_effect=CLEAR_COSTMAP_WITHOUT_EFFECT,
     )
 
 

@@ -1,4 +1,4 @@
-"""The scans that the costmaps have got, laser by laser, from where each laser was.
+"""The scans that the costmaps have got, laser by laser, and the costmaps that observe them.
 
 A costmap puts a scan where its laser was at the stamp, in the frame of that costmap, when the scan
 reaches it (costmap_2d ``ObservationBuffer``): what AMCL finds afterwards moves no scan that is kept
@@ -8,7 +8,7 @@ for longer.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,8 +16,9 @@ import numpy as np
 
 from daemon.model.sut import LaserScan
 from daemon.stacks.ros1.costmap import SensedScan
-from daemon.stacks.ros1.move_base import TransformBuffer
+from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.timers import TIME_TOLERANCE
+from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.robot import Laser
 
@@ -134,3 +135,20 @@ def _sensed(buffer: _LaserBuffer, received: _ReceivedScan, base: Pose2) -> Sense
         scan.time,
         received.received,
     )
+
+
+class ObservedCostmap:
+    """A costmap in its frame, which observes the scans of the lasers it has ``heard``."""
+
+    def __init__(
+        self, costmap: Costmap, frame: CostmapFrame, scans: ScanBuffer, heard: Collection[str]
+    ) -> None:
+        self.costmap, self.frame = costmap, frame
+        self._scans, self._heard = scans, heard
+
+    def update(self) -> None:
+        """Run one update cycle with the robot and the scans where they are now."""
+        frame, buffer = self.frame, self._scans
+        scans = buffer.in_map() if frame.name == "map" else buffer.in_odom()
+        heard = [scan for scan in scans if scan.laser in self._heard]
+        self.costmap.update(frame.base, heard, frame.in_map)

@@ -37,6 +37,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection
+from functools import partial
 
 import numpy as np
 
@@ -52,27 +53,17 @@ from daemon.model.sut import (
 from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
+from daemon.stacks.ros1.costmap import LayeredCostmap
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.costmap_sources import laser_sources
 from daemon.stacks.ros1.dwa import Dwa
-from daemon.stacks.ros1.frames import CostmapFrame
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
-from daemon.stacks.ros1.move_base import (
-    ClearTarget,
-    ClearTargets,
-    MoveBase,
-    MoveBaseStatus,
-    PlannerThread,
-    TransformBuffer,
-    WaypointDispatcher,
-    make_recoveries,
-)
+from daemon.stacks.ros1.move_base.control import MoveBase, MoveBaseStatus, PlannerThread
+from daemon.stacks.ros1.move_base.dispatcher import WaypointDispatcher
+from daemon.stacks.ros1.move_base.recoveries import make_recoveries
 from daemon.stacks.ros1.navfn.planner import Navfn
-from daemon.stacks.ros1.nodes import LocalController, ObservedCostmap, PlanMaker
-from daemon.stacks.ros1.planners import GlobalPlannerChoice, LocalPlannerChoice
-from daemon.stacks.ros1.quirks import Quirks
-from daemon.stacks.ros1.scan_buffer import ScanBuffer
+from daemon.stacks.ros1.scan_buffer import ObservedCostmap, ScanBuffer
 from daemon.stacks.ros1.telemetry import (
     CostmapRecorder,
     EstimateRecorder,
@@ -81,6 +72,7 @@ from daemon.stacks.ros1.telemetry import (
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
+from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
 from grammars.model.geometry import Floats, Pose2
 
 
@@ -89,80 +81,59 @@ class Navigation:
     :mod:`daemon.stacks.ros1.stack`."""
 
     def __init__(self, briefing: Briefing, parameters: RosParameters) -> None:
-        self._parameters = parameters
-        quirks, robot = parameters.quirks, briefing.robot
+        p, lasers = parameters, briefing.robot.lasers
         self._transforms = TransformBuffer(
-            briefing.start,
-            parameters.amcl.transform_tolerance,
-            delayed=quirks.delayed_map_to_odom,
+            briefing.start, p.amcl.transform_tolerance, delayed=p.quirks.delayed_map_to_odom
         )
-        self._amcl = Amcl(
-            parameters.amcl, quirks, briefing.map, robot.lasers, briefing.start, briefing.seed
-        )
+        self._amcl = Amcl(p.amcl, p.quirks, briefing.map, lasers, briefing.start, briefing.seed)
         self._pose = briefing.start
         """What AMCL has published last."""
         self._broadcasts = False
-        self._wiring = parameters.topics.heard([laser.name for laser in robot.lasers])
-        self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100 * len(robot.lasers))
-        self._scans = ScanBuffer(robot.lasers, self._transforms, keep=_longest_kept(parameters))
-        self._set_up_costmaps(briefing)
-        self._set_up_move_base(briefing)
+        wiring = p.topics.heard([laser.name for laser in lasers])
+        self._heard_by_amcl = wiring.amcl
+        self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100 * len(lasers))
+        self._scans = ScanBuffer(lasers, self._transforms, keep=_longest_kept(p))
+        self._global = self._observed(p, p.global_costmap, wiring.global_costmap, briefing)
+        self._local = self._observed(p, p.local_costmap, wiring.local_costmap, briefing)
+        self._global_timer = UpdateTimer(p.global_costmap.update_frequency)
+        self._local_timer = UpdateTimer(p.local_costmap.update_frequency)
+        self._set_up_move_base(p)
+        self._dispatcher = WaypointDispatcher(
+            p.dispatcher, briefing.mission.waypoints, self._move_base.serve_plan
+        )
         self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
-        near = parameters.local_costmap
-        self._costmaps = CostmapRecorder(near.publish_frequency, near.frame)
-        self._estimates = EstimateRecorder(_start_covariance(parameters.amcl))
+        self._costmaps = CostmapRecorder(p.local_costmap.publish_frequency, p.local_costmap.frame)
+        self._estimates = EstimateRecorder(_start_covariance(p.amcl))
         self._events: list[str] = []
         self._idle: Decision | None = None
         """The answer when there is nothing new."""
 
-    def _set_up_costmaps(self, briefing: Briefing) -> None:
-        quirks, topics = self._parameters.quirks, self._parameters.topics
-        wide, near = self._parameters.global_costmap, self._parameters.local_costmap
-        lasers = [laser.name for laser in briefing.robot.lasers]
+    def _observed(
+        self,
+        parameters: RosParameters,
+        layered: LayeredCostmap,
+        heard: Collection[str],
+        briefing: Briefing,
+    ) -> ObservedCostmap:
+        lasers, footprint = briefing.robot.lasers, layered.padded_footprint()
+        hears = partial(parameters.topics.lasers_on, lasers=[laser.name for laser in lasers])
+        costmap = Costmap(layered, footprint, parameters.quirks, briefing.map, hears)
+        frame = CostmapFrame(layered.frame, self._transforms)
+        return ObservedCostmap(costmap, frame, self._scans, heard)
 
-        def hears(topic: str) -> Collection[str]:
-            return topics.lasers_on(topic, lasers)
-
-        self._global = ObservedCostmap(
-            Costmap(wide, wide.padded_footprint(), quirks, briefing.map, hears),
-            CostmapFrame(wide.frame, self._transforms), self._scans, self._wiring.global_costmap,
-        )  # fmt: skip
-        self._local = ObservedCostmap(
-            Costmap(near, near.padded_footprint(), quirks, briefing.map, hears),
-            CostmapFrame(near.frame, self._transforms), self._scans, self._wiring.local_costmap,
-        )  # fmt: skip
-        self._global_timer = UpdateTimer(wide.update_frequency)
-        self._local_timer = UpdateTimer(near.update_frequency)
-
-    def _set_up_move_base(self, briefing: Briefing) -> None:
-        p = self._parameters
+    def _set_up_move_base(self, p: RosParameters) -> None:
         footprint = p.local_costmap.padded_footprint()
-        plans = PlanMaker(
-            _make_global_planner(p.global_planner, p.quirks), self._global, self._local,
-            p.move_base.clearing_radius if _clears_square(p) else None,
-        )  # fmt: skip
-        local_planner = _make_local_planner(
-            p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
-            latch_goal=p.move_base.latch_xy_goal_tolerance,
-        )  # fmt: skip
-        self._controller = LocalController(
-            local_planner, self._transforms, self._local, self._global.frame
-        )
         recoveries = make_recoveries(
-            p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.costmap.grid,
-            ClearTargets(
-                ClearTarget(self._global.costmap.clear_layers, self._global.update),
-                ClearTarget(self._local.costmap.clear_layers, self._local.update),
-            ),
-        )  # fmt: skip
+            p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._global, self._local
+        )
         self._status = MoveBaseStatus()
-        self._planner = PlannerThread(p.move_base, p.quirks, self._status, plans.plan)
+        self._planner = PlannerThread(
+            p.move_base, p.quirks, self._status, _make_global_planner(p), self._global
+        )
         self._move_base = MoveBase(
-            p.move_base, p.quirks, self._status, self._planner, self._controller, recoveries,
-            plans.robot_poses,
+            p.move_base, p.quirks, self._status, self._planner, _make_controller(p, footprint),
+            recoveries, self._global, self._local,
         )  # fmt: skip
-        waypoints = briefing.mission.waypoints
-        self._dispatcher = WaypointDispatcher(p.dispatcher, waypoints, plans.serve)
 
     def update(self, observation: Observation) -> Decision:
         """Take what is new and let every node that is due do its work."""
@@ -176,39 +147,34 @@ class Navigation:
         # Without odometry there is no transform to look anything up in, and nobody can work.
         if self._transforms.time < 0.0:
             return Decision(None, self._dispatcher.progress)
-        found = self._localise()  # 2
+        published = self._localise()  # 2
         self._scans.release_known(now)  # 3
-        self._update_costmaps(now)  # 4 and 5
+        if self._global_timer.due(now):  # 4
+            self._global.update()
+        if self._local_timer.due(now):  # 5
+            self._local.update()
         self._planner.step(now)  # 6
-        # A trajectory is shown at the instant it was chosen, not again at those between.
-        self._controller.trajectory = None
         self._move_base.step(now)  # 7
         self._dispatch(now)  # 8
-        return self._decide(now, found)
+        return self._decide(now, published)
 
     def _localise(self) -> AmclPose | None:
         """Give AMCL the scans whose odometry is known by now, broadcast its correction."""
-        found = None
+        latest = None
         known = self._transforms.time + TIME_TOLERANCE
         while self._unprocessed_scans and self._unprocessed_scans[0].time <= known:
             scan = self._unprocessed_scans.popleft()
-            if scan.laser not in self._wiring.amcl:
+            if scan.laser not in self._heard_by_amcl:
                 continue
             odom = self._transforms.base_at(scan.time)
             published = self._amcl.scan(scan.time, scan.ranges, odom, scan.laser)
             if published is not None:
-                found, self._pose = published, published.pose
+                latest, self._pose = published, published.pose
+                self._broadcasts = True
             # Nothing is broadcast before the first publication, afterwards at every scan.
-            self._broadcasts = self._broadcasts or published is not None
             if self._broadcasts:
                 self._transforms.correct(scan.time, self._amcl.map_to_odom)
-        return found
-
-    def _update_costmaps(self, now: float) -> None:
-        if self._global_timer.due(now):
-            self._global.update()
-        if self._local_timer.due(now):
-            self._local.update()
+        return latest
 
     def _dispatch(self, now: float) -> None:
         self._collect_log()
@@ -234,13 +200,13 @@ class Navigation:
             self._events += self._status.log
             self._status.log.clear()
 
-    def _decide(self, now: float, found: AmclPose | None) -> Decision:
+    def _decide(self, now: float, published: AmclPose | None) -> Decision:
         estimate: Estimate | None
         cloud: Cloud | None = None
         particles = None
         transforms, wide = self._transforms, self._global.frame
-        if found is not None:
-            estimate, cloud = self._estimates.record_published(found)
+        if published is not None:
+            estimate, cloud = self._estimates.record_published(published)
             particles = self._estimates.record_particles(now, self._amcl.particles)
         else:
             estimate = self._estimates.record_dead_reckoned(
@@ -249,19 +215,13 @@ class Navigation:
         plan_frame = None if wide.name == "map" else wide.in_map
         plan = self._plans.take(now, self._status.plan, plan_frame)
         local_plan = self._local_plans.take(
-            now, self._controller.trajectory, self._local.frame.in_map
+            now, self._move_base.take_trajectory(), self._local.frame.in_map
         )
         costmap = self._costmaps.take(now, self._local.costmap.grid)
         command, progress = self._move_base.take_command(), self._dispatcher.progress
         # Cloud and particles come with an estimate.
-        if (
-            command is None
-            and estimate is None
-            and plan is None
-            and local_plan is None
-            and costmap is None
-            and not self._events
-        ):
+        news = (command, estimate, plan, local_plan, costmap)
+        if not self._events and all(each is None for each in news):
             # Between two control cycles, mostly.
             if self._idle is None or self._idle.progress is not progress:
                 self._idle = Decision(None, progress)
@@ -272,34 +232,22 @@ class Navigation:
         )
 
 
-def _make_global_planner(parameters: GlobalPlannerChoice, quirks: Quirks) -> Navfn | GlobalPlanner:
-    """Return the global planner that ``parameters`` are of."""
-    if isinstance(parameters, GlobalPlannerParameters):
-        return GlobalPlanner(parameters, quirks)
-    return Navfn(parameters, quirks)
+def _make_global_planner(parameters: RosParameters) -> Navfn | GlobalPlanner:
+    chosen = parameters.global_planner
+    if isinstance(chosen, GlobalPlannerParameters):
+        return GlobalPlanner(chosen, parameters.quirks)
+    return Navfn(chosen, parameters.quirks)
 
 
-def _make_local_planner(
-    parameters: LocalPlannerChoice,
-    quirks: Quirks,
-    footprint: Floats,
-    control_period: float,
-    *,
-    latch_goal: bool,
-) -> Dwa | TrajectoryPlanner:
-    """Return the controller that ``parameters`` are of.
-
-    ``footprint`` (k, 2) [m] is padded; ``latch_goal`` is what move_base's own namespace says.
-    """
-    if isinstance(parameters, TrajectoryPlannerParameters):
-        return TrajectoryPlanner(parameters, quirks, footprint, control_period)
-    return Dwa(parameters, quirks, footprint, control_period, latch_goal=latch_goal)
-
-
-def _clears_square(parameters: RosParameters) -> bool:
-    """Tell whether make_plan sets a square around the robot free first."""
-    quirk = parameters.quirks.dispatcher_clears_square
-    return quirk and parameters.move_base.make_plan_clear_costmap
+def _make_controller(parameters: RosParameters, footprint: Floats) -> Dwa | TrajectoryPlanner:
+    """Return the local planner; ``footprint`` (k, 2) [m] is padded."""
+    chosen, quirks, move_base = parameters.local_planner, parameters.quirks, parameters.move_base
+    period = 1.0 / move_base.controller_frequency
+    if isinstance(chosen, TrajectoryPlannerParameters):
+        return TrajectoryPlanner(chosen, quirks, footprint, period)
+    # DWA finds this parameter in move_base's own namespace.
+    latch = move_base.latch_xy_goal_tolerance
+    return Dwa(chosen, quirks, footprint, period, latch_goal=latch)
 
 
 def _longest_kept(parameters: RosParameters) -> float:

@@ -18,7 +18,6 @@ from typing import Final, Literal
 
 import numpy as np
 
-from daemon.model.kernels import kernel
 from daemon.model.sut import Cloud, CostmapPicture, Estimate
 from daemon.stacks.ros1.amcl.node import AmclPose
 from daemon.stacks.ros1.cost_grid import CostGrid
@@ -26,39 +25,22 @@ from daemon.stacks.ros1.timers import MinimumInterval
 from grammars.model.geometry import Floats, Pose2
 
 
-@kernel
-def thin_plan(plan: Floats, spacing: float, out: Floats) -> int:
-    """Write points of ``plan`` (n, 3) to ``out`` (n, 2), from the goal to the start.
+def thin_plan(plan: Floats, spacing: float) -> Floats:
+    """Return points (m, 2) of ``plan`` (n, 3), from the goal to the start.
 
-    Returns how many: one every ``spacing`` [m] of way from the goal, between two poses if need be,
-    and the start. Two plans over the same ground so have the same points, wherever they begin.
+    There is one every ``spacing`` [m] of way from the goal, between two poses if need be, and the
+    start. Two plans over the same ground therefore have the same points, wherever they begin.
     """
-    last = plan.shape[0] - 1
-    out[0, 0], out[0, 1] = plan[last, 0], plan[last, 1]
-    count, way = 1, 0.0
-    for k in range(last - 1, -1, -1):
-        dx, dy = plan[k, 0] - plan[k + 1, 0], plan[k, 1] - plan[k + 1, 1]
-        length = math.hypot(dx, dy)
-        while way + length >= count * spacing and count < out.shape[0] - 1:
-            share = (count * spacing - way) / length
-            out[count, 0] = plan[k + 1, 0] + share * dx
-            out[count, 1] = plan[k + 1, 1] + share * dy
-            count += 1
-        way += length
-    if last > 0:
-        out[count, 0], out[count, 1] = plan[0, 0], plan[0, 1]
-        count += 1
-    return count
-
-
-@kernel
-def largest_deviation(first: Floats, second: Floats) -> float:
-    """Return the largest distance along x or y between points of the same index, (n, 2) each."""
-    most = 0.0
-    for k in range(min(first.shape[0], second.shape[0])):
-        dx, dy = abs(first[k, 0] - second[k, 0]), abs(first[k, 1] - second[k, 1])
-        most = max(most, dx, dy)
-    return most
+    points = plan[::-1, :2]
+    steps = np.diff(points, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    way = np.concatenate(((0.0,), np.cumsum(lengths)))
+    marks = np.arange(1, len(points)) * spacing
+    marks = marks[marks <= way[-1]]
+    step = np.searchsorted(way, marks) - 1
+    shares = (marks - way[step]) / lengths[step]
+    between = points[step] + shares[:, None] * steps[step]
+    return np.concatenate((points[:1], between, points[1:][-1:]))
 
 
 _ESTIMATE_PERIOD: Final = 1.0
@@ -90,19 +72,19 @@ class PlanRecorder:
         are taken from the goal backwards, so that two plans along the same way have the same points
         but for those the robot has left behind.
         """
-        if plan is None or plan is self._seen or not self._interval.is_over(now):
+        # Plans that turn out to be the same count as well: at most one a second is compared.
+        if plan is None or plan is self._seen or not self._interval.begin(now):
             return None
         self._seen = plan
-        # Also when it turns out to be the same plan: no more than one a second is compared.
-        self._interval.restart(now)
-        room = np.empty((len(plan) + 1, 2))
-        thin = room[: thin_plan(plan, _PLAN_SPACING, room)]
+        thin = thin_plan(plan, _PLAN_SPACING)
         if frame_in_map is not None:
             thin = _placed(thin, frame_in_map)
         # Its last point is the start, wherever that lies.
-        longer = len(thin) > len(self._last)
-        if not longer and largest_deviation(thin[:-1], self._last) <= _PLAN_TOLERANCE:
-            return None
+        way = thin[:-1]
+        if len(way) < len(self._last):
+            deviations = np.abs(way - self._last[: len(way)])
+            if deviations.max(initial=0.0) <= _PLAN_TOLERANCE:
+                return None
         self._last = thin
         return np.ascontiguousarray(thin[::-1])
 
@@ -123,9 +105,8 @@ class LocalPlanRecorder:
 
     def take(self, now: float, points: Floats | None, frame_in_map: Pose2) -> Floats | None:
         """Return ``points`` (n, 2) of a frame at a pose in map there when it is time to."""
-        if points is None or len(points) == 0 or not self._interval.is_over(now):
+        if points is None or len(points) == 0 or not self._interval.begin(now):
             return None
-        self._interval.restart(now)
         return _placed(points, frame_in_map)
 
 
@@ -142,9 +123,8 @@ class CostmapRecorder:
 
     def take(self, now: float, grid: CostGrid) -> CostmapPicture | None:
         """Return a copy of ``grid`` when it is time to, or ``None``."""
-        if not self._interval.is_over(now):
+        if not self._interval.begin(now):
             return None
-        self._interval.restart(now)
         return CostmapPicture(now, self._frame, grid.resolution, grid.x, grid.y, grid.cells.copy())
 
 
@@ -168,14 +148,12 @@ class EstimateRecorder:
 
         ``odom`` is the latest pose of odom in map, ``base`` that of the base in odom.
         """
-        if not self._estimates.is_over(time):
+        if not self._estimates.begin(time):
             return None
-        self._estimates.restart(time)
         return Estimate(time, odom @ base, self._covariance)
 
     def record_particles(self, now: float, poses: Floats) -> Floats | None:
         """Return at most a hundred of ``poses`` (n, 3) when it is time to, or ``None``."""
-        if not self._particles.is_over(now):
+        if not self._particles.begin(now):
             return None
-        self._particles.restart(now)
         return poses[:: math.ceil(len(poses) / _PARTICLES)].copy()

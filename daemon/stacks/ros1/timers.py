@@ -44,9 +44,12 @@ class MinimumInterval:
     period: float
     due: float = 0.0
 
-    def is_over(self, now: float) -> bool:
-        """Tell whether it may happen at ``now``."""
-        return now >= self.due - TIME_TOLERANCE
+    def begin(self, now: float) -> bool:
+        """Tell whether it may happen at ``now``, and count from there if so."""
+        if now < self.due - TIME_TOLERANCE:
+            return False
+        self.restart(now)
+        return True
 
     def restart(self, now: float) -> None:
         """Say that it has happened at ``now``."""

@@ -110,9 +110,6 @@ class ClearCostmapParameters:
     """Update each costmap as soon as it is cleared, instead of at its own rate."""
 
 
-CLEAR_COSTMAP_WITHOUT_EFFECT: Final[Mapping[str, str]] = {}
-
-
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class RotateRecoveryParameters:
     """Namespace ``move_base/rotate_recovery``, and what it reads from ``TrajectoryPlannerROS``."""

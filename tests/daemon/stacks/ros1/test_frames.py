@@ -6,9 +6,8 @@ import pytest
 from daemon.model.sut import Odometry
 from daemon.model.verdicts import Outcome
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.frames import CostmapFrame
-from daemon.stacks.ros1.move_base import TransformBuffer
 from daemon.stacks.ros1.telemetry import CostmapRecorder, PlanRecorder
+from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
 from daemon.trace import read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.mission import Waypoint

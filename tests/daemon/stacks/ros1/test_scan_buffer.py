@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from daemon.model.sut import LaserScan, Odometry
-from daemon.stacks.ros1.move_base import TransformBuffer
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
+from daemon.stacks.ros1.transforms import TransformBuffer
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Laser
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from daemon.stacks.ros1.move_base import (
-    MoveBase,
-    MoveBaseParameters,
-    MoveBaseStatus,
-    PlannerThread,
-    RecoveryStep,
-    RobotPoses,
-)
+from daemon.stacks.ros1.base_local_planner import NO_POINTS, NO_VELOCITY, ControllerAnswer
+from daemon.stacks.ros1.move_base import MoveBaseParameters
+from daemon.stacks.ros1.move_base.control import MoveBase, MoveBaseStatus, PlannerThread
+from daemon.stacks.ros1.move_base.recoveries import RecoveryStep
 from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Pose2, Twist2
 
@@ -35,11 +32,28 @@ class FakeController:
     def set_plan(self, plan):
         self.plans += 1
 
-    def goal_reached(self):
+    def goal_reached(self, pose, twist, plan_frame):
         return self.arrived
 
-    def command(self):
-        return FORWARD if self.works(self.bench.now) else None
+    def command(self, pose, twist, plan_frame, grid):
+        works = self.works(self.bench.now)
+        return ControllerAnswer(True, FORWARD, NO_POINTS) if works else NO_VELOCITY
+
+
+@dataclass
+class FakeFrame:
+    """A frame in map, where the bench has the robot."""
+
+    bench: Bench
+    name = "map"
+    transforms = SimpleNamespace(twist=Twist2())
+
+    @property
+    def base(self):
+        return self.bench.pose
+
+    def pose_in(self, other):
+        return Pose2()
 
 
 @dataclass
@@ -52,11 +66,11 @@ class Tried:
     period: float = STEP
     since: float = 0.0
 
-    def start(self, around):
+    def start(self):
         self.since = self.bench.now
         self.bench.tried.append((self.since, self.name))
 
-    def step(self, around):
+    def step(self):
         return RecoveryStep(None, self.bench.now - self.since >= self.lasts - 1e-9)
 
 
@@ -89,17 +103,18 @@ class Bench:
         self.result = None
         self.controller = FakeController(self.works, self)
         recoveries = [Tried(f"r{k}", self, lasts) for k, lasts in enumerate(self.recoveries)]
-        self.planner = PlannerThread(given, self.quirks, self.status, self._plan)
-        self.move_base = MoveBase(
-            given, self.quirks, self.status, self.planner, self.controller, recoveries, self._look
+        costmap = SimpleNamespace(costmap=SimpleNamespace(grid=None), frame=FakeFrame(self))
+        self.planner = PlannerThread(
+            given, self.quirks, self.status, SimpleNamespace(plan=self._plan), costmap
         )
+        self.move_base = MoveBase(
+            given, self.quirks, self.status, self.planner, self.controller, recoveries,
+            costmap, costmap,
+        )  # fmt: skip
 
-    def _plan(self, goal):
+    def _plan(self, grid, start, goal):
         self.planned.append(self.now)
         return PLAN if self.plans(self.now) else None
-
-    def _look(self):
-        return RobotPoses(self.pose, self.pose)
 
     def accept(self):
         self.move_base.accept(self.now, GOAL)

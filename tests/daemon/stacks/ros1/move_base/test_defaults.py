@@ -8,9 +8,9 @@ from pydantic import ValidationError
 from daemon.stacks.ros1.move_base import (
     ClearCostmapParameters,
     MoveBaseParameters,
-    RecoveryBehavior,
     RotateRecoveryParameters,
 )
+from daemon.stacks.ros1.move_base._parameters import RecoveryBehavior
 
 
 def test_move_base():

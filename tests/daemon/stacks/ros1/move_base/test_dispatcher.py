@@ -1,6 +1,7 @@
 """Waypoints one by one, at most one a second, none after a failure."""
 
-from daemon.stacks.ros1.move_base import DispatcherParameters, WaypointDispatcher
+from daemon.stacks.ros1.move_base import DispatcherParameters
+from daemon.stacks.ros1.move_base.dispatcher import WaypointDispatcher
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Waypoint
 

@@ -1,6 +1,7 @@
 """Resets that clear nothing, resets that work, and the turn on the spot."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,15 +13,11 @@ from daemon.stacks.ros1.move_base import (
     CLEAR,
     ROTATE,
     ClearCostmapParameters,
-    ClearTarget,
-    ClearTargets,
     MoveBaseParameters,
-    RecoveryBehavior,
-    RobotPoses,
     RotateRecoveryParameters,
-    make_recoveries,
-    turn_is_free,
 )
+from daemon.stacks.ros1.move_base._parameters import RecoveryBehavior
+from daemon.stacks.ros1.move_base.recoveries import make_recoveries, turn_is_free
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
 
@@ -31,30 +28,39 @@ def empty():
     return CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), np.uint8))
 
 
+class FakeCostmap:
+    """An observed costmap with one layer that lasers fill, called obstacle_layer."""
+
+    def __init__(self, name, base, grid, cleared):
+        self.name, self.cleared = name, cleared
+        self.costmap = SimpleNamespace(grid=grid, clear_layers=self.clear)
+        self.frame = SimpleNamespace(base=base)
+
+    def clear(self, base, side, names, *, inside):
+        assert base == self.frame.base
+        if names is not None and "obstacle_layer" not in names:
+            return ()
+        self.cleared.append((f"inside {self.name}" if inside else self.name, side))
+        return ("obstacle_layer",)
+
+    def update(self):
+        self.cleared.append((f"{self.name} updated", 0.0))
+
+
 def make(quirks=FAST, grid=None, resets=None, **parameters):
+    return make_near(quirks, grid, resets, **parameters)[:2]
+
+
+def make_near(quirks=FAST, grid=None, resets=None, **parameters):
+    """Recoveries, what they clear, and the local costmap the robot stands on."""
     cleared = []
-
-    def target(costmap):
-        """A costmap with one layer that lasers fill, called obstacle_layer."""
-
-        def clear(base, side, names, *, inside):
-            if names is not None and "obstacle_layer" not in names:
-                return ()
-            cleared.append((f"inside {costmap}" if inside else costmap, side))
-            return ("obstacle_layer",)
-
-        return ClearTarget(clear, lambda: cleared.append((f"{costmap} updated", 0.0)))
-
-    targets = ClearTargets(target("global"), target("local"))
-    made = make_recoveries(
+    wide = FakeCostmap("global", Pose2(3.0, 4.0), None, cleared)
+    near = FakeCostmap("local", Pose2(), grid or empty(), cleared)
+    recoveries = make_recoveries(
         MoveBaseParameters(**parameters), RotateRecoveryParameters(), resets or {}, quirks, RING,
-        grid or empty(), targets,
+        wide, near,
     )  # fmt: skip
-    return made, cleared
-
-
-def around(yaw=0.0):
-    return RobotPoses(Pose2(0.0, 0.0, yaw), Pose2(3.0, 4.0, yaw))
+    return recoveries, cleared, near
 
 
 def test_the_default_behaviours_are_those_of_move_base():
@@ -68,7 +74,7 @@ def test_the_default_behaviours_are_those_of_move_base():
 
 def test_resets_clear_nothing_in_the_original():
     recoveries, cleared = make()
-    advance = recoveries[0].step(around())
+    advance = recoveries[0].step()
     assert advance.ended
     assert "no layer" in advance.log
     assert cleared == []
@@ -76,8 +82,8 @@ def test_resets_clear_nothing_in_the_original():
 
 def test_working_resets_keep_the_square_that_move_base_gives_them():
     recoveries, cleared = make(FIXED, resets={"conservative_reset": ClearCostmapParameters(9.0)})
-    recoveries[0].step(around())
-    recoveries[2].step(around())
+    recoveries[0].step()
+    recoveries[2].step()
     assert cleared == [
         ("global", 3.0), ("local", 3.0), ("global", pytest.approx(1.84)),
         ("local", pytest.approx(1.84)),
@@ -88,7 +94,7 @@ def test_naming_the_layer_right_makes_a_reset_work_in_the_original():
     own = RecoveryBehavior("mine", CLEAR)
     reset = ClearCostmapParameters(2.0, layer_names=("obstacle_layer",), affected_maps="local")
     recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
-    recoveries[0].step(around())
+    recoveries[0].step()
     assert cleared == [("local", 2.0)]
 
 
@@ -98,7 +104,7 @@ def test_a_reset_can_clear_inside_its_square_and_update_the_costmap_at_once():
         2.0, layer_names=("obstacle_layer",), invert_area_to_clear=True, force_updating=True
     )
     recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
-    advance = recoveries[0].step(around())
+    advance = recoveries[0].step()
     assert advance.log == "mine cleared the global and local costmap inside a square of 2.00 m"
     assert cleared == [
         ("inside global", 2.0), ("global updated", 0.0), ("inside local", 2.0),
@@ -107,11 +113,13 @@ def test_a_reset_can_clear_inside_its_square_and_update_the_costmap_at_once():
 
 
 def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end():
-    turn = make(recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
+    (turn,), _, near = make_near(recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))
     yaw, speeds = 1.0, []
-    turn.start(around(yaw))
+    near.frame.base = Pose2(0.0, 0.0, yaw)
+    turn.start()
     for _ in range(400):
-        advance = turn.step(around(math.remainder(yaw, math.tau)))
+        near.frame.base = Pose2(0.0, 0.0, math.remainder(yaw, math.tau))
+        advance = turn.step()
         if advance.ended:
             break
         assert advance.command is not None
@@ -128,8 +136,8 @@ def test_the_turn_is_refused_where_it_would_collide():
     grid = empty()
     grid.cells[30 + 8, 30] = LETHAL  # 0.40 m to the left: beside the flank, within the corners
     turn = make(grid=grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
-    turn.start(around())
-    advance = turn.step(around())
+    turn.start()
+    advance = turn.step()
     assert advance.ended
     assert advance.command is None
     assert "cannot turn" in advance.log
@@ -139,8 +147,8 @@ def test_without_the_quirk_the_turn_stops_the_robot_at_its_end():
     grid = empty()
     grid.cells[30 + 8, 30] = LETHAL
     turn = make(FIXED, grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
-    turn.start(around())
-    assert turn.step(around()).command == Twist2()
+    turn.start()
+    assert turn.step().command == Twist2()
 
 
 def plain_turn_is_free(grid, ring, pose, angle, by):
@@ -185,6 +193,6 @@ def test_the_kernel_sees_the_same_collisions_as_the_plain_version(lethal, x, y, 
     grid = empty()
     for column, row in lethal:
         grid.cells[row, column] = LETHAL
-    frame, pose = np.array((grid.x, grid.y, grid.resolution)), np.array((x, y, yaw))
-    found = turn_is_free(grid.cells, frame, RING, pose, angle, 0.1)
-    assert found == plain_turn_is_free(grid, RING, Pose2(x, y, yaw), angle, 0.1)
+    pose = Pose2(x, y, yaw)
+    free = turn_is_free(grid, RING, pose, angle, 0.1)
+    assert free == plain_turn_is_free(grid, RING, pose, angle, 0.1)

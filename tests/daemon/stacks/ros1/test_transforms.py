@@ -5,7 +5,7 @@ import math
 import pytest
 
 from daemon.model.sut import Odometry
-from daemon.stacks.ros1.move_base import TransformBuffer
+from daemon.stacks.ros1.transforms import TransformBuffer
 from grammars.model.geometry import Pose2, Twist2
 
 

@@ -1,4 +1,6 @@
-"""The two transforms the stack lives on: map <- odom of AMCL and odom <- base_link of the wheels.
+"""The two transforms the stack lives on, and the frames of costmaps that they move.
+
+They are map <- odom of AMCL and odom <- base_link of the wheels.
 
 AMCL stamps its correction ``transform_tolerance`` ahead of the scan it is from. A look-up at the
 stamp of an odometry sample or of a scan therefore finds the correction of that much earlier,
@@ -10,11 +12,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 from daemon.model.sut import Odometry
 from grammars.model.geometry import Pose2, Twist2, wrap_angle
 
+_SAME: Final = Pose2()
 _KEPT_SECONDS: Final = 2.0
 """Nothing is looked up farther back than this [s]."""
 _KEPT_ENTRIES: Final = 200
@@ -119,3 +123,31 @@ def _interpolate_pose(first: Pose2, second: Pose2, share: float) -> Pose2:
         first.y + share * (second.y - first.y),
         wrap_angle(first.yaw + share * turn),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CostmapFrame:
+    """The frame a costmap is in (its ``global_frame``), whatever it is called."""
+
+    name: Literal["map", "odom"]
+    transforms: TransformBuffer
+
+    @property
+    def base(self) -> Pose2:
+        """Where the base is: the stack's latest belief, in map by the delayed correction."""
+        return self.transforms.base_in_map() if self.name == "map" else self.transforms.odom_to_base
+
+    @property
+    def in_map(self) -> Pose2:
+        """Where the frame is in map, by the latest correction."""
+        return _SAME if self.name == "map" else self.transforms.map_to_odom
+
+    def pose_in(self, other: CostmapFrame) -> Pose2:
+        """Return where this frame is in ``other``, by the latest correction."""
+        if self.name == other.name:
+            return _SAME
+        return self.in_map if other.name == "map" else other.in_map.inverse()
+
+    def take(self, pose: Pose2) -> Pose2:
+        """Return a ``pose`` in map as one in this frame, as things are now."""
+        return pose if self.name == "map" else self.in_map.inverse() @ pose

@@ -12,16 +12,21 @@ share a :class:`MoveBaseStatus`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Final, Protocol, TypeAlias
+from typing import Final
 
-from daemon.stacks.ros1.move_base._dispatcher import Outcome
+from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base._parameters import MoveBaseParameters
-from daemon.stacks.ros1.move_base._recoveries import Recovery, RobotPoses
+from daemon.stacks.ros1.move_base.dispatcher import Outcome
+from daemon.stacks.ros1.move_base.recoveries import Recovery
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.quirks import Quirks
+from daemon.stacks.ros1.scan_buffer import ObservedCostmap
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, LoopRate, is_after
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 
@@ -72,17 +77,15 @@ cycle and one cycle without, now and then. TrajectoryPlannerROS forgets with eve
 arrived: where both are 20 Hz, as on the Jackal, it would never finish without that cycle. With
 other ratios the phase decides nothing, and simulated time stays on its grid.
 """
-MakePlan: TypeAlias = Callable[[Pose2], Floats | None]
-"""From a goal (map) to a plan (n, 3) from where the robot is now, or ``None``."""
 
 
 class PlannerThread:
     """Plans at ``planner_frequency`` from the start of one plan to the start of the next.
 
-    The control loop wakes it early whenever it waits for a plan. Planning takes no simulated
-    time; being woken by its timer does where that decides (``_WAKING``). With a frequency of 0
-    it plans once when asked, and after a failure again at every step of the stack, where the
-    original tries as fast as it can.
+    It plans on the global ``costmap``. The control loop wakes it early whenever it waits for a
+    plan. Planning takes no simulated time; being woken by its timer does where that decides
+    (``_WAKING``). With a frequency of 0 it plans once when asked, and after a failure again at
+    every step of the stack, where the original tries as fast as it can.
     """
 
     def __init__(
@@ -90,7 +93,8 @@ class PlannerThread:
         parameters: MoveBaseParameters,
         quirks: Quirks,
         status: MoveBaseStatus,
-        make_plan: MakePlan,
+        planner: Navfn | GlobalPlanner,
+        costmap: ObservedCostmap,
     ) -> None:
         rate = parameters.planner_frequency
         self._period = 1.0 / rate if rate > 0.0 else 0.0
@@ -100,7 +104,7 @@ class PlannerThread:
         retries = parameters.max_planning_retries
         self._retries = retries if retries >= 0 else math.inf
         self._ignores_failures = quirks.failed_replanning_ignored
-        self._status, self._make_plan = status, make_plan
+        self._status, self._planner, self._costmap = status, planner, costmap
         self._due = 0.0
         self._failing_since: float | None = None
 
@@ -115,7 +119,7 @@ class PlannerThread:
             return
         begun = self._due if self._waking and now - self._due < self._period else now
         self._due = begun + self._period + self._waking
-        plan = self._make_plan(status.goal)
+        plan = self.plan(self._costmap.frame.base, status.goal)
         if plan is not None and len(plan):
             self._succeed(now, plan)
         elif status.state is MoveBaseState.PLANNING:
@@ -123,6 +127,10 @@ class PlannerThread:
         elif status.state is MoveBaseState.CONTROLLING and not self._ignores_failures:
             status.state = MoveBaseState.PLANNING
             status.planner_stopped_robot = True
+
+    def plan(self, start: Pose2, goal: Pose2) -> Floats | None:
+        """Return a plan (n, 3) between poses in the frame of the global costmap, if any."""
+        return self._planner.plan(self._costmap.costmap.grid, start, goal)
 
     def _succeed(self, now: float, plan: Floats) -> None:
         status = self._status
@@ -151,19 +159,6 @@ class PlannerThread:
 STILL: Final = Twist2()
 
 
-class Controller(Protocol):
-    """The local planner, with everything it needs to know about the robot at hand."""
-
-    def set_plan(self, plan: Floats) -> None:
-        """Take a new global plan (n, 3) in map."""
-
-    def goal_reached(self) -> bool:
-        """Tell whether the robot is at the goal of the plan, and stands."""
-
-    def command(self) -> Twist2 | None:
-        """Return a velocity command, ``None`` when there is no valid one."""
-
-
 @dataclass(slots=True)
 class _Timers:
     """When things last were well, all reset by a new goal [s]."""
@@ -175,8 +170,8 @@ class _Timers:
 class MoveBase:
     """The control loop; ``step`` runs it when it is due.
 
-    ``robot_poses`` returns where the robot is. What is published stays in :attr:`command` until it
-    is taken; sentences for the log go to ``status.log``.
+    ``controller`` is the local planner. Commands and trajectories stay until they are taken;
+    sentences for the log go to ``status.log``.
     """
 
     def __init__(
@@ -185,12 +180,15 @@ class MoveBase:
         quirks: Quirks,
         status: MoveBaseStatus,
         planner: PlannerThread,
-        controller: Controller,
+        controller: Dwa | TrajectoryPlanner,
         recoveries: Sequence[Recovery],
-        robot_poses: Callable[[], RobotPoses],
+        global_costmap: ObservedCostmap,
+        local_costmap: ObservedCostmap,
     ) -> None:
         self._parameters, self._status, self._planner = parameters, status, planner
-        self._controller, self._recoveries, self._robot_poses = controller, recoveries, robot_poses
+        self._controller, self._recoveries = controller, recoveries
+        self._global, self._local = global_costmap, local_costmap
+        self._clears_square = quirks.dispatcher_clears_square and parameters.make_plan_clear_costmap
         self._period = 1.0 / parameters.controller_frequency
         self._control_survives = quirks.control_patience_survives_recovery
         self._timers = _Timers()
@@ -203,6 +201,7 @@ class MoveBase:
         self._result: Outcome | None = None
         self._failing_since: float | None = None
         self.command: Twist2 | None = None
+        self._trajectory: Floats | None = None
 
     @property
     def active(self) -> bool:
@@ -213,6 +212,11 @@ class MoveBase:
         """Return what was published last since the previous call, ``None`` for nothing."""
         command, self.command = self.command, None
         return command
+
+    def take_trajectory(self) -> Floats | None:
+        """Return the trajectory (n, 2) chosen since the previous call, in the local frame."""
+        trajectory, self._trajectory = self._trajectory, None
+        return trajectory
 
     def take_result(self) -> Outcome | None:
         """Return what became of the goal, once."""
@@ -231,6 +235,19 @@ class MoveBase:
         self._failing_since = None
         self._rate = LoopRate(self._period, now)
         self.step(now)
+
+    def serve_plan(self, start: Pose2, goal: Pose2) -> None:
+        """Serve make_plan (``planService``): its plan is unused, its side effects stay.
+
+        ``start`` and ``goal`` are in map.
+        """
+        if self._clears_square:
+            for observed in (self._global, self._local):
+                half = self._parameters.clearing_radius
+                observed.costmap.clear_square(observed.frame.base, half)
+        # The service passes start and goal on as they are, and planners refuse other frames.
+        if self._global.frame.name == "map":
+            self._planner.plan(start, goal)
 
     def step(self, now: float) -> None:
         """Run a cycle, or the recovery that blocks it, if it is time to."""
@@ -262,7 +279,7 @@ class MoveBase:
             self._recover(now)
 
     def _notice_motion(self, now: float) -> None:
-        pose = self._robot_poses().global_
+        pose = self._global.frame.base
         away = math.hypot(pose.x - self._anchor[0], pose.y - self._anchor[1])
         if away >= self._parameters.oscillation_distance:
             self._timers.oscillation = now
@@ -272,16 +289,19 @@ class MoveBase:
 
     def _control(self, now: float) -> None:
         status, timeout = self._status, self._parameters.oscillation_timeout
-        if self._controller.goal_reached():
+        frame = self._local.frame
+        twist, in_plan = frame.transforms.twist, frame.pose_in(self._global.frame)
+        if self._controller.goal_reached(frame.base, twist, in_plan):
             self._end("succeeded")
             return
         if timeout > 0.0 and is_after(now, self._timers.oscillation + timeout):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.OSCILLATION)
         # The original computes and sends one more command here, oscillating or not.
-        command = self._controller.command()
-        if command is not None:
-            self._publish(now, command)
+        answer = self._controller.command(frame.base, twist, in_plan, self._local.costmap.grid)
+        self._trajectory = answer.local_plan
+        if answer.ok:
+            self._publish(now, answer.twist)
         elif is_after(now, self._timers.control + self._parameters.controller_patience):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.CONTROLLING)
@@ -316,7 +336,7 @@ class MoveBase:
         if self._index < len(self._recoveries):
             recovery = self._recoveries[self._index]
             status.log.append(f"recovery {self._index + 1}, {recovery.name}: {status.trigger}")
-            recovery.start(self._robot_poses())
+            recovery.start()
             self._recovery = recovery
             self._recovery_rate = LoopRate(recovery.period, now)
             self._advance_recovery(now, recovery)
@@ -333,7 +353,7 @@ class MoveBase:
 
     def _advance_recovery(self, now: float, recovery: Recovery) -> None:
         """Let the recovery do what it does next; when it ends, the loop goes on planning."""
-        advance = recovery.step(self._robot_poses())
+        advance = recovery.step()
         if advance.command is not None:
             self.command = advance.command
         if advance.log:

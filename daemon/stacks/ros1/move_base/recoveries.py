@@ -1,0 +1,225 @@
+"""What move_base tries before it gives a goal up.
+
+Resets clear layers of the costmaps outside a square around the robot, at once; with the parameters
+people have they clear nothing (:attr:`Quirks.resets_clear_nothing`). The turn on the
+spot takes its time: it commands at its own rate until the robot has turned once, and blocks the
+control loop meanwhile.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from daemon.stacks.ros1.base_local_planner import footprint_cost
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.move_base._parameters import (
+    CLEAR,
+    ROTATE,
+    ClearCostmapParameters,
+    MoveBaseParameters,
+    RecoveryBehavior,
+    RotateRecoveryParameters,
+)
+from daemon.stacks.ros1.quirks import Quirks
+from daemon.stacks.ros1.scan_buffer import ObservedCostmap
+from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
+
+_CIRCUMSCRIBED: Final = 0.46
+"""What the aggressive reset takes for the radius of the robot [m], a quarter of its square."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryStep:
+    """How a recovery goes on: a command to publish, whether it has ended, what to say."""
+
+    command: Twist2 | None
+    ended: bool
+    log: str = ""
+
+
+class ClearCostmapRecovery:
+    """Clears named layers outside (or inside) a square of ``distance`` [m] around the robot.
+
+    Without :attr:`Quirks.resets_clear_nothing` it clears all layers that lasers fill where it finds
+    none of those named.
+    """
+
+    period = 0.0
+
+    def __init__(
+        self,
+        name: str,
+        parameters: ClearCostmapParameters,
+        distance: float,
+        quirks: Quirks,
+        global_costmap: ObservedCostmap,
+        local_costmap: ObservedCostmap,
+    ) -> None:
+        self.name = name
+        self._parameters, self._distance = parameters, distance
+        self._costmaps = {"global": global_costmap, "local": local_costmap}
+        self._names = frozenset(parameters.layer_names)
+        self._finds_any = not quirks.resets_clear_nothing
+
+    def start(self) -> None:
+        """Nothing to prepare."""
+
+    def step(self) -> RecoveryStep:
+        """Clear, and be done."""
+        maps = self._parameters.affected_maps
+        cleared = [
+            name
+            for name, costmap in self._costmaps.items()
+            if maps in ("both", name) and self._clear(costmap)
+        ]
+        if not cleared:
+            return RecoveryStep(None, True, f"{self.name} finds no layer to clear")
+        where = "inside" if self._parameters.invert_area_to_clear else "outside"
+        what = f"the {' and '.join(cleared)} costmap {where} a square of {self._distance:.2f} m"
+        return RecoveryStep(None, True, f"{self.name} cleared {what}")
+
+    def _clear(self, observed: ObservedCostmap) -> bool:
+        """Clear one costmap; tell whether it had a layer to clear."""
+        costmap, base = observed.costmap, observed.frame.base
+        inside = self._parameters.invert_area_to_clear
+        cleared = costmap.clear_layers(base, self._distance, self._names, inside=inside)
+        if not cleared and self._finds_any:
+            cleared = costmap.clear_layers(base, self._distance, None, inside=inside)
+        if self._parameters.force_updating:
+            observed.update()
+        return bool(cleared)
+
+
+def turn_is_free(
+    grid: CostGrid, footprint: Floats, pose: Pose2, angle: float, granularity: float
+) -> bool:
+    """Tell whether the outline of ``footprint`` (k, 2) stays free while it turns left by ``angle``.
+
+    It is looked at every ``granularity`` [rad], at the end itself only by chance; what lies inside
+    the outline does not count (rotate_recovery, ``CostmapModel::footprintCost``).
+    """
+    # No kernel of its own: half a millisecond at 20 Hz, and only while a robot turns.
+    frame = np.array((grid.x, grid.y, grid.resolution))
+    no_spans = np.empty((0, 2), dtype=np.int32)
+    turned = 0.0
+    while turned < angle:
+        yaw = pose.yaw + turned
+        here = np.array((pose.x, pose.y, yaw, math.cos(yaw), math.sin(yaw)))
+        if footprint_cost(grid.cells, frame, footprint, 1.0, here, no_spans, False) < 0:
+            return False
+        turned += granularity
+    return True
+
+
+class RotateRecovery:
+    """Turns left through half a turn and on to where it began (``RotateRecovery``).
+
+    Before each command the rest of the turn must be free of collisions in the local costmap,
+    looked at every ``sim_granularity``. Its last command stays when it ends, unless
+    :attr:`Quirks.turn_ends_unstopped` is off.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        parameters: RotateRecoveryParameters,
+        quirks: Quirks,
+        footprint: Floats,
+        local_costmap: ObservedCostmap,
+    ) -> None:
+        self.name = name
+        self.period = 1.0 / parameters.frequency
+        self._parameters, self._footprint, self._local = parameters, footprint, local_costmap
+        self._at_the_end = None if quirks.turn_ends_unstopped else Twist2()
+        self._begun = self._heading = 0.0
+        self._halfway = False
+
+    def start(self) -> None:
+        """Remember the heading to come back to."""
+        self._begun = self._heading = self._local.frame.base.yaw
+        self._halfway = False
+
+    def step(self) -> RecoveryStep:
+        """Command the next piece of the turn; the heading of the last step decides on the end."""
+        parameters = self._parameters
+        if self._halfway and self._away(self._begun) <= parameters.yaw_goal_tolerance:
+            return RecoveryStep(self._at_the_end, True, f"{self.name} has turned once")
+        pose = self._local.frame.base
+        self._heading = pose.yaw
+        left = self._left()
+        grid, granularity = self._local.costmap.grid, parameters.sim_granularity
+        if not turn_is_free(grid, self._footprint, pose, left, granularity):
+            return RecoveryStep(
+                self._at_the_end, True, f"{self.name} cannot turn without a collision"
+            )
+        speed = math.sqrt(2.0 * parameters.acc_lim_theta * left)
+        speed = max(speed, parameters.min_in_place_vel_theta)
+        return RecoveryStep(Twist2(0.0, 0.0, min(speed, parameters.max_vel_theta)), False)
+
+    def _left(self) -> float:
+        """Return how far there is to turn [rad]."""
+        if self._halfway:
+            return self._away(self._begun)
+        away = self._away(self._begun + math.pi)
+        if away < self._parameters.yaw_goal_tolerance:
+            self._halfway = True
+        return math.pi + away
+
+    def _away(self, heading: float) -> float:
+        return abs(wrap_angle(heading - self._heading))
+
+
+Recovery: TypeAlias = ClearCostmapRecovery | RotateRecovery
+"""A behaviour: ``start``, and then ``step`` every ``period`` [s] until it has ended."""
+
+
+def make_recoveries(
+    parameters: MoveBaseParameters,
+    rotate: RotateRecoveryParameters,
+    resets: Mapping[str, ClearCostmapParameters],
+    quirks: Quirks,
+    footprint: Floats,
+    global_costmap: ObservedCostmap,
+    local_costmap: ObservedCostmap,
+) -> tuple[Recovery, ...]:
+    """Return the behaviours in the order they are tried, none when they are disabled."""
+    if not parameters.recovery_behavior_enabled:
+        return ()
+    distances = {}
+    chosen = parameters.recovery_behaviors
+    if chosen is None:
+        chosen = _default_behaviors(turning=parameters.clearing_rotation_allowed)
+        distances = {
+            "conservative_reset": parameters.conservative_reset_dist,
+            "aggressive_reset": 4.0 * _CIRCUMSCRIBED,
+        }
+    behaviors: list[Recovery] = []
+    for name, kind in ((behavior.name, behavior.type) for behavior in chosen):
+        if kind == ROTATE:
+            behaviors.append(RotateRecovery(name, rotate, quirks, footprint, local_costmap))
+            continue
+        own = resets.get(name, ClearCostmapParameters())
+        distance = distances.get(name, own.reset_distance)
+        behaviors.append(
+            ClearCostmapRecovery(name, own, distance, quirks, global_costmap, local_costmap)
+        )
+    return tuple(behaviors)
+
+
+def _default_behaviors(*, turning: bool) -> tuple[RecoveryBehavior, ...]:
+    turn = (RecoveryBehavior("rotate_recovery", ROTATE),) if turning else ()
+    first = RecoveryBehavior("conservative_reset", CLEAR)
+    last = RecoveryBehavior("aggressive_reset", CLEAR)
+    return (first, *turn, last, *turn)
+
+
+def warm_up() -> None:
+    """Turn a square on an empty costmap."""
+    ring = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((20, 20), np.uint8))
+    turn_is_free(grid, ring, Pose2(0.5, 0.5, 0.5), 0.1, 0.017)
