@@ -60,6 +60,18 @@ class FindingCollector:
     problems: list[ParameterFinding] = field(default_factory=list)
     without_effect: list[ParameterFinding] = field(default_factory=list)
 
+    def refuse(self, path: ParameterLocation, message: str, hint: str = "") -> None:
+        """Add what no run can live with."""
+        self.fatal.append(ParameterFinding(path, message, hint))
+
+    def warn(self, path: ParameterLocation, message: str, hint: str = "") -> None:
+        """Add what is probably a slip."""
+        self.problems.append(ParameterFinding(path, message, hint))
+
+    def ignore(self, path: ParameterLocation, reason: str) -> None:
+        """Add a known parameter that changes nothing here."""
+        self.without_effect.append(ParameterFinding(path, reason))
+
     def findings(self) -> ParameterFindings:
         """Return what was found; raises :class:`ParameterError` for what is fatal."""
         findings = ParameterFindings(

@@ -125,15 +125,23 @@ def ros_definitions() -> dict[str, Schema]:
     Names that no node knows are left to ``scenario check``, which warns of them; ``null`` takes
     an inherited value away.
     """
-    from daemon.stacks.ros1 import amcl, costmap, move_base
+    from daemon.stacks.ros1 import amcl, move_base
+    from daemon.stacks.ros1.costmap import layers
     from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
     from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, PROFILES, Quirks
     from daemon.stacks.ros1.topics import TopicParameters
 
     found: dict[str, Schema] = {}
     _add_section(found, "amcl", amcl.AmclParameters, amcl.WITHOUT_EFFECT)
-    for name, (model, without_effect) in costmap.WRITTEN_SECTIONS.items():
-        _add_section(found, name, model, without_effect)
+    sections: dict[str, type[Any]] = {
+        "costmap": layers.LayeredCostmap,
+        "source": layers.ObservationSource,
+        "static_layer": layers.StaticLayer,
+        "obstacle_layer": layers.VoxelLayer,
+        "inflation_layer": layers.InflationLayer,
+    }
+    for name, model in sections.items():
+        _add_section(found, name, model, layers.WITHOUT_EFFECT[model])
     planners = {namespace_of(plugin): entry for plugin, entry in {**GLOBAL, **LOCAL}.items()}
     for name, planner in planners.items():
         _add_section(found, name, planner.model, planner.without_effect)
@@ -157,7 +165,7 @@ def ros_definitions() -> dict[str, Schema]:
         "global_costmap": _reference("costmap"),
         "local_costmap": _reference("costmap"),
         **{name: _reference(name) for name in planners},
-        **found["body"]["properties"],
+        **{name: found["costmap"]["properties"][name] for name in layers.SEARCHED_UPWARDS},
         "rotate_recovery": _reference("rotation"),
     }
     return found | {"ros": _ros_tree()}
@@ -208,7 +216,7 @@ def _complete_costmap(found: dict[str, Schema]) -> None:
     """Add to a costmap what files without ``plugins`` write flat, and the layers themselves."""
     costmap = found["costmap"]["properties"]
     layers = ("static_layer", "obstacle_layer", "inflation_layer")
-    for name in ("body", *layers):
+    for name in layers:
         costmap |= {
             key: body for key, body in found[name]["properties"].items() if key != "enabled"
         }

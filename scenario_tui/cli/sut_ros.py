@@ -10,13 +10,16 @@ from scenario_tui.cli.output import stdout_console
 if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
     from daemon.stacks.ros1.configuration import RosParameters
-    from daemon.stacks.ros1.costmap import Layer, LayeredCostmap, ObservationSource
+    from daemon.stacks.ros1.costmap.layers import Layer, LayeredCostmap, ObservationSource
 
 _NOT_ROS_PARAMETERS: Final = frozenset({"layers", "frame", "recovery_behaviors"})
 """Fields of the models that are no parameters, or say nothing when they are not given."""
-_SEARCHED: Final = frozenset({"footprint", "robot_radius"})
-"""What costmaps find in the namespace of move_base as well."""
-_KINDS: Final = {"StaticLayer": "map", "ObstacleLayer": "obstacles", "InflationLayer": "inflation"}
+_KINDS: Final = {
+    "StaticLayer": "map",
+    "ObstacleLayer": "obstacles",
+    "VoxelLayer": "obstacles",
+    "InflationLayer": "inflation",
+}
 
 
 def described(read: RosParameters) -> dict[str, Any]:
@@ -76,7 +79,9 @@ def _written_names(found: LoadedSut, namespace: str) -> set[str]:
         spaces.append(("move_base", "TrajectoryPlannerROS"))
     names = {path[-1] for path in found.settings if path[:-1] in spaces}
     if namespace.endswith("costmap"):
-        names |= {name for name in _SEARCHED if ("move_base", name) in found.settings}
+        from daemon.stacks.ros1.costmap.layers import SEARCHED_UPWARDS
+
+        names |= {name for name in SEARCHED_UPWARDS if ("move_base", name) in found.settings}
     return names
 
 
@@ -102,7 +107,7 @@ def print_costmaps(read: RosParameters) -> None:
 
 
 def _layer_text(layer: Layer) -> str:
-    from daemon.stacks.ros1.costmap import InflationLayer, StaticLayer
+    from daemon.stacks.ros1.costmap.layers import InflationLayer, StaticLayer, VoxelLayer
 
     if isinstance(layer, StaticLayer):
         unknown = "" if layer.track_unknown_space else ", unknown cells free"
@@ -111,9 +116,8 @@ def _layer_text(layer: Layer) -> str:
         falls = f"cost_scaling_factor {layer.cost_scaling_factor:g}"
         return f"{layer.name}: inflates by {layer.inflation_radius:g} m, {falls}"
     parts = [_source_text(source) for source in layer.sources] or ["no laser"]
-    if layer.voxels is not None:
-        voxels = layer.voxels
-        parts.insert(0, f"{voxels.z_voxels} voxels of {voxels.z_resolution:g} m")
+    if isinstance(layer, VoxelLayer):
+        parts.insert(0, f"{layer.z_voxels} voxels of {layer.z_resolution:g} m")
     return f"{layer.name}: {'; '.join(parts)}"
 
 

@@ -22,7 +22,7 @@ from daemon.stacks.ros1.costmap import (
     ObstacleLayer,
     SensedScan,
     StaticLayer,
-    VoxelColumn,
+    VoxelLayer,
 )
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.costmap.master_grid import inflate_window, merge_window
@@ -43,7 +43,7 @@ LOCAL = LayeredCostmap(
     footprint=FOOTPRINT, rolling_window=True, width=3.0, height=3.0,
 )  # fmt: skip
 BOTH = replace(SEEN, sources=(LASER, replace(LASER, topic="/rear")))
-VOXELS = replace(SEEN, voxels=VoxelColumn())
+VOXELS = VoxelLayer(sources=(LASER,))
 TOPICS = {"/scan": ("",), "/rear": ("rear",)}
 
 

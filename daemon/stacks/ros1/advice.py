@@ -11,11 +11,12 @@ from typing import Final
 
 from daemon.stacks.findings import ParameterFinding, ParameterLocation
 from daemon.stacks.ros1.configuration import RosParameters
-from daemon.stacks.ros1.costmap import (
+from daemon.stacks.ros1.costmap import point_height
+from daemon.stacks.ros1.costmap.layers import (
     LayeredCostmap,
     ObservationSource,
     ObstacleLayer,
-    point_height,
+    VoxelLayer,
 )
 from daemon.stacks.ros1.costmap_sources import COSTMAPS
 from grammars.model.robot import Laser, Robot
@@ -124,9 +125,8 @@ def _about_height(
             f"{layer.max_obstacle_height:g} m"
         )
         yield ParameterFinding((*place[:-1], "max_obstacle_height"), message)
-    elif layer.voxels is not None:
-        voxels = layer.voxels
-        top = voxels.origin_z + voxels.z_voxels * voxels.z_resolution
+    elif isinstance(layer, VoxelLayer):
+        top = layer.origin_z + layer.z_voxels * layer.z_resolution
         if height >= top:
             message = (
                 f"{at} marks nothing in the layer {layer.name} of the {title}, whose voxels end "

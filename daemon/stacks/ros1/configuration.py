@@ -14,7 +14,7 @@ from typing import Any, Final
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterFindings
 from daemon.stacks.ros1 import amcl
 from daemon.stacks.ros1.amcl import AmclParameters
-from daemon.stacks.ros1.costmap import LayeredCostmap
+from daemon.stacks.ros1.costmap.layers import LayeredCostmap
 from daemon.stacks.ros1.costmap_sources import COSTMAPS, read_costmaps
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.move_base import (

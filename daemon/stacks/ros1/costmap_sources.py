@@ -8,14 +8,8 @@ from typing import Any, Final
 
 from daemon.stacks.findings import ParameterFinding, ParameterLocation
 from daemon.stacks.ros1.amcl import AmclParameters
-from daemon.stacks.ros1.costmap import (
-    CostmapContext,
-    LayeredCostmap,
-    ObservationSource,
-    ObstacleLayer,
-    ParameterNamespace,
-    read_costmap,
-)
+from daemon.stacks.ros1.costmap.layers import LayeredCostmap, ObservationSource, ObstacleLayer
+from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
 from daemon.stacks.ros1.parameters import ParameterTree
 from daemon.stacks.ros1.topics import ONE_LASER, TopicParameters, Topics, resolve_topics
 
@@ -33,7 +27,7 @@ def read_costmaps(
         hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
         tree.report.problems.append(ParameterFinding(("topics",), message, hint))
     context = CostmapContext(
-        above=ParameterNamespace.of(tree.at("move_base"), ("move_base",)),
+        above=tree.at("move_base"),
         frames={
             localisation.global_frame_id.strip("/"): "map",
             localisation.odom_frame_id.strip("/"): "odom",
@@ -58,7 +52,7 @@ def _read_costmap(tree: ParameterTree, name: str, context: CostmapContext) -> La
     given = tree.at(*path)
     wide = name == "global_costmap"
     # MoveBase::executeCycle asks the controller's costmap alone whether it is current.
-    costmap = read_costmap(given, path, tree.report, replace(context, stops_robot=not wide))
+    costmap = CostmapReader(given, path, tree.report, replace(context, stops_robot=not wide)).read()
     if wide and "publish_frequency" in given:
         tree.report.without_effect.append(
             ParameterFinding((*path, "publish_frequency"), _ONLY_LOCAL_SHOWN)

@@ -15,6 +15,7 @@ from functools import cache
 from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
 from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
+from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
@@ -163,11 +164,15 @@ def _unknown_name(
 
 @cache
 def _adapters(model: type[Any]) -> dict[str, TypeAdapter[Any]]:
-    """Return what checks each field on its own, so that a bad one does not hide another."""
+    """Return what checks each field on its own, so that a bad one does not hide another.
+
+    Fields that schemas leave out (``SkipJsonSchema``) are no parameters.
+    """
     fields = model.__pydantic_fields__
     return {
         name: TypeAdapter(_constrained(info.annotation, info.metadata))
         for name, info in fields.items()
+        if not any(type(mark) is SkipJsonSchema for mark in info.metadata)
     }
 
 

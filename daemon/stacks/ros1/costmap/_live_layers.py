@@ -14,11 +14,11 @@ import numpy as np
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, NO_INFORMATION
 from daemon.stacks.ros1.costmap._inflation import InflationTable
-from daemon.stacks.ros1.costmap._layers import ObstacleLayer, StaticLayer
 from daemon.stacks.ros1.costmap._observations import Hears, ObservationTable, PackedScans
 from daemon.stacks.ros1.costmap._obstacle_layer import Cells, observe
 from daemon.stacks.ros1.costmap._static_layer import map_costs
 from daemon.stacks.ros1.costmap._voxel_layer import UNKNOWN_COLUMN, heights_of, observe_voxels
+from daemon.stacks.ros1.costmap.layers import ObstacleLayer, StaticLayer, VoxelLayer
 from daemon.stacks.ros1.costmap.master_grid import (
     MAXIMUM,
     NOTHING,
@@ -157,7 +157,7 @@ class SensedLayer:
         cleared = footprint if layer.footprint_clearing_enabled else _NO_FOOTPRINT
         self._footprint = np.ascontiguousarray(cleared, dtype=np.float64)
         self._heard, self._cleared = ObservationTable(layer, hears), _ClearedBounds()
-        self._heights = None if layer.voxels is None else heights_of(layer, layer.voxels)
+        self._heights = heights_of(layer) if isinstance(layer, VoxelLayer) else None
         self.cells: Cells = np.empty(0, dtype=np.uint8)
         self.voxels = np.empty(0, dtype=np.uint32)
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
-from daemon.stacks.ros1.costmap._layers import ObservationSource, ObstacleLayer
+from daemon.stacks.ros1.costmap.layers import ObservationSource, ObstacleLayer
 from grammars.model.geometry import Floats, Pose2
 
 if TYPE_CHECKING:  # kernels load the compiler

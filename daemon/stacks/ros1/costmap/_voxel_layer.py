@@ -21,7 +21,6 @@ import numpy.typing as npt
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
-from daemon.stacks.ros1.costmap._layers import ObstacleLayer, VoxelColumn
 from daemon.stacks.ros1.costmap._obstacle_layer import (
     CLEARING,
     HEIGHT,
@@ -36,6 +35,7 @@ from daemon.stacks.ros1.costmap._obstacle_layer import (
     same_points,
     set_cell,
 )
+from daemon.stacks.ros1.costmap.layers import VoxelLayer
 from grammars.model.geometry import Floats
 
 Columns: TypeAlias = npt.NDArray[np.uint32]
@@ -46,21 +46,14 @@ _BOTTOM, _STEP, _LEVELS, _UNKNOWN, _MARKED, _MAX_HEIGHT = 0, 1, 2, 3, 4, 5
 """Places in the array of heights."""
 
 
-def heights_of(layer: ObstacleLayer, voxels: VoxelColumn) -> Floats:
-    """Return what the kernels need to know of a layer's columns.
-
-    Raises ``ValueError`` for columns the original cannot make.
-    """
-    if not 0 <= voxels.z_voxels <= _BITS:
-        raise ValueError(f"z_voxels {voxels.z_voxels} of {layer.name}: at most {_BITS} voxels")
-    if not voxels.z_resolution > 0.0:
-        raise ValueError(f"z_resolution {voxels.z_resolution:g} of {layer.name} must be positive")
+def heights_of(layer: VoxelLayer) -> Floats:
+    """Return what the kernels need to know of a layer's columns."""
     # The voxels above the top of a column stay unknown for ever, and are not to count.
-    unknown = voxels.unknown_threshold + _BITS - voxels.z_voxels
+    unknown = layer.unknown_threshold + _BITS - layer.z_voxels
     return np.array(
         [
-            *(voxels.origin_z, voxels.z_resolution, voxels.z_voxels),
-            *(unknown, voxels.mark_threshold, layer.max_obstacle_height),
+            *(layer.origin_z, layer.z_resolution, layer.z_voxels),
+            *(unknown, layer.mark_threshold, layer.max_obstacle_height),
         ],
         dtype=np.float64,
     )

@@ -9,16 +9,7 @@ from typing import Final
 import numpy as np
 
 from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid
-from daemon.stacks.ros1.costmap._footprint import radii
 from daemon.stacks.ros1.costmap._inflation import InflationTable, column_gaps, inflation_table
-from daemon.stacks.ros1.costmap._layers import (
-    InflationLayer,
-    LayeredCostmap,
-    ObservationSource,
-    ObstacleLayer,
-    StaticLayer,
-    VoxelColumn,
-)
 from daemon.stacks.ros1.costmap._live_layers import (
     NOWHERE,
     InflatingLayer,
@@ -33,6 +24,15 @@ from daemon.stacks.ros1.costmap._observations import Hears, PackedScans, SensedS
 from daemon.stacks.ros1.costmap._obstacle_layer import Cells, polygon_spans
 from daemon.stacks.ros1.costmap._static_layer import placed, show_map
 from daemon.stacks.ros1.costmap._voxel_layer import UNKNOWN_COLUMN
+from daemon.stacks.ros1.costmap.layers import (
+    InflationLayer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelLayer,
+    radii,
+)
 from daemon.stacks.ros1.costmap.master_grid import (
     bounds_to_window,
     inflate_window,
@@ -97,8 +97,7 @@ class Costmap:
         ``static`` is the map, needed by static layers: a grid that stands still gets its size from
         it and lies where the map lies, whatever its frame. ``hears`` tells from a topic which
         lasers are published on it; without it every source hears every laser. Raises ``ValueError``
-        for an inflation radius of more than 250 cells, for voxels the original cannot make, and
-        without the map that is asked for.
+        for an inflation radius of more than 250 cells, and without the map that is asked for.
         """
         self._rolling, self._quirks = parameters.rolling_window, quirks
         self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
@@ -378,7 +377,7 @@ def warm_up() -> None:
     source = ObservationSource("scan", "/scan", clearing=True)
     map_below, inflation = StaticLayer(), InflationLayer()
     seen = ObstacleLayer(sources=(source,))
-    voxels = ObstacleLayer("voxel_layer", sources=(source,), voxels=VoxelColumn())
+    voxels = VoxelLayer("voxel_layer", sources=(source,))
     still = LayeredCostmap((map_below, seen, voxels, inflation))
     moving = LayeredCostmap(
         (map_below, seen, voxels, inflation), rolling_window=True, width=2.0, height=2.0

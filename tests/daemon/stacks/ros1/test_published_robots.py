@@ -4,7 +4,7 @@ import pytest
 
 from daemon.campaign import LayerLibrary
 from daemon.stacks.ros1.configuration import read_ros
-from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer, StaticLayer
+from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer, StaticLayer, VoxelLayer
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from grammars.text.diagnostics import InputError
@@ -26,7 +26,7 @@ def layers(costmap):
     for layer in costmap.layers:
         kind = {StaticLayer: "map", InflationLayer: "inflation"}.get(type(layer), "obstacles")
         if isinstance(layer, ObstacleLayer):
-            kind = "voxels" if layer.voxels else "obstacles"
+            kind = "voxels" if isinstance(layer, VoxelLayer) else "obstacles"
         words.append(f"{layer.name} ({kind})")
     return words
 

@@ -9,6 +9,7 @@ from daemon.stacks.ros1.costmap import (
     InflationLayer,
     ObstacleLayer,
     StaticLayer,
+    VoxelLayer,
     radii,
 )
 
@@ -165,8 +166,8 @@ class PlainObstacles(PlainGrid):
         return touched
 
     def clear_voxels(self, scan, points, reach):
-        voxels, top = self.layer.voxels, self.layer.max_obstacle_height
-        assert voxels is not None
+        voxels, top = self.layer, self.layer.max_obstacle_height
+        assert isinstance(voxels, VoxelLayer)
         bottom, step = voxels.origin_z, voxels.z_resolution
         rows, columns = self.cells.shape
         sizes = (columns, rows, voxels.z_voxels)
@@ -219,7 +220,7 @@ class PlainObstacles(PlainGrid):
         return touched
 
     def mark(self, scan, points, reach):
-        z, touched, voxels = float(np.float32(scan.height)), [], self.layer.voxels
+        z, touched, voxels = float(np.float32(scan.height)), [], self.layer
         if z > self.layer.max_obstacle_height:
             return []
         for x, y in points:
@@ -227,7 +228,7 @@ class PlainObstacles(PlainGrid):
             away2 = (x - scan.pose.x) ** 2 + (y - scan.pose.y) ** 2
             if away2 >= reach * reach or found is None:
                 continue
-            if voxels is not None:
+            if isinstance(voxels, VoxelLayer):
                 level = int((max(z, voxels.origin_z) - voxels.origin_z) / voxels.z_resolution)
                 if level >= voxels.z_voxels:
                     continue
@@ -407,7 +408,7 @@ class PlainCostmap:
                     points = grid.points(source, scan)
                     if task == "marking":
                         touched = grid.mark(scan, points, source.obstacle_range)
-                    elif layer.voxels is None:
+                    elif not isinstance(layer, VoxelLayer):
                         touched = grid.clear(scan, points, source.raytrace_range)
                     else:
                         touched = grid.clear_voxels(scan, points, source.raytrace_range)

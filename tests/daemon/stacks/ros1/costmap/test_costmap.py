@@ -1,7 +1,7 @@
 """What marks, what clears and what it costs."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from daemon.stacks.ros1.costmap import (
     ObstacleLayer,
     SensedScan,
     StaticLayer,
+    VoxelLayer,
 )
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
@@ -53,6 +54,11 @@ def layered(parameters=STILL, *, static=None, obstacles=None, source=None, infla
 
 def build(parameters=STILL, grid=None, quirks=FAST):
     return Costmap(parameters, parameters.padded_footprint(), quirks, grid or world())
+
+
+def with_voxels(layer, **column):
+    """Return an obstacle layer as a voxel layer."""
+    return VoxelLayer(**{f.name: getattr(layer, f.name) for f in fields(layer)}, **column)
 
 
 def looking(away, x=1.025, y=1.025):

@@ -12,7 +12,6 @@ from daemon.stacks.ros1.costmap import (
     ObservationSource,
     ObstacleLayer,
     StaticLayer,
-    VoxelColumn,
     hears_height,
 )
 from daemon.stacks.ros1.costmap.costmap import Costmap
@@ -26,6 +25,7 @@ from tests.daemon.stacks.ros1.costmap.test_costmap import (
     OBSTACLES,
     looking,
     value,
+    with_voxels,
     world,
 )
 
@@ -146,8 +146,8 @@ def test_a_laser_that_fell_silent_leaves_its_scans():
 
 def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees():
     """A table top, seen by the upper laser; the lower one looks through below it."""
-    both = replace(OBSTACLES, sources=(LASER, REAR), voxels=VoxelColumn())
-    costmap = build(both, FLAT)
+    both = replace(OBSTACLES, sources=(LASER, REAR))
+    costmap = build(with_voxels(both), FLAT)
     high, low = seen("front", 1.5, height=0.7), seen("rear", 2.5, height=0.3)
     costmap.update(HERE, (high, low))
     assert value(costmap, 2.525, 1.025) == 254
@@ -155,15 +155,15 @@ def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees():
     assert value(costmap, 2.525, 1.025) == 254
     costmap.update(HERE, (seen("front", 2.5, height=0.7),))
     assert value(costmap, 2.525, 1.025) == 0
-    plain = build(replace(both, voxels=None), FLAT)
+    plain = build(both, FLAT)
     plain.update(HERE, (high,))
     plain.update(HERE, (low,))
     assert value(plain, 2.525, 1.025) == 0
 
 
 def test_rays_of_a_voxel_layer_end_two_cells_before_their_return():
-    for voxels, cost in ((None, 0), (VoxelColumn(), 254)):
-        costmap = build(replace(OBSTACLES, voxels=voxels), FLAT)
+    for layer, cost in ((OBSTACLES, 0), (with_voxels(OBSTACLES), 254)):
+        costmap = build(layer, FLAT)
         costmap.update(HERE, (seen("front", 1.5),))
         costmap.update(HERE, (seen("front", 1.54),))
         assert value(costmap, 2.525, 1.025) == cost
@@ -172,7 +172,7 @@ def test_rays_of_a_voxel_layer_end_two_cells_before_their_return():
 
 
 def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked():
-    two = replace(OBSTACLES, sources=(LASER, REAR), voxels=VoxelColumn(mark_threshold=1))
+    two = with_voxels(replace(OBSTACLES, sources=(LASER, REAR)), mark_threshold=1)
     costmap = build(two, FLAT)
     costmap.update(HERE, (seen("front", 1.5, height=0.3),))
     assert value(costmap, 2.525, 1.025) == 0
@@ -181,9 +181,8 @@ def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked():
 
 
 def test_a_column_is_unknown_while_too_many_of_its_voxels_are():
-    column = VoxelColumn(z_resolution=1.0, z_voxels=2, unknown_threshold=0)
-    sources = (LASER, REAR)
-    layer = replace(OBSTACLES, sources=sources, voxels=column, track_unknown_space=True)
+    plain = replace(OBSTACLES, sources=(LASER, REAR), track_unknown_space=True)
+    layer = with_voxels(plain, z_resolution=1.0, z_voxels=2, unknown_threshold=0)
     costmap = build(layer, FLAT, track_unknown_space=True)
     costmap.update(HERE, (seen("front", 2.0, height=0.3),))
     assert value(costmap, 2.025, 1.025) == 255
@@ -193,12 +192,12 @@ def test_a_column_is_unknown_while_too_many_of_its_voxels_are():
 
 @pytest.mark.parametrize(
     ("height", "column", "marks"),
-    [(1.9, VoxelColumn(), True), (2.3, VoxelColumn(), False), (0.3, VoxelColumn(0.5), True),
-     (1.9, VoxelColumn(z_voxels=5), False)],
+    [(1.9, {}, True), (2.3, {}, False), (0.3, {"origin_z": 0.5}, True),
+     (1.9, {"z_voxels": 5}, False)],
 )  # fmt: skip
 def test_heights_beyond_a_column_are_not_marked(height, column, marks):
     everything = replace(LASER, max_obstacle_height=5.0)
-    layer = replace(OBSTACLES, sources=(everything,), voxels=column)
+    layer = with_voxels(replace(OBSTACLES, sources=(everything,)), **column)
     costmap = build(layer, FLAT)
     costmap.update(HERE, (seen("front", 1.5, height=height),))
     assert (value(costmap, 2.525, 1.025) == 254) == marks
@@ -209,16 +208,6 @@ def test_points_have_single_precision_so_a_limit_may_be_passed_by_its_own_height
     assert not hears_height(low, 0.3)
     assert hears_height(replace(low, max_obstacle_height=0.5), 0.5)
     assert not hears_height(replace(low, min_obstacle_height=0.7, max_obstacle_height=1.0), 0.7)
-
-
-@pytest.mark.parametrize(
-    ("column", "message"),
-    [(VoxelColumn(z_voxels=17), "z_voxels 17 of obstacle_layer"),
-     (VoxelColumn(z_resolution=0.0), "z_resolution 0 of obstacle_layer")],
-)  # fmt: skip
-def test_impossible_columns_are_refused(column, message):
-    with pytest.raises(ValueError, match=message):
-        build(replace(OBSTACLES, voxels=column), FLAT)
 
 
 def test_a_window_that_rolls_shows_the_map_where_it_lies():
@@ -274,7 +263,7 @@ def test_a_reset_can_clear_inside_its_square():
 
 
 def test_what_a_reset_cleared_in_a_voxel_layer_is_marked_again_when_seen():
-    costmap = build(StaticLayer(), replace(OBSTACLES, voxels=VoxelColumn()), FLAT)
+    costmap = build(StaticLayer(), with_voxels(OBSTACLES), FLAT)
     costmap.update(HERE, (seen("front", 2.0),))
     costmap.clear_layers(HERE, 1.0, ("obstacle_layer",))
     costmap.update(HERE)

@@ -14,13 +14,13 @@ from daemon.stacks.ros1.costmap import (
     ObstacleLayer,
     SensedScan,
     StaticLayer,
-    VoxelColumn,
 )
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import PlainCostmap
+from tests.daemon.stacks.ros1.costmap.test_costmap import with_voxels
 
 ROWS, COLUMNS = 22, 30
 ANGLES = {"front": np.linspace(-2.0, 2.0, 23), "rear": np.linspace(-1.0, 1.5, 11)}
@@ -78,34 +78,38 @@ def random_source(rng):
 
 
 def random_obstacles(rng, name, methods):
-    column = VoxelColumn(
-        origin_z=float(rng.choice([0.0, 0.1])),
-        z_resolution=float(rng.choice([0.1, 0.2])),
-        z_voxels=int(rng.choice([3, 10, 16])),
-        unknown_threshold=int(rng.choice([15, 2, 9])),
-        mark_threshold=int(rng.choice([0, 0, 1])),
-    )
-    return ObstacleLayer(
+    column = {
+        "origin_z": float(rng.choice([0.0, 0.1])),
+        "z_resolution": float(rng.choice([0.1, 0.2])),
+        "z_voxels": int(rng.choice([3, 10, 16])),
+        "unknown_threshold": int(rng.choice([15, 2, 9])),
+        "mark_threshold": int(rng.choice([0, 0, 1])),
+    }
+    layer = ObstacleLayer(
         name,
         tuple(random_source(rng) for _ in range(int(rng.integers(1, 3)))),
         footprint_clearing_enabled=bool(rng.random() < 0.8),
         combination_method=int(rng.choice(methods)),
         track_unknown_space=bool(rng.random() < 0.4),
-        voxels=column if rng.random() < 0.4 else None,
     )
+    return with_voxels(layer, **column) if rng.random() < 0.4 else layer
 
 
 def random_inflation(rng, name="inflation"):
     return InflationLayer(
         name,
-        float(rng.choice([0.0, 0.1, 0.13, 0.15, 0.22, 0.3])),
-        float(rng.choice([1.0, 8.0])),
-        bool(rng.random() < 0.3),
+        inflation_radius=float(rng.choice([0.0, 0.1, 0.13, 0.15, 0.22, 0.3])),
+        cost_scaling_factor=float(rng.choice([1.0, 8.0])),
+        inflate_unknown=bool(rng.random() < 0.3),
     )
 
 
 def random_static(rng, name="map"):
-    return StaticLayer(name, bool(rng.random() < 0.6), bool(rng.random() < 0.3))
+    return StaticLayer(
+        name,
+        track_unknown_space=bool(rng.random() < 0.6),
+        use_maximum=bool(rng.random() < 0.3),
+    )
 
 
 def common_layers(rng, *, static):

@@ -1,23 +1,24 @@
 """Files of people, with and without ``plugins``: the layers move_base would make of them."""
 
+from dataclasses import replace
+
 import pytest
 
 from daemon.stacks.findings import FindingCollector, ParameterError
-from daemon.stacks.ros1.costmap import (
-    CostmapContext,
+from daemon.stacks.ros1.costmap.layers import (
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
     ObstacleLayer,
-    ParameterNamespace,
     StaticLayer,
-    VoxelColumn,
-    read_costmap,
+    VoxelLayer,
 )
+from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
 
 PLACE = ("move_base", "global_costmap")
 SCAN = {"data_type": "LaserScan", "topic": "front", "marking": True, "clearing": True}
-HEARD = ObservationSource("scan", "/front", clearing=True)
+HEARD = ObservationSource("scan", "/front", "LaserScan", clearing=True)
+SEEN = ObstacleLayer(sources=(HEARD,), observation_sources="scan")
 LAYERS = [
     {"name": "walls", "type": "costmap_2d::StaticLayer"},
     {"name": "obstacles", "type": "costmap_2d::ObstacleLayer"},
@@ -26,14 +27,9 @@ LAYERS = [
 OBSTACLES = {"observation_sources": "scan", "scan": SCAN}
 
 
-def context(**options):
-    above = ParameterNamespace.of(options.pop("above", {}), ("move_base",))
-    return CostmapContext(above=above, **options)
-
-
 def collect(given, **options):
     report = FindingCollector()
-    return read_costmap(given, PLACE, report, context(**options)), report
+    return CostmapReader(given, PLACE, report, CostmapContext(**options)).read(), report
 
 
 def read(given, **options):
@@ -70,11 +66,11 @@ def test_a_flat_file_is_read():
         }
     )  # fmt: skip
     assert not problems
-    source = ObservationSource("scan", "/front", clearing=True, obstacle_range=3.0)
+    source = replace(HEARD, obstacle_range=3.0)
     assert costmap == LayeredCostmap(
         layers=(
             StaticLayer(),
-            ObstacleLayer(sources=(source,)),
+            replace(SEEN, sources=(source,), obstacle_range=3.0),
             InflationLayer(inflation_radius=0.5),
         ),
         update_frequency=10.0,
@@ -107,12 +103,10 @@ def test_a_layered_file_is_read_in_its_order():
         }
     )  # fmt: skip
     assert not problems
-    source = ObservationSource(
-        "scan", "/front", clearing=True, obstacle_range=1.5, raytrace_range=4.0
-    )
+    source = replace(HEARD, obstacle_range=1.5, raytrace_range=4.0)
     assert costmap.layers == (
         StaticLayer("walls"),
-        ObstacleLayer("obstacles", sources=(source,)),
+        replace(SEEN, name="obstacles", sources=(source,), raytrace_range=4.0),
         InflationLayer("around", inflation_radius=0.3, cost_scaling_factor=2.0),
     )
 
@@ -129,10 +123,10 @@ def test_several_obstacle_layers_are_all_kept_and_those_that_are_off_are_not():
     }
     costmap, problems = read(given)
     assert not problems
-    rgbd = ObservationSource("rgbd", "/rgbd_scan", clearing=True)
+    rgbd = replace(HEARD, name="rgbd", topic="/rgbd_scan")
     assert costmap.layers == (
-        ObstacleLayer("laser", sources=(HEARD,), combination_method=0),
-        ObstacleLayer("rgbd", sources=(rgbd,)),
+        replace(SEEN, name="laser", combination_method=0),
+        replace(SEEN, name="rgbd", sources=(rgbd,), observation_sources="rgbd"),
     )
     assert idle(given) == {
         "sonar/observation_sources": "the layer sonar is off",
@@ -231,18 +225,21 @@ def test_a_voxel_layer_is_read_with_or_without_plugins():
     own = OBSTACLES | {"z_voxels": 2, "z_resolution": 0.2, "mark_threshold": 0, "origin_z": 0.0}
     costmap, problems = read({"map_type": "voxel", "obstacle_layer": own})
     assert problems == []
-    assert obstacle_layer(costmap).voxels == VoxelColumn(z_voxels=2)
+    voxels = VoxelLayer(sources=(HEARD,), observation_sources="scan")
+    assert obstacle_layer(costmap) == replace(voxels, z_voxels=2)
     flat, problems = read({"map_type": "voxel", "z_voxels": 16, **OBSTACLES})
     assert problems == []
-    assert obstacle_layer(flat).voxels == VoxelColumn(z_voxels=16)
+    assert obstacle_layer(flat) == replace(voxels, z_voxels=16)
     assert "must be less than or equal to 16" in refusals({"map_type": "voxel", "z_voxels": 17})[0]
 
 
 def test_the_depth_layer_of_fetch_is_a_voxel_layer_without_its_camera():
     plugins = [{"name": "obstacles", "type": "costmap_2d::FetchDepthLayer"}]
-    own = OBSTACLES | {"publish_observations": False, "z_voxels": 16}
+    own = OBSTACLES | {"z_voxels": 16}
     costmap, problems = read({"plugins": plugins, "obstacles": own})
-    assert obstacle_layer(costmap).voxels == VoxelColumn(z_voxels=16)
+    assert obstacle_layer(costmap) == VoxelLayer(
+        "obstacles", (HEARD,), observation_sources="scan", z_voxels=16
+    )
     assert len(problems) == 1
     assert "there is no depth camera" in problems[0]
 
@@ -264,13 +261,12 @@ def test_a_static_layer_on_another_map_is_refused_with_what_to_do():
     assert "virtual_walls/map_topic: the static layer listens to /virtual_walls/map" in said
     assert "enabled: false under virtual_walls" in said
     costmap, _ = read(given, maps=("/map", "/virtual_walls/map"))
-    assert costmap.layers == (StaticLayer("virtual_walls"),)
+    assert costmap.layers == (StaticLayer("virtual_walls", map_topic="/virtual_walls/map"),)
 
 
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("range_sensor_layer::RangeSensorLayer", "there are no range sensors here"),
         ("pal::SomeLayer", 'no layer of type "pal::SomeLayer" is supported; switch it off'),
         ("ObstacleLayer", "write costmap_2d::ObstacleLayer"),
     ],
@@ -343,13 +339,11 @@ def test_what_cannot_be_is_refused_at_its_line(given, said):
         ({"inflation_layer": {"inflation_radios": 0.3}}, "inflation_layer/inflation_radios"),
         ({"width": 2.5}, "global_costmap/width: costmap_2d takes whole metres: 2.5 is 3 to it"),
         ({"map_type": "grid"}, "takes everything but voxel for costmap"),
-        ({"combination_method": 0}, "does not reach the layer obstacle_layer"),
-        ({"plugins": LAYERS, "scan": SCAN, "obstacles": {"observation_sources": "scan"}},
-         'does not reach the layer obstacles, whose source "scan" then has defaults'),
+        ({"combination_method": 0}, 'nothing reads a parameter "combination_method"'),
+        ({"obstacle_layer": {"observation_sources": "scan", "scan": SCAN, "rear": SCAN}},
+         'nothing reads a namespace "rear"'),
         ({"plugins": LAYERS[1:], "static_map": True}, "none of them is a static layer"),
         ({"obstacle_layer": {"combination_method": 99}}, "what the layer sees never reaches"),
-        ({"robot_base_frame": "/base", **OBSTACLES, "scan": SCAN | {"sensor_frame": "base"}},
-         "scan/sensor_frame: rays would begin at the middle of the robot"),
     ],
 )  # fmt: skip
 def test_what_is_probably_a_slip_is_said(given, said):
@@ -365,5 +359,5 @@ def test_what_has_no_effect_is_told():
         "transform_tolerance", "scan/sensor_frame", "z_voxels", "other", "resolution",
         "unknown_cost_value", "publish_voxel_map",
     }  # fmt: skip
-    assert found["other"] == "observation_sources does not name it"
+    assert found["other"] == "no layer of this costmap is called that"
     assert found["resolution"].startswith("the map gives the grid its size")

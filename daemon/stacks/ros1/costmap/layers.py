@@ -1,0 +1,246 @@
+"""What a costmap is made of: its layers in the order of ``plugins``, and what they listen to.
+
+Each class holds a namespace as people write it, with the names and defaults of Noetic. Sources:
+``costmap_2d_ros.cpp``, ``plugins/*.cpp`` and the dynamic reconfigure descriptions of costmap_2d.
+:mod:`daemon.stacks.ros1.costmap.reading` puts in what costmap_2d takes from other namespaces.
+
+Fields that no file says, such as ``name``, are left out of schemas and of reading
+(``SkipJsonSchema``). Defaults that depend on other namespaces are factories, so that editors do
+not show them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+from pydantic.json_schema import SkipJsonSchema
+
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
+from grammars.model.geometry import Floats, Point2
+
+_CONFIG = ConfigDict(extra="forbid")
+_Height: TypeAlias = Annotated[float, Field(ge=0.0, le=50.0, allow_inf_nan=False)]
+_Voxels: TypeAlias = Annotated[int, Field(ge=0, le=16)]
+_CORNERS: Final = 16
+"""Corners of the polygon that stands for ``robot_radius``."""
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class ObservationSource:
+    """Namespace of one of the ``observation_sources``."""
+
+    name: SkipJsonSchema[str] = ""
+    topic: str = ""
+    """The source's own name when there is none."""
+    data_type: str = "PointCloud"
+    """LaserScan, PointCloud or PointCloud2."""
+    marking: bool = True
+    """Returns make their cells lethal."""
+    clearing: bool = False
+    """Rays clear the cells before their returns."""
+    obstacle_range: NotNegative = Field(default_factory=lambda: 2.5)
+    """[m] Searched for upwards when it is not here; 2.5 in the end."""
+    raytrace_range: NotNegative = Field(default_factory=lambda: 3.0)
+    """[m] Searched for upwards when it is not here; 3.0 in the end."""
+    min_obstacle_height: Finite = 0.0
+    """[m] A laser mounted lower than this is not heard."""
+    max_obstacle_height: Finite = 2.0
+    """[m] Nor one mounted higher."""
+    inf_is_valid: bool = False
+    """Rays without return clear, as if they ended just before the greatest range."""
+    observation_persistence: NotNegative = 0.0
+    """[s] Scans count for so long; 0: only the latest."""
+    expected_update_rate: NotNegative = 0.0
+    """[s] The robot stops when the source was silent for longer; 0: never."""
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class StaticLayer:
+    """Namespace of a ``costmap_2d::StaticLayer``."""
+
+    name: SkipJsonSchema[str] = "static_layer"
+    enabled: bool = True
+    """Whether there is the layer."""
+    map_topic: str = "map"
+    """Where it listens to the map; only the map of the run is there."""
+    track_unknown_space: bool = True
+    """Unknown cells of the map are unknown here; otherwise free."""
+    use_maximum: bool = False
+    """Merge by the maximum with the layers below instead of writing over them."""
+    lethal_cost_threshold: int = 100
+    """Occupancy from which on a cell of the map is lethal."""
+    unknown_cost_value: int = -1
+    """Occupancy that means unknown, as an unsigned byte."""
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class ObstacleLayer:
+    """Namespace of a ``costmap_2d::ObstacleLayer``; ``sources`` are its lasers."""
+
+    name: SkipJsonSchema[str] = "obstacle_layer"
+    sources: SkipJsonSchema[tuple[ObservationSource, ...]] = ()
+    enabled: bool = True
+    """Whether there is the layer."""
+    observation_sources: str = ""
+    """Names of sources with spaces between them; each is described under its name."""
+    max_obstacle_height: _Height = 2.0
+    """[m] A laser mounted higher than this marks nothing."""
+    footprint_clearing_enabled: bool = True
+    """The layer is free under the footprint."""
+    combination_method: int = 1
+    """0: writes over the layers below; 1: the maximum with them; others: merges nothing."""
+    track_unknown_space: bool = Field(default_factory=bool)
+    """Cells nobody has looked at are unknown; as in the costmap when it is not here."""
+    obstacle_range: NotNegative | None = None
+    """[m] Of sources that have none of their own."""
+    raytrace_range: NotNegative | None = None
+    """[m] Of sources that have none of their own."""
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class VoxelLayer(ObstacleLayer):
+    """Namespace of a ``costmap_2d::VoxelLayer``."""
+
+    origin_z: _Height = 0.0
+    """[m] Height of the lowest voxel's lower face, not below zero (dynamic reconfigure)."""
+    z_resolution: Annotated[float, Field(gt=0.0, le=50.0, allow_inf_nan=False)] = 0.2
+    """[m] Height of a voxel."""
+    z_voxels: Annotated[int, Field(ge=1, le=16)] = 10
+    """Voxels in a column."""
+    unknown_threshold: _Voxels = 15
+    """A column with more unknown voxels than this is unknown."""
+    mark_threshold: _Voxels = 0
+    """A column with more marked voxels than this is lethal."""
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class InflationLayer:
+    """Namespace of a ``costmap_2d::InflationLayer``."""
+
+    name: SkipJsonSchema[str] = "inflation_layer"
+    enabled: bool = True
+    """Whether there is the layer."""
+    inflation_radius: Annotated[float, Field(ge=0.0, le=50.0, allow_inf_nan=False)] = 0.55
+    """[m]"""
+    cost_scaling_factor: Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)] = 10.0
+    """[1/m] How fast costs fall with the distance."""
+    inflate_unknown: bool = False
+    """Write costs over unknown cells, too."""
+
+
+Layer: TypeAlias = StaticLayer | ObstacleLayer | InflationLayer
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class LayeredCostmap:
+    """The costmap's own namespace, ``move_base/global_costmap`` or ``move_base/local_costmap``."""
+
+    # Layers that are off are not here.
+    layers: SkipJsonSchema[tuple[Layer, ...]] = ()
+    frame: SkipJsonSchema[Literal["map", "odom"]] = "map"
+    global_frame: str = "map"
+    """Frame of the grid; what it is called in amcl says which one it is."""
+    update_frequency: Positive = 5.0
+    """[Hz]"""
+    publish_frequency: NotNegative = 0.0
+    """[Hz] How often the local costmap is shown in the trace, at most once a second."""
+    rolling_window: bool = False
+    """The grid follows the robot."""
+    width: Positive = 10.0
+    """[m] Whole metres; without a map that gives the size."""
+    height: Positive = 10.0
+    """[m] Whole metres."""
+    resolution: Positive = 0.05
+    """[m]"""
+    origin_x: Finite = 0.0
+    """[m]"""
+    origin_y: Finite = 0.0
+    """[m]"""
+    track_unknown_space: bool = False
+    """Cells of the master grid that no layer writes are unknown."""
+    footprint_padding: Finite = 0.01
+    """[m] Every coordinate of the footprint moves out from zero by this."""
+    footprint: Annotated[tuple[Point2, ...], Field(min_length=3)] | None = None
+    """[m] Corners in the base frame."""
+    robot_radius: Positive = 0.46
+    """[m] Without a footprint."""
+
+    def padded_footprint(self) -> Floats:
+        """Return the corners (k, 2) [m] that the stack reckons with.
+
+        A coordinate of exactly zero stays (costmap_2d ``padFootprint``). Without a footprint
+        they lie on a circle (``footprint.cpp``).
+        """
+        angles = [2.0 * math.pi * k / _CORNERS for k in range(_CORNERS)]
+        radius = self.robot_radius
+        circle = [(radius * math.cos(angle), radius * math.sin(angle)) for angle in angles]
+        corners = np.array(self.footprint or circle, dtype=np.float64)
+        return np.asarray(corners + np.sign(corners) * self.footprint_padding, dtype=np.float64)
+
+    def laser_sources(self) -> Iterator[tuple[ObstacleLayer, ObservationSource]]:
+        """Yield the sources of all layers, each with its layer, the lowest layer first."""
+        for layer in self.layers:
+            if isinstance(layer, ObstacleLayer):
+                for source in layer.sources:
+                    yield layer, source
+
+
+SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
+"""What a costmap finds in the namespace of move_base as well (``footprint.cpp``)."""
+
+_DISPLAY: Final = "only for display"
+_NO_OTHER_MAP: Final = "the map never changes"
+_NEVER_LATE: Final = "transforms are never late here"
+THREE_VALUES: Final = "maps are read as free, occupied and unknown only"
+_BUTTON: Final = {"restore_defaults": "it is a button of rqt_reconfigure"}
+_OBSTACLES: Final = {"transform_tolerance": _NEVER_LATE, **_BUTTON}
+
+WITHOUT_EFFECT: Final[Mapping[type[Any], Mapping[str, str]]] = {
+    LayeredCostmap: {
+        "always_send_full_costmap": _DISPLAY,
+        "transform_tolerance": _NEVER_LATE,
+        "robot_base_frame": "there is one robot, with one base frame",
+        "footprint_topic": "nobody publishes another footprint during a run",
+        "published_footprint_topic": _DISPLAY,
+        **_BUTTON,
+        "save_debug_pgm": "Noetic does not read it any more",
+    },
+    ObservationSource: {"sensor_frame": "the scan says where the laser is"},
+    StaticLayer: {
+        "first_map_only": _NO_OTHER_MAP,
+        "subscribe_to_updates": _NO_OTHER_MAP,
+        "trinary_costmap": THREE_VALUES,
+        **_BUTTON,
+    },
+    ObstacleLayer: _OBSTACLES,
+    VoxelLayer: {**_OBSTACLES, "publish_voxel_map": _DISPLAY},
+    InflationLayer: _BUTTON,
+}
+"""Names in each namespace that change nothing here, with the reason."""
+
+
+def radii(points: Floats | Sequence[Point2]) -> tuple[float, float]:
+    """Return the inscribed and the circumscribed radius [m] of a polygon about the origin.
+
+    The inscribed one is the distance from the origin to the nearest edge, whether or not the
+    origin lies inside (costmap_2d ``calculateMinAndMaxDistances``).
+    """
+    corners = [(float(x), float(y)) for x, y in points]
+    following = corners[1:] + corners[:1]
+    edges = [_to_segment(a, b) for a, b in zip(corners, following, strict=True)]
+    away = [math.hypot(x, y) for x, y in corners]
+    return min(edges + away), max(away)
+
+
+def _to_segment(a: Point2, b: Point2) -> float:
+    """Return the distance from the origin to the segment from ``a`` to ``b``."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length2 = dx * dx + dy * dy
+    along = -(a[0] * dx + a[1] * dy) / length2 if length2 > 0.0 else 0.0
+    along = min(1.0, max(0.0, along))
+    return math.hypot(a[0] + along * dx, a[1] + along * dy)

@@ -1,0 +1,372 @@
+"""From the namespace of a costmap to its layers, as costmap_2d of Noetic reads them.
+
+The reader refuses at its line what cannot be honoured. It warns of what is probably a slip, and of
+what nobody reads.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal, TypeAlias, TypeVar
+
+from daemon.stacks.findings import FindingCollector, ParameterLocation
+from daemon.stacks.ros1.costmap.layers import (
+    SEARCHED_UPWARDS,
+    THREE_VALUES,
+    WITHOUT_EFFECT,
+    InflationLayer,
+    Layer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelLayer,
+)
+from daemon.stacks.ros1.costmap.namespaces import (
+    COPIED,
+    COPIED_NAMES,
+    INFLATION,
+    OBSTACLE,
+    STATIC,
+    VOXEL,
+    ParameterNamespace,
+    PlannedLayer,
+    Written,
+    plan_layers,
+)
+from daemon.stacks.ros1.parameters import read_section
+
+M = TypeVar("M")
+Frame: TypeAlias = Literal["map", "odom"]
+_FETCH: Final = "costmap_2d::FetchDepthLayer"
+_LAYERS: Final[Mapping[str, type[Layer]]] = {
+    STATIC: StaticLayer,
+    OBSTACLE: ObstacleLayer,
+    VOXEL: VoxelLayer,
+    _FETCH: VoxelLayer,
+    INFLATION: InflationLayer,
+}
+_RANGES: Final = ("obstacle_range", "raytrace_range")
+_CLOUDS: Final = ("PointCloud", "PointCloud2")
+_SIZE: Final = ("width", "height", "resolution", "origin_x", "origin_y")
+_OLD: Final = ("static_map", "map_type")
+"""What only counts when there is no list of plugins."""
+_NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class CostmapContext:
+    """What other parameters of the stack a costmap is read by.
+
+    ``above`` is the namespace around it; ``frames`` are the names frames have, without slashes;
+    ``resolve`` makes absolute names of move_base's; ``maps`` are the topics on which the map is
+    published; ``may_carry_scan`` tells whether a laser may be on a topic. With ``stops_robot``
+    the robot stops when a source of this costmap is late.
+    """
+
+    above: Mapping[str, Any] = field(default_factory=dict)
+    frames: Mapping[str, Frame] = field(default_factory=lambda: {"map": "map", "odom": "odom"})
+    resolve: Callable[[str], str] = lambda name: f"/{name.lstrip('/')}"
+    maps: tuple[str, ...] = ("/map",)
+    may_carry_scan: Callable[[str], bool] = lambda topic: True
+    stops_robot: bool = False
+
+
+class CostmapReader:
+    """Reads the costmap in the namespace ``given`` at ``path``; findings go to ``report``."""
+
+    def __init__(
+        self,
+        given: Mapping[str, Any],
+        path: ParameterLocation,
+        report: FindingCollector,
+        context: CostmapContext,
+    ) -> None:
+        self._report, self._context = report, context
+        self._planned, self._own = plan_layers(ParameterNamespace.of(given, path), report)
+        self._above = ParameterNamespace.of(context.above, path[:-1])
+
+    def read(self) -> LayeredCostmap:
+        """Return the costmap with its layers; those that are off are left out."""
+        own = self._own
+        costmap = self._read_own()
+        layers = [self._layer(one, costmap) for one in self._planned]
+        self._check_old_parameters()
+        if not costmap.rolling_window and self._shows_map():
+            for name in _SIZE:
+                self._ignore(own, name, "the map gives the grid its size, its cells and its origin")
+        else:
+            width, height = (self._whole_metres(costmap, name) for name in ("width", "height"))
+            costmap = replace(costmap, width=width, height=height)
+        shown = tuple(layer for layer in layers if layer is not None)
+        return replace(costmap, layers=shown, frame=self._frame(costmap))
+
+    def _read_own(self) -> LayeredCostmap:
+        """Read what the costmap itself reads."""
+        entries = self._own.entries
+        layers = {one.name for one in self._planned}
+        copied = {name for one in self._planned for name in COPIED.get(one.type, ())}
+        elsewhere = {*layers, *copied, *_RANGES, "plugins", *_OLD}
+        # Costmaps often share a file that describes the layers of both.
+        idle = dict.fromkeys(COPIED_NAMES - elsewhere, "no layer of this costmap reads it")
+        for name, written in entries.items():
+            if isinstance(written.value, Mapping):
+                if name not in layers:
+                    idle[name] = "no layer of this costmap is called that"
+            elif name in _OLD and "plugins" in entries:
+                idle[name] = "costmap_2d does not read it when there are plugins: the list decides"
+        values = {name: entries[name] for name in entries if name not in SEARCHED_UPWARDS}
+        space = ParameterNamespace(self._own.path, values | self._body())
+        return self._section(LayeredCostmap, space, elsewhere, idle)
+
+    def _section(
+        self,
+        model: type[M],
+        space: ParameterNamespace,
+        elsewhere: Collection[str] = (),
+        idle: Mapping[str, str] | None = None,
+    ) -> M:
+        return read_section(
+            model,
+            {name: written.value for name, written in space.entries.items()},
+            space.path,
+            self._report,
+            without_effect={**WITHOUT_EFFECT[model], **(idle or {})},
+            elsewhere=frozenset(elsewhere),
+            places={name: written.place for name, written in space.entries.items()},
+        )
+
+    def _ignore(self, space: ParameterNamespace, name: str, reason: str) -> None:
+        if name in space.entries:
+            self._report.ignore(space.entries[name].place, reason)
+
+    def _shows_map(self) -> bool:
+        return any(one.type == STATIC for one in self._planned)
+
+    def _body(self) -> dict[str, Written]:
+        """Return footprint and radius from the nearest namespace upwards that has them."""
+        body: dict[str, Written] = {
+            name: space.entries[name]
+            for space in (self._above, self._own)
+            for name in SEARCHED_UPWARDS
+            if name in space.entries
+        }
+        if "footprint" in body:
+            footprint = replace(body["footprint"], value=_parse_footprint(body["footprint"].value))
+            if footprint.value in ([], ""):
+                del body["footprint"]
+            else:
+                body["footprint"] = footprint
+                if "robot_radius" in body:
+                    self._report.ignore(body["robot_radius"].place, "there is a footprint")
+        return body
+
+    def _layer(self, planned: PlannedLayer, costmap: LayeredCostmap) -> Layer | None:
+        """Return a layer; ``None`` for one that is off or cannot be honoured."""
+        if planned.namespace.value("enabled") is False:
+            self._take_away(planned, costmap)
+            return None
+        kind = _LAYERS.get(planned.type)
+        if kind is None:
+            self._refuse_type(planned)
+            return None
+        if kind is StaticLayer:
+            return self._static(planned)
+        if kind is InflationLayer:
+            return replace(self._section(InflationLayer, planned.namespace), name=planned.name)
+        return self._obstacle(planned, VoxelLayer if kind is VoxelLayer else ObstacleLayer, costmap)
+
+    def _take_away(self, planned: PlannedLayer, costmap: LayeredCostmap) -> None:
+        entries = planned.namespace.entries
+        if planned.type == STATIC and not costmap.rolling_window:
+            message = (
+                "a static layer that is off still gives the costmap the size of the map, "
+                "which is not supported"
+            )
+            hint = f"leave the layer {planned.name} out of plugins"
+            self._report.refuse(entries["enabled"].place, message, hint)
+        for name in entries:
+            if name != "enabled":
+                self._ignore(planned.namespace, name, f"the layer {planned.name} is off")
+
+    def _refuse_type(self, planned: PlannedLayer) -> None:
+        near = [kind for kind in _LAYERS if _bare(kind) == _bare(planned.type)]
+        if near:
+            message = f'pluginlib knows no layer "{planned.type}"'
+            self._report.refuse(planned.place, message, f"write {near[0]}")
+            return
+        message = f'no layer of type "{planned.type}" is supported'
+        hint = (
+            f"switch it off (enabled: false under {planned.name}), leave it out of plugins, "
+            "or bring the whole stack as a system under test of its own"
+        )
+        self._report.refuse(planned.place, message, hint)
+
+    def _static(self, planned: PlannedLayer) -> StaticLayer:
+        space, report, maps = planned.namespace, self._report, self._context.maps
+        layer = self._section(StaticLayer, space)
+        topic = self._context.resolve(layer.map_topic)
+        if topic not in maps:
+            written = space.entries.get("map_topic")
+            message = (
+                f"the static layer listens to {topic}, the map of the run is on {', '.join(maps)}"
+            )
+            hint = (
+                f"switch the layer off (enabled: false under {planned.name}), or name the topic "
+                "under topics/maps if that is the same map"
+            )
+            report.refuse(planned.place if written is None else written.place, message, hint)
+        # Unknown cells of a map are -1, as an unsigned byte 255 (``interpretValue``).
+        name, value = "unknown_cost_value", layer.unknown_cost_value
+        if value % 256 != 255:
+            message = f"{value} would make the unknown cells of the map lethal"
+            report.refuse(space.entries[name].place, message, "write -1 or leave it out")
+        else:
+            self._ignore(space, name, THREE_VALUES)
+        name, value = "lethal_cost_threshold", layer.lethal_cost_threshold
+        if value < 1:
+            message = f"{value} makes every known cell of the map lethal"
+            report.refuse(space.entries[name].place, message, "write 1 to 100")
+        else:
+            self._ignore(space, name, THREE_VALUES)
+        return replace(layer, name=planned.name)
+
+    def _obstacle(
+        self, planned: PlannedLayer, kind: type[ObstacleLayer], costmap: LayeredCostmap
+    ) -> ObstacleLayer:
+        space, report = planned.namespace, self._report
+        names = space.words("observation_sources")
+        layer = self._section(kind, space, names)
+        if planned.type == _FETCH:
+            message = f"the layer {planned.name} is a voxel layer here: there is no depth camera"
+            report.warn(planned.place, message)
+        if layer.combination_method not in (0, 1):
+            message = f"{layer.combination_method}: what the layer sees never reaches the costmap"
+            place = space.entries["combination_method"].place
+            report.warn(place, message, "write 1 for the maximum")
+        sources = (self._source(name, space) for name in layer.observation_sources.split())
+        layer = replace(
+            layer,
+            name=planned.name,
+            sources=tuple(source for source in sources if source is not None),
+        )
+        if "track_unknown_space" in space.entries:
+            return layer
+        return replace(layer, track_unknown_space=costmap.track_unknown_space)
+
+    def _source(self, name: str, layer: ParameterNamespace) -> ObservationSource | None:
+        """Return a source; ``None`` with a warning for one of a sensor nobody has."""
+        report, stops = self._report, self._context.stops_robot
+        written = layer.entries.get(name)
+        if written is not None and not isinstance(written.value, Mapping):
+            report.refuse(written.place, "must be keys with values")
+            return None
+        space = layer.below(name)
+        source = self._section(ObservationSource, self._with_ranges(space, layer))
+        topic = self._context.resolve(source.topic or name)
+        rate = source.expected_update_rate
+        silent = source.data_type in _CLOUDS or not self._context.may_carry_scan(topic)
+        if rate > 0.0 and stops and silent:
+            message = (
+                f"nothing is published on {topic} here, and after {rate:g} s without it move_base "
+                "stops the robot for good"
+            )
+            hint = f"write 0, switch off the layer, or take {name} out of observation_sources"
+            report.refuse(space.entries["expected_update_rate"].place, message, hint)
+        elif rate > 0.0 and not stops:
+            reason = "a late source stops the robot only if it is one of the local costmap"
+            self._ignore(space, "expected_update_rate", reason)
+        if source.data_type != "LaserScan":
+            self._say_unheard(name, space, source.data_type, topic)
+            return None
+        return replace(source, name=name, topic=topic, expected_update_rate=rate if stops else 0.0)
+
+    def _with_ranges(
+        self, space: ParameterNamespace, layer: ParameterNamespace
+    ) -> ParameterNamespace:
+        """Return a source's namespace with the ranges it finds upwards (``searchParam``)."""
+        entries = dict(space.entries)
+        for above in (layer, self._own, self._above):
+            for name in _RANGES:
+                if name in above.entries:
+                    entries.setdefault(name, above.entries[name])
+        return ParameterNamespace(space.path, entries)
+
+    def _say_unheard(
+        self, name: str, space: ParameterNamespace, data_type: str, topic: str
+    ) -> None:
+        written = space.entries.get("data_type") or space.entries.get("topic")
+        place = space.path if written is None else written.place
+        if data_type not in _CLOUDS:
+            message = f'must be LaserScan, PointCloud or PointCloud2 (given: "{data_type}")'
+            self._report.refuse(place, message, "move_base ends at once with anything else")
+            return
+        message = f'the source "{name}" waits for a {data_type} on {topic}'
+        if "data_type" not in space.entries:
+            message += " (its data_type when none is written)"
+        hint = "nobody publishes one here, there are only lasers: nothing comes from it"
+        self._report.warn(place, message, hint)
+
+    def _check_old_parameters(self) -> None:
+        """Check ``static_map`` and ``map_type``."""
+        own, report = self._own, self._report
+        static = own.entries.get("static_map")
+        if "plugins" not in own.entries:
+            if static is not None and not isinstance(static.value, bool):
+                report.refuse(static.place, f"must be true or false (given: {static.value!r})")
+            if own.value("map_type") not in (None, "costmap", "voxel"):
+                message = "costmap_2d takes everything but voxel for costmap"
+                report.warn(own.entries["map_type"].place, message)
+        elif static is not None and static.value is True and not self._shows_map():
+            message = "there are plugins, and none of them is a static layer: no map is shown"
+            hint = "add {name: static_layer, type: costmap_2d::StaticLayer} or leave it out"
+            report.warn(static.place, message, hint)
+
+    def _whole_metres(self, costmap: LayeredCostmap, name: str) -> float:
+        """Return a size [m] as costmap_2d has it, whose parameter is a whole number."""
+        size: float = getattr(costmap, name)
+        # roscpp rounds to the nearest, halves up, where a whole number is asked for.
+        whole = float(math.floor(size + 0.5))
+        if whole == size:
+            return size
+        place = self._own.entries[name].place
+        if whole < 1.0:
+            message = f"costmap_2d takes whole metres: {size:g} is none at all"
+            self._report.refuse(place, message, "write 1 or more")
+            return size
+        message = f"costmap_2d takes whole metres: {size:g} is {whole:g} to it"
+        self._report.warn(place, message, f"write {whole:g}")
+        return whole
+
+    def _frame(self, costmap: LayeredCostmap) -> Frame:
+        frames, name = self._context.frames, costmap.global_frame.strip("/")
+        if name in frames:
+            return frames[name]
+        written = self._own.entries.get("global_frame")
+        known = " nor ".join(
+            f"amcl's {'global' if frame == 'map' else 'odom'}_frame_id ({called})"
+            for called, frame in frames.items()
+        )
+        message = f'the frame "{name}" is neither {known}'
+        hint = "write one of them, or its name for amcl"
+        self._report.refuse(self._own.path if written is None else written.place, message, hint)
+        return "map"
+
+
+def _bare(kind: str) -> str:
+    return re.split(r"::|/", kind.strip())[-1]
+
+
+def _parse_footprint(footprint: Any) -> Any:
+    """Read a footprint written as text, ``"[[0.3, 0.2], ...]"``; other text stays text."""
+    if not isinstance(footprint, str):
+        return footprint
+    try:
+        # costmap_2d reads numbers such as .5 and 1. that JSON does not know.
+        return json.loads(_NUMBER.sub(lambda match: repr(float(match[0])), footprint))
+    except ValueError:
+        return footprint.strip()
