@@ -5,9 +5,8 @@ Triggers watch a distance to the robot; safe bounds say for how long they need n
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -275,9 +274,7 @@ def starting_positions(
 
     Raises:
         ValueError: a behaviour names no joint of the scene, one of a frozen object, or one that
-            another behaviour drives, or of a mover; walks of what is no mover or without a
-            way; key frames before 0; a trigger whose ``rearm`` is not greater than its
-            ``distance``.
+            another behaviour drives, or of a mover; walks of what is no mover.
     """
     frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
     movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
@@ -291,8 +288,8 @@ def starting_positions(
     seen: set[str] = set()
     for behaviour in behaviours:
         name = behaviour.joint
-        if isinstance(behaviour, Walk):
-            _check_walk(behaviour, movers)
+        if isinstance(behaviour, Walk) and behaviour.object not in movers:
+            raise ValueError(f"behaviour walk: {behaviour.object!r} is no mover")
         if name not in frozen:
             raise ValueError(f"behaviour {behaviour.kind}: the scene has no joint {name!r}")
         if frozen[name]:
@@ -309,23 +306,9 @@ def starting_positions(
             held[name] = behaviour.position
         elif name in held:
             raise ValueError(f"behaviour {behaviour.kind}: {name!r} belongs to a mover")
-        else:
-            _check_times(behaviour)
-            if behaviour.start_position is not None:
-                start[name] = behaviour.start_position
+        elif behaviour.start_position is not None:
+            start[name] = behaviour.start_position
     return start, held
-
-
-def _check_walk(walk: Walk, movers: Mapping[str, SceneObject]) -> None:
-    if walk.object not in movers:
-        raise ValueError(f"behaviour walk: {walk.object!r} is no mover")
-    gaps = [math.dist(a, b) for a, b in itertools.pairwise(walk.route)]
-    if not gaps or min(gaps) <= 0.0 or not min(walk.speed, walk.acceleration) > 0.0:
-        raise ValueError(f"walk of {walk.object!r}: it needs a way, a speed and an acceleration")
-    if walk.manner == "round" and math.dist(walk.route[0], walk.route[-1]) <= 0.0:
-        raise ValueError(f"walk of {walk.object!r}: a round closes by itself")
-    if min(walk.start, walk.pause) < 0.0:
-        raise ValueError(f"walk of {walk.object!r}: times are never negative")
 
 
 def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:
@@ -333,18 +316,3 @@ def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:
     route = Route(walk)
     x, y = route.point(0.0)
     return dict(zip(walk.joints, chain_positions(mover, Pose2(x, y), route.yaw(0.0)), strict=True))
-
-
-def _check_times(behaviour: KeyFrames | Trigger | Reaction) -> None:
-    """Check again what files are checked for: a run specification may come from anywhere."""
-    if isinstance(behaviour, KeyFrames):
-        # Not ``<``: a time that is nan never comes.
-        if not all(0.0 <= frame.time < math.inf for frame in behaviour.frames):
-            raise ValueError(f"joint {behaviour.joint!r} has a key frame before 0 s, or never")
-        return
-    if not isinstance(behaviour, Trigger):
-        return
-    if behaviour.rearm is not None and behaviour.rearm <= behaviour.distance:
-        raise ValueError(f"trigger of joint {behaviour.joint!r}: rearm must exceed distance")
-    if behaviour.begin is not None and isinstance(behaviour.motion, Jump):
-        raise ValueError(f"trigger of joint {behaviour.joint!r}: a jump begins at its start")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -76,12 +77,20 @@ class KeyFrames:
     A frame at time 0 that no later one comes before also sets where the joint starts. Frames that
     are not in order of time are played as they are listed, one in a physics step at most: one whose
     time has gone by is played in the step after the one before it.
+
+    Raises:
+        ValueError: a frame is before 0 s, or never.
     """
 
     joint: str
     frames: tuple[KeyFrame, ...]
     motion: Motion
     kind: Literal["key-frames"] = "key-frames"
+
+    def __post_init__(self) -> None:
+        # Not ``<``: a time that is nan never comes.
+        if not all(0.0 <= frame.time < math.inf for frame in self.frames):
+            raise ValueError(f"joint {self.joint!r} has a key frame before 0 s, or never")
 
     @property
     def start_position(self) -> float | None:
@@ -110,6 +119,9 @@ class Trigger:
     the joint is there at first, and its motion takes it to ``start`` from time 0 on. Without
     ``rearm`` the trigger latches; with it the joint returns to ``start`` when the robot is
     farther than ``rearm`` (> ``distance``) and can fire again.
+
+    Raises:
+        ValueError: ``rearm`` is not greater than ``distance``, or a jump has a ``begin``.
     """
 
     joint: str
@@ -122,6 +134,12 @@ class Trigger:
     rearm: float | None = None
     begin: float | None = None
     kind: Literal["trigger"] = "trigger"
+
+    def __post_init__(self) -> None:
+        if self.rearm is not None and self.rearm <= self.distance:
+            raise ValueError(f"trigger of joint {self.joint!r}: rearm must exceed distance")
+        if self.begin is not None and isinstance(self.motion, Jump):
+            raise ValueError(f"trigger of joint {self.joint!r}: a jump begins at its start")
 
     @property
     def start_position(self) -> float:
@@ -203,6 +221,9 @@ class Walk:
     ``facing``: ``ahead``, ``sideways`` (the way to its right, both ways) or ``fixed`` at ``yaw``.
     With ``yielding`` [m] it brakes while the robot is ahead (60 deg to
     either side of its way) and nearer than that, outline to outline.
+
+    Raises:
+        ValueError: there is no way, speed or acceleration, or a time is negative.
     """
 
     object: str
@@ -218,6 +239,16 @@ class Walk:
     yaw: float = 0.0
     yielding: float | None = None
     kind: Literal["walk"] = "walk"
+
+    def __post_init__(self) -> None:
+        name = f"walk of {self.object!r}"
+        gaps = [math.dist(a, b) for a, b in itertools.pairwise(self.route)]
+        if not gaps or min(gaps) <= 0.0 or not min(self.speed, self.acceleration) > 0.0:
+            raise ValueError(f"{name}: it needs a way, a speed and an acceleration")
+        if self.manner == "round" and math.dist(self.route[0], self.route[-1]) <= 0.0:
+            raise ValueError(f"{name}: a round closes by itself")
+        if min(self.start, self.pause) < 0.0:
+            raise ValueError(f"{name}: times are never negative")
 
     @property
     def joint(self) -> str:
