@@ -19,10 +19,8 @@ from grammars.model.behaviour import (
     Behaviour,
     Hold,
     Jump,
-    KeyFrame,
     KeyFrames,
     Motion,
-    Reaction,
     Trigger,
     Walk,
 )
@@ -194,17 +192,12 @@ def frame_ticks(behaviour: KeyFrames) -> tuple[int, ...]:
 
     Frames that are not in order of time each have a tick of their own, after the one before.
     """
-    ticks = [frame_tick(frame) for frame in behaviour.frames]
+    # Rounded first: 1.1 s times 100 is 110.00000000000001, whose next whole tick is the 111th.
+    ticks = [math.ceil(round(frame.time * TICK_RATE, 7)) for frame in behaviour.frames]
     if not behaviour.in_order:
         for k in range(1, len(ticks)):
             ticks[k] = max(ticks[k], ticks[k - 1] + 1)
     return tuple(ticks)
-
-
-def frame_tick(frame: KeyFrame) -> int:
-    """Return the first tick not before the frame's time (within a nanosecond)."""
-    # Rounded first: 1.1 s times 100 is 110.00000000000001, whose next whole tick is the 111th.
-    return math.ceil(round(frame.time * TICK_RATE, 7))
 
 
 class TriggeredJoint:
@@ -217,7 +210,7 @@ class TriggeredJoint:
         proximity: RobotProximity,
         fires: Callable[[], None],
     ) -> None:
-        self._behaviour, self.actuator, self.proximity = behaviour, actuator, proximity
+        self._behaviour, self.actuator, self._proximity = behaviour, actuator, proximity
         self._fires = fires
         self._fired = False
 
@@ -236,10 +229,10 @@ class TriggeredJoint:
             return math.inf
         # The cheap bound first: most of a run the robot is far from most doors, and the distance
         # of polygons need not be computed at all.
-        slack = self.proximity.far_slack(base, threshold, inside=self._fired)
+        slack = self._proximity.far_slack(base, threshold, inside=self._fired)
         if slack > 0.0:
             return slack
-        distance = self.proximity.distance(base, footprint)
+        distance = self._proximity.distance(base, footprint)
         if self._fired and distance > threshold:
             self._switch(False, f"re-armed at {distance:.3f} m: back to", footprint)
         elif not self._fired and distance < threshold:
@@ -253,18 +246,6 @@ class TriggeredJoint:
         self.actuator.move_to(target, footprint, hold=True)
         if fired:
             self._fires()
-
-
-class ReactingJoint:
-    """Moves a joint once, when it is told to."""
-
-    def __init__(self, behaviour: Reaction, actuator: JointActuator) -> None:
-        self._behaviour, self.actuator = behaviour, actuator
-
-    def act(self, footprint: Floats) -> None:
-        """Go: the event has happened and the delay is over."""
-        self.actuator.report(f"reacts: to {self._behaviour.end:g}")
-        self.actuator.move_to(self._behaviour.end, footprint, hold=True)
 
 
 def starting_positions(

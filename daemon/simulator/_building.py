@@ -198,14 +198,13 @@ class ContactLog:
 
     def _look(self, arbiter: pymunk.Arbiter) -> None:
         """Note where the touch is now if it is deeper than what is known of it."""
-        first, second = arbiter.shapes
-        swapped = first is not self._robot
-        touch = self._touches[self._owners[first if swapped else second]]
+        touch = self._touches[self._owner(arbiter)]
         contact = arbiter.contact_point_set
         deepest = min(contact.points, key=lambda point: point.distance)
         depth = max(0.0, -deepest.distance)
         if depth <= touch.depth:
             return
+        swapped = arbiter.shapes[0] is not self._robot
         a, b, sign = deepest.point_a, deepest.point_b, -1.0 if swapped else 1.0
         touch.depth = depth
         touch.point = ((a.x + b.x) / 2.0, (a.y + b.y) / 2.0)

@@ -17,7 +17,6 @@ from daemon.simulator._behaviours import (
     EventReporter,
     JointActuator,
     KeyFramePlayer,
-    ReactingJoint,
     RobotProximity,
     TriggeredJoint,
 )
@@ -93,7 +92,7 @@ class EventQueue:
     @property
     def due(self) -> float:
         """The tick of the next act on the agenda; infinite without one."""
-        return self._agenda[0][0] if self._agenda else float("inf")
+        return self._agenda[0][0] if self._agenda else math.inf
 
     @property
     def watching(self) -> bool:
@@ -179,7 +178,7 @@ class BehaviourScheduler:
         self._footprint = ring_array(robot.footprint)
         self._timed: list[KeyFramePlayer] = []
         self._triggers: list[TriggeredJoint] = []
-        self._reacting: list[ReactingJoint] = []
+        self._reacting: list[JointActuator] = []
         self._walkers: list[Walker] = []
         self._tick = 0
         self._doorways = {d.name: area_and_centroid(d.footprint)[1] for d in scene.doorways}
@@ -221,9 +220,9 @@ class BehaviourScheduler:
             fires = partial(self._note_fired, name)
             self._triggers.append(TriggeredJoint(behaviour, actuator, near, fires))
         else:
-            reacting = ReactingJoint(behaviour, actuator)
-            self._reacting.append(reacting)
-            self._wait(behaviour.event, behaviour.delay, partial(self._react, reacting))
+            self._reacting.append(actuator)
+            react = partial(self._react, actuator, behaviour.end)
+            self._wait(behaviour.event, behaviour.delay, react)
 
     def _set_out(self, walker: Walker) -> None:
         walker.set_out(self._tick)
@@ -245,9 +244,11 @@ class BehaviourScheduler:
     def _wait(self, event: Event, delay: float, act: Callable[[], None]) -> None:
         self._events.wait(event, round(delay * TICK_RATE), act)
 
-    def _react(self, reacting: ReactingJoint) -> None:
-        reacting.act(self._world_footprint())
-        self._note_fired(reacting.actuator.name)
+    def _react(self, actuator: JointActuator, end: float) -> None:
+        """Move a joint: the event has happened and the delay is over."""
+        actuator.report(f"reacts: to {end:g}")
+        actuator.move_to(end, self._world_footprint(), hold=True)
+        self._note_fired(actuator.name)
 
     def _note_fired(self, joint: str) -> None:
         self._events.note_fired(joint, self._tick)
@@ -281,11 +282,11 @@ class BehaviourScheduler:
         if tick >= self._events.due:
             self._events.run_due(tick)
         # Walkers last: who sets out now makes the first step now.
-        if self._reacting:
-            self._retry()
-        if self._walkers:
-            for walker in self._walkers:
-                walker.update(tick)
+        for actuator in self._reacting:
+            if actuator.blocked:
+                actuator.retry(self._world_footprint())
+        for walker in self._walkers:
+            walker.update(tick)
         self.due = self._next_due(tick)
 
     def _next_due(self, tick: int) -> float:
@@ -296,17 +297,11 @@ class BehaviourScheduler:
         if self._slack != math.inf or self._events.watching:
             return following
         due = min(self._due, self._events.due)
-        for reacting in self._reacting:
-            if reacting.actuator.blocked:
-                return following
+        if any(actuator.blocked for actuator in self._reacting):
+            return following
         for walker in self._walkers:
             due = min(due, walker.due)
         return max(following, due)
-
-    def _retry(self) -> None:
-        for reacting in self._reacting:
-            if reacting.actuator.blocked:
-                reacting.actuator.retry(self._world_footprint())
 
     def _way_since_check(self) -> float:
         """Return how far the base is from where it was when the triggers were watched [m]."""
