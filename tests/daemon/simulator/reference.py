@@ -1,9 +1,6 @@
 """Independent ways to compute a laser scan."""
 
-import math
-
 import numpy as np
-import pymunk
 
 from grammars.model.geometry import Pose2
 
@@ -44,20 +41,6 @@ def cast_by_broadcast(segments, origin, angles):
         along = (px * s - py * c) / across
         hit = (ranges > 0.0) & (along >= 0.0) & (along <= 1.0)
     return np.where(hit, ranges, np.inf).min(axis=1, initial=np.inf)
-
-
-def cast_by_pymunk(segments, origin, angles, reach):
-    """Ask pymunk for the first segment along every ray; inf where none is hit."""
-    space = pymunk.Space()
-    for x1, y1, x2, y2 in segments.tolist():
-        space.add(pymunk.Segment(space.static_body, (x1, y1), (x2, y2), 0.0))
-    ranges = np.full(angles.size, np.inf)
-    for i, angle in enumerate(angles.tolist()):
-        end = (origin[0] + reach * math.cos(angle), origin[1] + reach * math.sin(angle))
-        hit = space.segment_query_first(origin, end, 0.0, pymunk.ShapeFilter())
-        if hit is not None:
-            ranges[i] = hit.alpha * reach
-    return ranges
 
 
 def near_an_end(segments, origin, angles, width=1e-7):

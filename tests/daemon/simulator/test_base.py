@@ -7,12 +7,9 @@ from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.simulator.scenes import DRIVE, ROBOT, differential, wall, world
+from tests.daemon.simulator.test_imposed import IMPOSED
 
 WALL = wall("wall", 2.0, -5.0, 2.2, 5.0)
-
-
-def corners(pose):
-    return pose.apply_ring(ROBOT.footprint)
 
 
 def test_time_counts_hundredths_of_a_second_exactly():
@@ -34,17 +31,23 @@ def test_a_wall_stops_the_robot_within_millimetres():
     assert abs(simulated.twist().vx) < 1e-6
 
 
-@given(yaw=st.floats(-math.pi, math.pi), vx=st.floats(-1.0, 1.0), vy=st.floats(-1.0, 1.0))
-def test_the_robot_never_leaves_a_room(yaw, vx, vy):
+@pytest.mark.parametrize(("robot", "deepest"), [(ROBOT, 0.01), (IMPOSED, 0.025)])
+@given(
+    yaw=st.floats(-math.pi, math.pi),
+    vx=st.floats(-1.0, 1.0), vy=st.floats(-1.0, 1.0), wz=st.floats(-2.75, 2.75),
+)  # fmt: skip
+def test_no_kind_of_base_leaves_a_room_of_thin_walls(robot, deepest, yaw, vx, vy, wz):
     thin = 0.05
     simulated = world(
         wall("e", 1.0, -1.0, 1.0 + thin, 1.0), wall("w", -1.0 - thin, -1.0, -1.0, 1.0),
         wall("n", -1.0, 1.0, 1.0, 1.0 + thin), wall("s", -1.0, -1.0 - thin, 1.0, -1.0),
-        start=Pose2(0.0, 0.0, yaw),
+        robot=robot, start=Pose2(0.0, 0.0, yaw),
     )  # fmt: skip
-    simulated.command(Twist2(vx, vy, 0.7))
-    simulated.advance(600)
-    assert all(max(abs(x), abs(y)) < 1.0 + 0.01 for x, y in corners(simulated.pose()))
+    simulated.command(Twist2(vx, vy, wz))
+    for _ in range(30):
+        simulated.advance(20)
+        corners = simulated.pose().apply_ring(ROBOT.footprint)
+        assert all(max(abs(x), abs(y)) < 1.0 + deepest for x, y in corners)
 
 
 def test_the_robot_slides_along_a_wall_it_meets_at_an_angle():

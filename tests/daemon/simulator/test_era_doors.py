@@ -19,7 +19,7 @@ from tests.daemon.simulator.test_imposed import IMPOSED
 
 INERTIA = (0.93**2 + 0.05**2) / 12.0 + 0.475**2 + 0.025**2
 QUARTER = 0.5 * math.pi * math.sqrt(INERTIA / 0.5)
-"""A quarter of the period of the swinging door [s]."""
+"""A quarter of the period of the swinging door [s]: 1.22, as published."""
 
 FAR = Pose2(-10.0, 0.0, 0.0)
 
@@ -43,17 +43,15 @@ def triggered(**options):
     return Trigger("d.hinge", 1.4, 0.0, 1.3, Spring(0.5), of="foot", **options)
 
 
-def test_the_quarter_period_is_that_of_the_published_door():
-    assert pytest.approx(1.22, abs=0.01) == QUARTER
-
-
-def test_a_door_at_rest_falls_shut_in_a_quarter_of_a_period():
-    simulated = leaf(triggered(), start=Pose2(1.28, 0.0, 0.0))
-    trail = angles(simulated, 3.0)
-    assert trail[0] == 1.4
+@pytest.mark.parametrize("rest", [0.8, 1.4, 2.0])
+def test_a_door_at_rest_falls_shut_in_a_quarter_of_a_period_from_any_angle(rest):
+    behaviour = Trigger("d.hinge", rest, 0.0, 1.3, Spring(0.5), of="foot")
+    trail = angles(leaf(behaviour, start=Pose2(1.28, 0.0, 0.0)), 3.0)
+    assert trail[0] == rest
     shut = next(k for k, angle in enumerate(trail) if angle <= 0.0)
     assert shut / 100 == pytest.approx(1.22, abs=0.03)
-    assert max(abs(angle) for angle in trail[shut + 5 :]) < 0.1  # the stop gives way a little
+    # The stop gives way a little.
+    assert max(abs(angle) for angle in trail[shut + 5 :]) < 0.08 * rest
 
 
 def test_a_door_at_rest_stays_so_until_the_robot_is_nearer_than_its_distance():
@@ -69,10 +67,6 @@ def test_a_door_at_rest_stays_so_until_the_robot_is_nearer_than_its_distance():
     assert event.text.startswith("triggered at 1.29")
     assert max(abs(angle - 1.4) for angle in trail) < 1e-9
     assert min(distances[:-1]) >= 1.3 > distances[-1]
-    simulated.command(Twist2(0.0, 0.0, 0.0))
-    closing = angles(simulated, 3.0)
-    shut = next(k for k, angle in enumerate(closing) if angle <= 0.0)
-    assert shut / 100 == pytest.approx(1.22, abs=0.03)
 
 
 def test_a_door_at_rest_is_not_fixed_where_it_rests():
@@ -83,14 +77,6 @@ def test_a_door_at_rest_is_not_fixed_where_it_rests():
     pushed = angles(simulated, 4.0)
     assert max(pushed) > 1.6
     assert {contact.second for contact in simulated.take_contacts()} == {"d.leaf"}
-
-
-def test_it_falls_shut_from_any_angle_in_the_same_time():
-    for start in (0.8, 2.0):
-        behaviour = Trigger("d.hinge", start, 0.0, 1.3, Spring(0.5), of="foot")
-        trail = angles(leaf(behaviour, start=Pose2(1.28, 0.0, 0.0)), 2.0)
-        shut = next(k for k, angle in enumerate(trail) if angle <= 0.0)
-        assert shut / 100 == pytest.approx(1.22, abs=0.03)
 
 
 def test_a_door_that_begins_shut_is_thrown_to_its_stop_and_swings_for_ever():
@@ -106,20 +92,6 @@ def test_a_door_that_begins_shut_is_thrown_to_its_stop_and_swings_for_ever():
     rising = [k for k in range(200, len(trail)) if trail[k - 1] < 1.4 <= trail[k]]
     period = (rising[-1] - rising[0]) / (len(rising) - 1) / 100
     assert period == pytest.approx(4.0 * QUARTER, abs=0.02)
-
-
-def test_the_distance_counts_from_the_foot_of_the_post():
-    simulated = leaf(triggered(), start=Pose2(0.0, -2.0, 0.0))
-    simulated.command(Twist2(0.0, 0.5098, 0.0))
-    while not (events := simulated.take_events()):
-        before = simulated.pose()
-        simulated.advance(1)
-    assert math.hypot(before.x, before.y) == pytest.approx(1.3, abs=0.006)
-    assert len(events) == 1
-    simulated.command(Twist2(0.0, -0.5098, 0.0))
-    simulated.advance(1000)
-    assert simulated.take_events() == ()
-    assert simulated.joint_positions()[0] == pytest.approx(0.0, abs=0.1)
 
 
 def test_a_jumped_door_hangs_loose_until_its_next_key_frame():

@@ -111,24 +111,6 @@ def test_a_wall_stops_it_and_lets_it_go_at_once():
     assert simulated.pose().x == pytest.approx(1.65 - 0.5, abs=0.02)
 
 
-@given(
-    yaw=st.floats(-math.pi, math.pi),
-    vx=st.floats(-1.0, 1.0), vy=st.floats(-1.0, 1.0), wz=st.floats(-2.75, 2.75),
-)  # fmt: skip
-def test_it_never_leaves_a_room_of_thin_walls(yaw, vx, vy, wz):
-    thin = 0.05
-    simulated = world(
-        wall("e", 1.0, -1.0, 1.0 + thin, 1.0), wall("w", -1.0 - thin, -1.0, -1.0, 1.0),
-        wall("n", -1.0, 1.0, 1.0, 1.0 + thin), wall("s", -1.0, -1.0 - thin, 1.0, -1.0),
-        robot=IMPOSED, start=Pose2(0.0, 0.0, yaw),
-    )  # fmt: skip
-    simulated.command(Twist2(vx, vy, wz))
-    for _ in range(30):
-        simulated.advance(20)
-        corners = simulated.pose().apply_ring(ROBOT.footprint)
-        assert all(max(abs(x), abs(y)) < 1.0 + 0.025 for x, y in corners)
-
-
 def facing_a_door(*behaviours):
     """A closed leaf of 1 kg from (1, 0) to (1, 1), which swings away from the robot."""
     leaf = door("d", Pose2(1.0, 0.5, math.pi), mass=1.0)

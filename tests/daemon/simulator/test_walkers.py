@@ -193,17 +193,6 @@ def test_one_mover_may_wait_for_another():
     assert texts == [("visitor", "sets out"), ("guest", "sets out")]
 
 
-def test_equal_worlds_stay_equal():
-    def positions():
-        walk = replace(LINE, yielding=0.8, manner="back-and-forth")
-        now = world(person(), behaviours=(walk,))
-        now.command(Twist2(0.2, 0.1, 0.3))
-        now.advance(1500)
-        return now.joint_positions().tobytes() + now.scan().tobytes()
-
-    assert positions() == positions()
-
-
 @pytest.mark.parametrize(
     ("bad", "why"),
     [
