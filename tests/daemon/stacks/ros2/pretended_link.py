@@ -1,4 +1,4 @@
-"""A link without anything behind it, for tests of what stands on links."""
+"""A link and processes without anything behind them, for tests of what stands on links."""
 
 from daemon.stacks.ros2.link import (
     CycleAnswer,
@@ -46,3 +46,32 @@ class PretendedLink:
 
     def close(self):
         self.cycles.clear()
+
+
+class PretendedProcess:
+    """Stands in for the processes of a stack; remembers how they were released."""
+
+    def __init__(self, folder, *, reused=False):
+        self.folder, self.reused = folder, reused
+        self.socket, self.nonce, self.domain = folder / "socket", "", 7
+        self.end = ""
+        self.released = []
+
+    def __call__(self, settings, **_):
+        self.settings = settings
+        return self
+
+    def start(self):
+        assert (self.folder / "map.yaml").exists()
+
+    def ended(self):
+        return self.end
+
+    def last_lines(self, count=20):
+        return ("its last line",)
+
+    def outputs(self):
+        return {}
+
+    def release(self, *, keep):
+        self.released.append(keep)

@@ -24,7 +24,7 @@ from daemon.stacks.ros2.stack import Ros2Stack
 from daemon.stacks.ros2.telemetry import LOG
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
-from tests.daemon.stacks.ros2.pretended_link import PretendedLink
+from tests.daemon.stacks.ros2.pretended_link import PretendedLink, PretendedProcess
 
 NODES = ("/amcl", "/bt_navigator")
 SECOND = 1_000_000_000
@@ -86,30 +86,6 @@ class Stack(PretendedLink):
         self.closed = True
 
 
-class Process:
-    """The processes of a stack, of which nothing runs."""
-
-    def __init__(self, folder, *, reused):
-        self.folder, self.reused = folder, reused
-        self.socket, self.nonce, self.domain = folder / "socket", "", 7
-        self.kept = None
-
-    def start(self):
-        assert (self.folder / "map.yaml").exists()
-
-    def ended(self):
-        return ""
-
-    def last_lines(self, count=20):
-        return ("a line",)
-
-    def outputs(self):
-        return {}
-
-    def release(self, *, keep):
-        self.kept = keep
-
-
 class Machine:
     """What is found, or started, when a run asks for its stack: one after the other."""
 
@@ -122,7 +98,7 @@ class Machine:
         place = self._folder / str(len(self.stacks))
         place.mkdir()
         (place / "clock").write_text(str(77 * SECOND))
-        self.stacks.append((stack, Process(place, reused=reused)))
+        self.stacks.append((stack, PretendedProcess(place, reused=reused)))
         return self.stacks[-1]
 
     def process(self, *_, **__):
@@ -216,7 +192,7 @@ def driving(machine, briefing):
 def test_what_a_stack_says_last_comes_with_its_failure(machine, briefing, how):
     system, stack, process = driving(machine, briefing)
     if how == "process":
-        process.ended = lambda: "the launch command ended with exit code 9"
+        process.end = "the launch command ended with exit code 9"
     if how == "goal":
         stack.answer = replace(stack.answer, goals=(GoalUpdate(0, "rejected"),))
     if how == "link":
@@ -226,7 +202,7 @@ def test_what_a_stack_says_last_comes_with_its_failure(machine, briefing, how):
     said = [event.text for event in failed.value.events]
     assert "ready after" in said[0]
     assert said[1:] == ([] if how == "link" else ["out of memory"])
-    assert failed.value.printed == ("a line",)
+    assert failed.value.printed == ("its last line",)
 
 
 def lost(cycle):
@@ -254,7 +230,7 @@ def test_a_socket_that_cannot_be_made_is_said_and_leaves_nothing(machine, briefi
     monkeypatch.setattr(bring_up.RelayLink, "listen", refuse)
     with pytest.raises(SutFailure, match="no space left"):
         list(coming_up(briefing)[1])
-    assert process.kept is False
+    assert process.released == [False]
 
 
 def test_a_stack_that_does_not_come_up_says_what_it_lacks(machine, briefing):
@@ -303,7 +279,7 @@ def test_a_reset_that_does_not_come_out_right_is_followed_by_a_stack_of_its_own(
     fresh, _ = machine.will_have(Stack())
     attempt, waiting = coming_up(briefing, reuse="yes", **{"start-up": "2 s"})
     list(waiting)
-    assert before.kept is False
+    assert before.released == [False]
     assert stack.closed
     assert attempt.ready_session().link is fresh
     assert any("could not be used again" in e.text and why in e.text for e in attempt.events)
@@ -318,5 +294,5 @@ def test_the_clock_of_the_next_run_begins_where_that_of_this_one_ended(machine, 
         stack.update(Observation(time, (Odometry(time, Pose2(), Twist2()),), ()))
     stack.finish()
     stack.close()
-    assert process.kept is True
+    assert process.released == [True]
     assert int((process.folder / "clock").read_text()) == 5 * SECOND + SECOND // 10

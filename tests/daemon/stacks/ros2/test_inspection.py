@@ -18,7 +18,7 @@ from daemon.stacks.ros2.settings import Frames, read_settings
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
-from tests.daemon.stacks.ros2.pretended_link import PretendedLink
+from tests.daemon.stacks.ros2.pretended_link import PretendedLink, PretendedProcess
 from tests.daemon.trace.recordings import ROBOT
 
 STANDING = Odometry(0.0, Pose2(), Twist2())
@@ -81,37 +81,6 @@ class PretendedStack(PretendedLink):
 
     def close(self):
         self.closed = True
-
-
-class PretendedProcess:
-    """Stands in for the processes of a stack; remembers that they were released."""
-
-    nonce, reused = "", False
-
-    def __init__(self, folder):
-        self.folder = folder
-        self.socket = folder / "socket"
-        self.end = ""
-        self.released = []
-
-    def __call__(self, settings, **_):
-        self.settings = settings
-        return self
-
-    def start(self):
-        """Nothing to start."""
-
-    def ended(self):
-        return self.end
-
-    def last_lines(self, count=20):
-        return ("its last line",)
-
-    def release(self, *, keep):
-        self.released.append(keep)
-
-    def outputs(self):
-        return {}
 
 
 @pytest.fixture
