@@ -101,10 +101,8 @@ class RunLoop:
         # Two branches of one seed: what a system under test draws never changes doors or noise,
         # so that different systems are compared under the same chance.
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
-        # What cannot be made has left no world yet that somebody would have to end.
-        self._sut = sut or make_in_time(
-            spec.sut.kind, resolve_paths(spec.sut.parameters, spec.sut.files)
-        )
+        self._driver = sut
+        self._sut: SystemUnderTest
         start = spec.mission.start
         waypoints = tuple(waypoint.id for waypoint in spec.mission.waypoints)
         self.world = World(scene, spec.robot, start, spec.behaviours, world_seed, waypoints)
@@ -112,7 +110,7 @@ class RunLoop:
         joints = dict(zip(self.world.joint_names, self.world.joint_positions(), strict=True))
         self._grid = run_map(spec.map, scene, spec.robot.laser.z, joints)
         self._update_call = sut_call("update()")
-        self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
+        self._external: ExternalSystem | None = None
         self._waiting = ""
         self._odometry: list[Odometry] = []
         self._scans: list[LaserScan] = []
@@ -130,12 +128,12 @@ class RunLoop:
         self._scan_timers = tuple(
             (laser.name, _PeriodicTimer(laser.rate)) for laser in spec.robot.lasers
         )
-        self._update = _PeriodicTimer(1.0 / self._sut.period)
+        self._update: _PeriodicTimer
         self._interest = interest
         self._snapshot = _PeriodicTimer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
         self._live_view: LiveView | None = None
         scans = (timer for _, timer in self._scan_timers)
-        self._timers = (self._state, self._clock, self._odom, self._update, *scans)
+        self._timers = [self._state, self._clock, self._odom, *scans]
 
     def run(self) -> LoopEnd:
         """Step until the mission is over, the limit is reached or the system crashes."""
@@ -156,9 +154,20 @@ class RunLoop:
         return LoopEnd("finished") if finished else LoopEnd("limit", "simulated time is up")
 
     def begin(self) -> None:
-        """Record what holds for the whole run, start the system under test."""
+        """Record what holds for the whole run, make and start the system under test."""
         self._trace.static(self._grid)
-        self._start_sut(self._sut)
+        spec = self._spec
+        self._sut = sut = self._driver or make_in_time(
+            spec.sut.kind, resolve_paths(spec.sut.parameters, spec.sut.files)
+        )
+        self._external = sut if isinstance(sut, ExternalSystem) else None
+        self._update = _PeriodicTimer(1.0 / sut.period)
+        self._timers.append(self._update)
+        briefing = Briefing(
+            spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
+        )
+        with sut_call("start()"):
+            sut.start(briefing)
 
     def advance(self, last: int) -> bool:
         """Step until tick ``last`` or the end of the mission; return whether that is over.
@@ -180,14 +189,6 @@ class RunLoop:
             # In one go to the next tick that anything is due at: Python is entered a few
             # dozen times per simulated second and not a hundred times for each timer.
             world.advance(min(self.next_due(), last) - world.tick)
-
-    def _start_sut(self, sut: SystemUnderTest) -> None:
-        spec = self._spec
-        briefing = Briefing(
-            spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
-        )
-        with sut_call("start()"):
-            sut.start(briefing)
 
     def _bring_up(self, first: Observation) -> None:
         """Wait for an external system, and tell those who watch what it still lacks."""

@@ -2,6 +2,9 @@
 
 import os
 import sys
+from types import SimpleNamespace
+
+from daemon.stacks import registry
 
 MODULE = "stacks_of_others"
 
@@ -164,3 +167,9 @@ def place_of(comment):
     lines = SOURCE.splitlines()
     number = next(n for n, line in enumerate(lines, start=1) if comment in line)
     return f"{MODULE}.py:{number}"
+
+
+def plug_in(monkeypatch, name, factory):
+    """Let a factory of this process be the system under test of kind ``name``."""
+    entry = SimpleNamespace(name=name, load=lambda: factory)
+    monkeypatch.setitem(registry._BUILT_IN, name, registry.PluggedKind(entry))

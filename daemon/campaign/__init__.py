@@ -33,7 +33,7 @@ from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
 from daemon.campaign._searches import LEAST_CONFIRMED
 from daemon.campaign._survey import read_campaign
-from daemon.campaign._sut_files import ROS2, SutFile
+from daemon.campaign._sut_files import SutFile
 from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
 
 __all__ = [
@@ -43,7 +43,6 @@ __all__ = [
     "MISSION",
     "ORACLES",
     "ROBOT",
-    "ROS2",
     "SCENERY",
     "SUT",
     "VARIATION",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Final
 
 from daemon.campaign._cells import CampaignCell, LoadedWorld
-from daemon.campaign._sensors import check_sensors
-from daemon.campaign._speed import top_speed
+from daemon.model.attachments import resolve_paths
+from daemon.model.spec import SutReference
+from daemon.stacks.findings import format_path
+from daemon.stacks.registry import stack_kind
+from grammars.model.robot import Robot
 from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
@@ -92,10 +95,33 @@ def find_problems(
     for world in {id(world.scene): world for world in worlds}.values():
         found.extend(check_scene(world.scene, places=world.places))
     pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
-    found.extend(check_sensors(pairs))
+    found.extend(_advise(pairs))
     for cell in cells:
         found.extend(_problems_of(cell))
     return found
+
+
+def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diagnostic]:
+    """Yield what sensors of robots and the stacks that listen to them have against each other.
+
+    ``pairs`` of a system and a robot come with the place of the scenario they meet in; what is
+    said of a pair is said once.
+    """
+    once: dict[tuple[str, str], tuple[SutReference, Robot, Where]] = {}
+    for sut, robot, where in pairs:
+        once.setdefault((sut.name, robot.name), (sut, robot, where))
+    for sut, robot, where in once.values():
+        kind = stack_kind(sut.kind)
+        settings = kind.read(resolve_paths(sut.parameters, sut.files))
+        for found in kind.advise(settings, robot):
+            place = "" if kind.keys else f" {format_path(found.path)}"
+            message = f"{sut.name}:{place} {found.message}"
+            yield Diagnostic(where, message, found.hint, Severity.WARNING)
+
+
+def _top_speed(sut: SutReference, robot: Robot) -> float:
+    kind = stack_kind(sut.kind)
+    return kind.top_speed(kind.read(resolve_paths(sut.parameters, sut.files)), robot)
 
 
 def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
@@ -110,7 +136,7 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
         )
     yield from check_limit(
         cell.mission,
-        {sut.name: top_speed(sut, cell.robot) for sut in cell.suts},
+        {sut.name: _top_speed(sut, cell.robot) for sut in cell.suts},
         limit=cell.limit,
         where=cell.limit_where,
     )

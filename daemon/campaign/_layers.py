@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from daemon.campaign._scenarios import LayerReference, PlanVariation
-from daemon.campaign._sut_files import SutText, read_sut
-from daemon.campaign._suts import LoadedSut, complete_sut, default_sut
+from daemon.campaign._sut_files import SutText, default_text, read_sut
+from daemon.campaign._suts import LoadedSut, complete_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import sut_kinds
@@ -27,7 +27,7 @@ from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, configure, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
-from grammars.text.overrides import override_document, placed_at
+from grammars.text.overrides import Override, override_document, placed_at
 from grammars.text.shipped import shipped_folder
 from grammars.text.sources import is_file, is_folder, names_in, not_recording, read_text
 
@@ -274,8 +274,9 @@ class LayerLibrary:
         named = Path(reference.name)
         path = self._once("place of a sut", named, partial(self._sut_place, reference))
         if path is None:
-            default = partial(self._default_sut, reference)
-            return self._with_overrides("sut", named, reference, default)
+            return self._with_overrides(
+                "sut", named, reference, partial(self._default_sut, reference)
+            )
         if not reference.overrides:
             return self.sut_file(path)
         change = partial(self._change_sut, reference)
@@ -331,18 +332,17 @@ class LayerLibrary:
         return load_scenery(path)
 
     def _default_sut(self, reference: LayerReference, _: Path) -> LoadedSut:
-        sut = default_sut(reference)
-        self.warnings.extend(sut.warnings)
-        return sut
+        return self._complete_sut(default_text(reference.name, reference.where), reference.values)
 
     def _load_sut(self, path: Path) -> LoadedSut:
-        sut = complete_sut(self.sut_text(path))
-        self.warnings.extend(sut.warnings)
-        return sut
+        return self._complete_sut(self.sut_text(path))
 
     def _change_sut(self, reference: LayerReference, path: Path) -> LoadedSut:
         self.sut_file(path)  # what is wrong without the overrides is told of the file
-        sut = complete_sut(self.sut_text(path), reference.values)
+        return self._complete_sut(self.sut_text(path), reference.values)
+
+    def _complete_sut(self, text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut:
+        sut = complete_sut(text, overrides)
         # A search changes a system thousands of times: most of what is said is said already.
         self.warnings.extend(warning for warning in sut.warnings if warning not in self.warnings)
         return sut

@@ -5,13 +5,18 @@ One bad layer, scenario or variant of a plan does not hide what is wrong with th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from daemon.campaign._campaign import Campaign, repeat_seed
+from daemon.campaign._campaign import (
+    EXTERNAL_REPEATS,
+    Campaign,
+    default_repeats,
+    repeat_seed,
+)
 from daemon.campaign._cells import (
     CampaignCell,
     LoadedWorld,
@@ -21,7 +26,6 @@ from daemon.campaign._cells import (
     waypoint_places,
 )
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
-from daemon.campaign._external import announce_repeats, default_repeats, says_repeats
 from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._findings import (
     allowed_warnings,
@@ -151,7 +155,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     warnings, meant = without_allowed(
         (
             *loader.library.warnings,
-            *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
+            *_announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
             *unused,
             *(one for one in said if one.severity is Severity.WARNING),
         ),
@@ -163,7 +167,7 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         source=document.text,
         file=str(path),
         seed=text.seed,
-        repeats=declared.policy.n if says_repeats(document) else None,
+        repeats=declared.policy.n if "repeats" in document.data else None,
         declared=declared,
         cells=tuple(loader.cells),
         warnings=say_once(warnings),
@@ -292,7 +296,7 @@ def _load_worlds(
     usable = sound[:count] if known else ()
     whole = known and None not in layers
     repeats = repeat_policy(loader.text.repeats).at_most
-    if not says_repeats(loader.document):
+    if "repeats" not in loader.document.data:
         repeats = default_repeats(suts)
     # One variant that cannot be composed does not hide what is wrong with the next.
     worlds = []
@@ -361,3 +365,16 @@ def _resolve_all(
         for draw in range(draws)
     )
     return resolved if draws == repeats else resolved * repeats
+
+
+def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> Iterator[Diagnostic]:
+    """Say how often cells are run whose system is not repeatable, where nobody said it."""
+    names = dict.fromkeys(sut.name for sut in suts if not sut.repeatable)
+    if names and "repeats" not in document.data:
+        message = (
+            f"{', '.join(names)}: not repeatable, so every scenario is run {EXTERNAL_REPEATS} "
+            "times with it; the campaign does not say how often"
+        )
+        where = document.where(("matrix", "sut"))
+        hint = f'write "repeats: {EXTERNAL_REPEATS}" for all systems, or another number'
+        yield Diagnostic(where, message, hint, Severity.WARNING)

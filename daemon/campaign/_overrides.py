@@ -5,7 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 from pydantic import BaseModel
@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from daemon.campaign._layers import FLOORPLAN, VARIATION, LayerLibrary, find_layer
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.model.search import ParameterSlot
+from daemon.stacks.registry import stack_kind
 from grammars.floorplan import WALLS_ENDING
 from grammars.jsonld import is_jsonld
 from grammars.model.mission_files import MissionText
@@ -177,7 +178,7 @@ def _of_variation(library: LayerLibrary, reference: LayerReference) -> Iterator[
 
 def _of_sut(library: LayerLibrary, reference: LayerReference) -> Iterator[OverridableValue]:
     loaded = library.loaded_sut(reference)
-    written = set()
+    defaults, written = stack_kind(loaded.reference.kind).defaults(), set()
     for path, setting in loaded.settings.items():
         value = setting.value
         key = ".".join(path).replace("/", ".")
@@ -189,15 +190,12 @@ def _of_sut(library: LayerLibrary, reference: LayerReference) -> Iterator[Overri
             str(value).lower() if choices else str(value),
             float(value) if number else str(value).lower() if choices else str(value),
             setting.where,
-            whole=isinstance(value, int) and number and loaded.reference.kind != "pilot",
+            whole=isinstance(value, int) and number and not isinstance(defaults.get(key), float),
             choices=choices,
         )
-    if loaded.reference.kind == "pilot":
-        from daemon.stacks.pilot import PilotParameters
-
-        for parameter in fields(PilotParameters):
-            if parameter.name not in written:
-                yield _default(parameter.name, parameter.default, reference.where)
+    for name, default in defaults.items():
+        if name not in written:
+            yield _default(name, default, reference.where)
 
 
 def _default(key: str, value: Any, where: Where) -> OverridableValue:

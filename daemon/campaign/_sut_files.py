@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
@@ -35,15 +35,16 @@ from daemon.campaign._ros_sources import (
     refuse_lone_changes,
 )
 from daemon.campaign._scenarios import MOST_LIKE, LayerReference
-from daemon.stacks.registry import is_built_in
-from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
+from daemon.model.attachments import SutMissing
+from daemon.stacks.kind import StackKind
+from daemon.stacks.registry import stack_kind
+from daemon.stacks.ros2 import ROS2
+from daemon.stacks.ros2.keys import Ros2Keys
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 from grammars.text.sources import is_file
 
-ROS: Final = "ros"
-ROS2: Final = "ros2"
 _Files: TypeAlias = Annotated[
     list[str],
     BeforeValidator(
@@ -95,7 +96,7 @@ class SutLayer:
     """A SUT file with everything below it."""
 
     text: SutFile
-    kind: str
+    kind: StackKind[Any]
     settings: ParameterValues
     files: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
@@ -112,6 +113,16 @@ class SutText:
 
     layer: SutLayer
     document: YamlDocument
+
+
+def default_text(kind: str, where: Where) -> SutText:
+    """Return the text of a system that is called by its kind at ``where``: an empty file.
+
+    Raises :class:`SutMissing`.
+    """
+    text = SutFile.model_construct(sut=kind, kind=kind)
+    document = YamlDocument(where.file, {}, {(): where}, "")
+    return SutText(SutLayer(text, stack_kind(kind), {}, (), ()), document)
 
 
 def read_sut(path: Path, find: FindSutFile) -> SutText:
@@ -140,11 +151,11 @@ def _load(
     settings: ParameterValues = {} if base is None else base.settings
     warnings = [] if base is None else list(base.warnings)
     loaded = {} if base is None else dict.fromkeys(base.parameter_files)
-    if text.ros is not None and kind != ROS:
-        message = f"ros: only kind {ROS} reads ROS parameter files, this is {kind}"
+    if text.ros is not None and kind.files != "parameters":
+        message = f"ros: only kind ros reads ROS parameter files, this is {kind.name}"
         raise InputError(Diagnostic(document.where(("ros",)), message))
-    if text.files and is_built_in(kind) and kind not in (ROS, ROS2):
-        message = f"files: {kind} needs none"
+    if text.files and kind.files == "none":
+        message = f"files: {kind.name} needs none"
         raise InputError(Diagnostic(document.where(("files",)), message))
     _refuse_keys_of_others(document, kind)
     launched = base is not None and base.launched
@@ -164,7 +175,7 @@ def _load(
         settings = over(settings, found)
         loaded |= _files_of(found)
     attached = {} if base is None else base.attached
-    if kind == ROS:
+    if kind.files == "parameters":
         found = load_parameter_files(_named_files(path, document, text), warnings)
         settings = over(settings, found)
         loaded |= _files_of(found)
@@ -223,14 +234,17 @@ def _base(
     return _load(other, load_yaml(other), find, chain, changes)
 
 
-def _kind(document: YamlDocument, text: SutFile, base: SutLayer | None) -> str:
+def _kind(document: YamlDocument, text: SutFile, base: SutLayer | None) -> StackKind[Any]:
     if base is None:
         if text.kind is None:
             hint = 'write "kind", or "like" with the name of another system under test'
             raise InputError(Diagnostic(document.where(), 'key "kind" is missing', hint))
-        return text.kind
-    if text.kind not in (None, base.kind):
-        message = f"kind: {text.like} is of kind {base.kind}, so this one is as well"
+        try:
+            return stack_kind(text.kind)
+        except SutMissing as error:
+            raise InputError(Diagnostic(document.where(("kind",)), str(error))) from error
+    if text.kind not in (None, base.kind.name):
+        message = f"kind: {text.like} is of kind {base.kind.name}, so this one is as well"
         raise InputError(Diagnostic(document.where(("kind",)), message, "leave it out"))
     return base.kind
 
@@ -247,20 +261,19 @@ def _named_files(
     }
 
 
-def _refuse_keys_of_others(document: YamlDocument, kind: str) -> None:
+def _refuse_keys_of_others(document: YamlDocument, kind: StackKind[Any]) -> None:
     """Refuse keys at the top of a file that mean nothing for its kind."""
-    wrong: tuple[str, ...] = ROS2_KEYS
-    message, hint = f"only kind {ROS2} has this key, this is {kind}", ""
-    if kind == ROS2:
+    wrong, message, hint = ROS2.keys, f"only kind {ROS2.name} has this key, this is {kind.name}", ""
+    if kind.keys:
         wrong = ("parameters",)
-        message, hint = f"kind {ROS2} has none", "write its keys at the top: launch, topics …"
+        message, hint = f"kind {kind.name} has none", "write its keys at the top: launch, topics …"
     keys = [key for key in wrong if key in document.data]
     if keys:
         raise InputError(Diagnostic(document.where((k,)), f"{k}: {message}", hint) for k in keys)
 
 
-def _written(document: YamlDocument, text: SutFile, kind: str) -> ParameterValues:
-    if kind == ROS2:
-        keys = {key: document.data[key] for key in ROS2_KEYS if key in document.data}
+def _written(document: YamlDocument, text: SutFile, kind: StackKind[Any]) -> ParameterValues:
+    if kind.keys:
+        keys = {key: document.data[key] for key in kind.keys if key in document.data}
         return flatten_parameters(keys, document.where)
     return flatten_parameters(text.parameters, lambda p: document.where(("parameters", *p)))

@@ -18,10 +18,7 @@ from daemon.campaign._parameters import (
     parameter_place,
     parameter_tree,
 )
-from daemon.campaign._scenarios import LayerReference
 from daemon.campaign._sut_files import (
-    ROS,
-    ROS2,
     FindSutFile,
     SutFile,
     SutLayer,
@@ -32,7 +29,7 @@ from daemon.campaign._sut_files import (
 from daemon.model.attachments import attach_files, resolve_paths
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
-from daemon.stacks.registry import check_parameters
+from daemon.stacks.kind import StackKind
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
 from grammars.text.overrides import Override, split_key
@@ -83,21 +80,23 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
     layer, document = text.layer, text.document
     if overrides:
         layer = _changed(layer, overrides)
-    settings = _spread(layer.kind, layer.settings)
+    kind, settings = layer.kind, layer.settings
+    if kind.files == "parameters":
+        settings = apply_common_costmap(settings)
     _refuse_missing(settings)
-    tree = _parameters(layer.kind, settings)
-    reference = SutReference(layer.text.sut, layer.kind, tree, _attach(layer, document))
+    tree = parameter_tree(settings)
+    if kind.external:
+        tree.setdefault("repeatable", False)
+    reference = SutReference(layer.text.sut, kind.name, tree, _attach(layer, document))
     try:
-        findings = check_parameters(
-            layer.kind, resolve_paths(reference.parameters, reference.files)
-        )
+        findings = kind.findings(kind.read(resolve_paths(tree, reference.files)))
     except ValueError as error:
         if isinstance(error, ParameterError):
             # Of a file that nobody reads the defaults come, which need not be wrong with it.
             refuse_unread(settings, error.findings, layer.parameter_files)
         raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
     refuse_unread(settings, findings, layer.parameter_files)
-    idle = _idle_warning(findings, document, settings)
+    idle = _idle_warning(findings, layer, document, settings)
     return LoadedSut(
         reference=reference,
         about=layer.text.about,
@@ -107,21 +106,6 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
         warnings=(*layer.warnings, *_warnings(findings, document, settings), *idle),
         idle=idle,
     )
-
-
-def _spread(kind: str, settings: ParameterValues) -> ParameterValues:
-    """Return settings with the values that costmaps have in common in each of them."""
-    return apply_common_costmap(settings) if kind == ROS else settings
-
-
-def _parameters(kind: str, settings: ParameterValues) -> dict[str, Any]:
-    """Return the parameters of a run; those of a ROS 2 stack say that it is not repeatable."""
-    tree = parameter_tree(settings)
-    if kind == ROS2:
-        from daemon.stacks.ros2.settings import REPEATABLE
-
-        tree.setdefault(REPEATABLE, False)
-    return tree
 
 
 def _refuse_missing(settings: ParameterValues) -> None:
@@ -145,37 +129,6 @@ def _attach(layer: SutLayer, document: YamlDocument) -> dict[str, str]:
         raise InputError(Diagnostic(document.where(("files",)), message)) from error
 
 
-def default_sut(reference: LayerReference) -> LoadedSut:
-    """Return a kind by its name: its defaults, but for the overrides beside it.
-
-    Raises :class:`InputError` for what it does not take.
-    """
-    kind = reference.name
-    settings = _spread(kind, _settings(reference.values, {}, kind))
-    tree = _parameters(kind, settings)
-    try:
-        findings = check_parameters(kind, tree)
-    except ParameterError as error:
-        raise InputError(
-            Diagnostic(parameter_place(settings, p.path) or reference.where, _named(p), p.hint)
-            for p in error.problems
-        ) from error
-    except ValueError as error:
-        where = _named_place(str(error), settings) or reference.where
-        raise InputError(Diagnostic(where, str(error))) from error
-    warnings = tuple(
-        Diagnostic(
-            parameter_place(settings, found.path) or reference.where,
-            found.message,
-            found.hint,
-            Severity.WARNING,
-        )
-        for found in findings.problems
-    )
-    sut = SutReference(kind, kind, tree)
-    return LoadedSut(sut, "", settings, findings, (), warnings)
-
-
 def _changed(layer: SutLayer, overrides: Sequence[Override]) -> SutLayer:
     settings = _settings(overrides, layer.settings, layer.kind)
     return replace(layer, settings=merge_over(layer.settings, settings, launched=layer.launched))
@@ -187,7 +140,7 @@ _OF_FILES: Final = frozenset(SutFile.model_fields) & {
 
 
 def _settings(
-    overrides: Sequence[Override], written: ParameterValues, kind: str
+    overrides: Sequence[Override], written: ParameterValues, kind: StackKind[Any]
 ) -> ParameterValues:
     """Return overrides as settings: dots and slashes lead into namespaces."""
     found: ParameterValues = {}
@@ -201,7 +154,7 @@ def _settings(
             raise InputError.at(override.where, message, hint)
         before = written.get(path)
         value = override.value
-        if kind in _PLAIN_KINDS and not (before and isinstance(before.value, str)):
+        if kind.plain_numbers and not (before and isinstance(before.value, str)):
             value = _plain(value)
         found[path] = ParameterValue(value, override.where)
     return found
@@ -219,8 +172,6 @@ def parameter_path(key: str, settings: ParameterValues) -> ParameterPath:
     return path or (key,)
 
 
-_PLAIN_KINDS: Final = ("pilot", ROS)
-"""Kinds whose numbers are plain ones in SI units: a quantity with a unit may stand for one."""
 _QUANTITY: Final = re.compile(r"\s*[+-]?(?:\d|\.\d)")
 
 
@@ -269,7 +220,10 @@ def _warnings(
 
 
 def _idle_warning(
-    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
+    findings: ParameterFindings,
+    layer: SutLayer,
+    document: YamlDocument,
+    settings: ParameterValues,
 ) -> tuple[Diagnostic, ...]:
     """Return the warning that names values without effect, if there are any."""
     # What both costmaps have in common is one line of a file, so it is said once.
@@ -279,7 +233,7 @@ def _idle_warning(
     names = list(idle.values())
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
-    hint = f"scenario sut {shlex.quote(document.file)} says why"
+    hint = f"scenario sut {shlex.quote(document.file)} says why" if layer.files else ""
     return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
 
 

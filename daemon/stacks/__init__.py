@@ -9,10 +9,6 @@ from collections.abc import Iterable
 from importlib import import_module
 
 from daemon.model.kernel_rooms import SYSTEM_ROOMS
-from daemon.stacks.pilot import PilotParameters, make_idle, make_pilot
-from daemon.stacks.ros1 import make_ros
-
-__all__ = ["PilotParameters", "make_idle", "make_pilot", "make_ros", "warm_up"]
 
 
 def warm_up(rooms: Iterable[str] = SYSTEM_ROOMS) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
-from daemon.model.sut import Briefing, Decision, Observation, SutFailure, SystemUnderTest
+from daemon.model.sut import Decision, SutFailure, SystemUnderTest
 from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Floats, Pose2
 
@@ -78,32 +78,17 @@ class sut_call:  # noqa: N801  (used as a function is)
             raise SutError(error) from error
 
 
-class _NeverMade:
-    """Stands for a system under test whose factory did not return: it ends its run at once."""
-
-    period = 1.0
-    needs_ground_truth = False
-
-    def __init__(self, why: str) -> None:
-        self._why = why
-
-    def start(self, briefing: Briefing) -> None:
-        raise OutOfTime(self._why)
-
-    def update(self, observation: Observation) -> Decision:
-        raise OutOfTime(self._why)
-
-
 def make_in_time(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
-    """Make a system under test; of one that is not made in time the run says so, by its trace.
+    """Make a system under test.
 
-    Raises ``ValueError`` as :func:`daemon.stacks.registry.make_sut` does.
+    Raises ``ValueError`` as :func:`daemon.stacks.registry.make_sut` does, and :class:`SutError`
+    for a system that is not made in time, which the trace of its run says.
     """
     try:
         with wall_clock_limit(_MAKING_LIMIT), interruptible("its factory"):
             return make_sut(kind, parameters)
     except OutOfTime as error:
-        return _NeverMade(str(error))
+        raise SutError(error) from error
 
 
 def check_decision(decision: object) -> None:

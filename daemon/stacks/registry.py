@@ -13,15 +13,16 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Final, TypeAlias
+from typing import Any, ClassVar, Final, Literal, TypeAlias
 
 from daemon.model.attachments import SutMissing
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.sut import TICK_RATE, SystemUnderTest
 from daemon.stacks.findings import ParameterError, ParameterFindings
-from daemon.stacks.pilot import make_idle, make_pilot
-from daemon.stacks.ros1 import make_ros
-from daemon.stacks.ros2.factory import make_ros2
+from daemon.stacks.kind import StackKind
+from daemon.stacks.pilot import IDLE, PILOT
+from daemon.stacks.ros1 import ROS
+from daemon.stacks.ros2 import ROS2
 from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.plugins import explain_plugin_error, plugin_origin
@@ -32,13 +33,7 @@ CHECK_LIMIT: Final = 10.0
 """Seconds of wall clock in which a check makes a system that plugs in."""
 _ROUNDING: Final = 1e-6
 """How far a period may be off a whole number of ticks: 0.07 s is 7.000000000000001 of them."""
-
-_BUILT_IN: Final[dict[str, Factory]] = {
-    "idle": make_idle,
-    "pilot": make_pilot,
-    "ros": make_ros,
-    "ros2": make_ros2,
-}
+_BUILT_IN: Final[dict[str, StackKind[Any]]] = {kind.name: kind for kind in (IDLE, PILOT, ROS, ROS2)}
 
 
 def sut_kinds() -> tuple[str, ...]:
@@ -47,9 +42,15 @@ def sut_kinds() -> tuple[str, ...]:
     return tuple(sorted(plugged | set(_BUILT_IN)))
 
 
-def is_built_in(kind: str) -> bool:
-    """Whether a kind ships here, rather than plugs in."""
-    return kind in _BUILT_IN
+def stack_kind(name: str) -> StackKind[Any]:
+    """Return a kind by its name; raises :class:`SutMissing` for one that is not installed."""
+    if name in _BUILT_IN:
+        return _BUILT_IN[name]
+    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=name)), None)
+    if entry is None:
+        hint = did_you_mean(name, sut_kinds())
+        raise SutMissing(f'no system under test of kind "{name}": {hint}')
+    return PluggedKind(entry)
 
 
 def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
@@ -59,88 +60,71 @@ def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     made or is no system under test; :class:`daemon.model.attachments.SutMissing`, a
     ``ValueError`` too, for a kind that is unknown on this machine or cannot be loaded.
     """
-    factory = _BUILT_IN.get(kind)
-    if factory is not None:
-        return factory(parameters)
-    made = _make_plugged(kind, parameters)
-    problem = _unlike_protocol(made)
-    if problem:
-        raise ValueError(
-            f'what the system under test "{kind}" makes {problem}, see scenario_tui/sut.py'
-        )
-    return made
+    known = stack_kind(kind)
+    return known.make(known.read(parameters))
 
 
 def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindings:
-    """Return what a kind has to say about parameters it takes.
-
-    Raises ``ValueError`` for what it does not take; its subclass
-    :class:`daemon.stacks.findings.ParameterError`, which plug-ins may raise as well,
-    says where in the tree each problem stands. A system that plugs in is made once, in this
-    process and within :data:`CHECK_LIMIT` seconds.
-    """
-    if kind == "ros":
-        # Loads a compiler, which nobody needs who tests another stack.
-        from daemon.stacks.ros1.configuration import read_ros
-
-        return read_ros(parameters).findings
-    if kind == "ros2":
-        from daemon.stacks.ros2.advice import check_settings
-
-        return check_settings(parameters)
-    if is_built_in(kind):
-        make_sut(kind, parameters)
-    else:
-        _check_plugged(kind, parameters)
-    return ParameterFindings()
+    """Return the warnings of a kind about parameters; raises ``ValueError`` as it does."""
+    known = stack_kind(kind)
+    return known.findings(known.read(parameters))
 
 
-def _check_plugged(kind: str, parameters: Mapping[str, Any]) -> None:
-    """Make a system that plugs in, for what it refuses; raises as :func:`check_parameters` does.
+class PluggedKind(StackKind[Mapping[str, Any]]):
+    """A kind from another package: its factory alone knows what it takes."""
 
-    What it prints goes to standard error, where it spoils no answer of a command.
-    """
-    name = _name(_find_entry(kind))
-    try:
-        with (
-            redirect_stdout(sys.stderr),
-            wall_clock_limit(CHECK_LIMIT),
-            interruptible("its factory"),
-        ):
-            make_sut(kind, parameters)
-    except OutOfTime as error:
-        hint = "what takes longer belongs into start()"
-        raise ValueError(f"{name} was not made: {error}; {hint}") from error
-    except (ParameterError, SutMissing):
-        raise
-    except ValueError as error:
-        raise ValueError(codec.reading_error(error) or "ValueError without a word") from error
+    files: ClassVar[Literal["attached"]] = "attached"
 
+    def __init__(self, entry: EntryPoint) -> None:
+        self.name = entry.name
+        self._entry = entry
 
-def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
-    """Call the factory of a plug-in: code of other people, of which anything may come."""
-    entry = _find_entry(kind)
-    # What cannot be loaded is missing here and may be there on another worker; what cannot be made
-    # of these parameters is wrong everywhere.
-    try:
-        factory: Factory = entry.load()
-    except (Exception, SystemExit) as error:
-        raise SutMissing(_cannot("loaded", entry, error)) from error
-    try:
-        return factory(parameters)
-    except ValueError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise ValueError(_cannot("made", entry, error)) from error
+    def read(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the parameters as they are."""
+        return parameters
 
+    def make(self, settings: Mapping[str, Any]) -> SystemUnderTest:
+        """Call the factory: code of other people, of which anything may come."""
+        # What cannot be loaded is missing here and may be there on another worker; what cannot be
+        # made of these parameters is wrong everywhere.
+        try:
+            factory: Factory = self._entry.load()
+        except (Exception, SystemExit) as error:
+            raise SutMissing(_cannot("loaded", self._entry, error)) from error
+        try:
+            made = factory(settings)
+        except ValueError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise ValueError(_cannot("made", self._entry, error)) from error
+        problem = _unlike_protocol(made)
+        if problem:
+            raise ValueError(
+                f'what the system under test "{self.name}" makes {problem}, see scenario_tui/sut.py'
+            )
+        return made
 
-def _find_entry(kind: str) -> EntryPoint:
-    """Return the entry point of a kind; raises :class:`SutMissing` when there is none."""
-    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=kind)), None)
-    if entry is None:
-        hint = did_you_mean(kind, sut_kinds())
-        raise SutMissing(f'no system under test of kind "{kind}": {hint}')
-    return entry
+    def findings(self, settings: Mapping[str, Any]) -> ParameterFindings:
+        """Make the system once, in this process, for what it refuses.
+
+        It has :data:`CHECK_LIMIT` seconds. What it prints goes to standard error, where it spoils
+        no answer of a command.
+        """
+        try:
+            with (
+                redirect_stdout(sys.stderr),
+                wall_clock_limit(CHECK_LIMIT),
+                interruptible("its factory"),
+            ):
+                self.make(settings)
+        except OutOfTime as error:
+            hint = "what takes longer belongs into start()"
+            raise ValueError(f"{_name(self._entry)} was not made: {error}; {hint}") from error
+        except (ParameterError, SutMissing):
+            raise
+        except ValueError as error:
+            raise ValueError(codec.reading_error(error) or "ValueError without a word") from error
+        return ParameterFindings()
 
 
 def _name(entry: EntryPoint) -> str:

@@ -74,7 +74,7 @@ _LAYER_TYPES: Final = [
 def sut_schema(title: str) -> Schema:
     """Check the parameters of the kinds that ship; those that plug in check their own."""
     from daemon.campaign import SutFile
-    from daemon.stacks import PilotParameters
+    from daemon.stacks.pilot import PilotParameters
     from daemon.stacks.ros2.keys import ROS2_KEYS
     from grammars.editor import editor_schema
 

@@ -295,11 +295,11 @@ def _settings(spec: RunSpec) -> Ros2Settings:
     """Return the names of the stack that was named, else the usual ones."""
     from daemon.live.ros_bridge import usual_settings
     from daemon.model.attachments import resolve_paths
-    from daemon.stacks.ros2.settings import read_settings
+    from daemon.stacks.ros2 import ROS2
 
     return (
-        read_settings(resolve_paths(spec.sut.parameters, spec.sut.files))
-        if spec.sut.kind == "ros2"
+        ROS2.read(resolve_paths(spec.sut.parameters, spec.sut.files))
+        if spec.sut.kind == ROS2.name
         else usual_settings()
     )
 

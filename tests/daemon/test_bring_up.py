@@ -9,9 +9,9 @@ from daemon.model.spec import RunResult, SutReference
 from daemon.model.sut import Decision, Progress, SutEvent, SutFailure
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
-from daemon.stacks import registry
 from daemon.trace import read_outputs, read_trace
 from grammars.text import codec
+from tests.plugins import plug_in
 
 
 class Outside:
@@ -53,7 +53,7 @@ def demo(campaigns):
 
 
 def executed(demo, system, path, monkeypatch):
-    monkeypatch.setitem(registry._BUILT_IN, "outside", lambda _: system)
+    plug_in(monkeypatch, "outside", lambda _: system)
     seen = []
     return execute(*demo, trace_path=path, on_progress=seen.append), seen
 
@@ -130,7 +130,7 @@ class _Watching:
 @pytest.mark.parametrize("failure", ["", "it ended with exit code 3"])
 def test_it_is_judged_from_its_bring_up_to_however_it_ends(demo, tmp_path, monkeypatch, failure):
     system = Outside(("starting", "3 of 8"), failure)
-    monkeypatch.setitem(registry._BUILT_IN, "outside", lambda _: system)
+    plug_in(monkeypatch, "outside", lambda _: system)
     watching = _Watching()
     result = execute(
         *demo, trace_path=tmp_path / "run.mcap", on_progress=lambda _: None, judgements=watching

@@ -20,12 +20,12 @@ from daemon.model.spec import SutReference
 from daemon.model.sut import CostmapPicture, Decision, Estimate, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError, execute
-from daemon.stacks import registry
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot_files import load_robot
 from grammars.text import codec
 from tests.daemon.trace.mcap_checks import complaints
+from tests.plugins import plug_in
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def scripted(monkeypatch):
     def make(parameters):
         return Scripted(**{key: float(str(value)) for key, value in parameters.items()})
 
-    monkeypatch.setitem(registry._BUILT_IN, "scripted", make)
+    plug_in(monkeypatch, "scripted", make)
 
 
 RUN_IN_A_PROCESS = """

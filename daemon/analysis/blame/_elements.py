@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from daemon.campaign import (
-    ROS2,
     CampaignCell,
     LayerLibrary,
     ParameterValue,
@@ -24,7 +23,7 @@ from daemon.campaign import (
 from daemon.model.attachments import resolve_paths
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Verdict
-from daemon.stacks.registry import check_parameters
+from daemon.stacks.registry import check_parameters, stack_kind
 from grammars.model.behaviour import (
     Behaviour,
     Event,
@@ -157,7 +156,7 @@ def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary
 
     How a ROS 2 stack is started is not taken apart: without a part of it, it would not start.
     """
-    if sut.kind == ROS2:
+    if stack_kind(sut.kind).keys:
         return SutDifferences(sut, "", {}, ())
     for reference in cell.scenario.suts:
         loaded = library.loaded_sut(reference)

@@ -22,7 +22,6 @@ from daemon.analysis.blame._search import BlameResult
 from daemon.campaign import (
     FLOORPLAN,
     ROBOT,
-    ROS2,
     expand,
     find_layer,
     load_campaign,
@@ -32,7 +31,7 @@ from daemon.campaign import (
 from daemon.model.attachments import FILES_PARAMETER, stored_file
 from daemon.model.spec import RunSpec, SutReference
 from daemon.run_map import stored_map
-from daemon.stacks.ros2.keys import ROS2_KEYS
+from daemon.stacks.registry import stack_kind
 from grammars.jsonld import is_jsonld, plan_document, scenery_document
 from grammars.model.map_files import write_map
 from grammars.scenery import load_scenery
@@ -216,7 +215,7 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     sut, settings = found.smallest.spec.sut, case.settings
     file = f"suts/{sut.name}.yaml"
     changes = parameter_tree(settings.kept(found.left))
-    if sut.kind == ROS2 or sut.files or not settings.like or not changes:
+    if stack_kind(sut.kind).keys or sut.files or not settings.like or not changes:
         return folder.write(file, yaml_text(_whole_sut(sut, folder)))
     # The saved system keeps its name, which verdicts show; the one it is like makes room.
     like = settings.like if settings.like != sut.name else f"{sut.name}-base"
@@ -228,8 +227,8 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
 def _whole_sut(sut: SutReference, folder: _Folder) -> dict[str, Any]:
     """Return what the file of a system says; the files it needs are copied beside it."""
     keys: dict[str, Any] = {"parameters": sut.parameters}
-    if sut.kind == ROS2:
-        keys = {name: sut.parameters[name] for name in ROS2_KEYS if name in sut.parameters}
+    if own := stack_kind(sut.kind).keys:
+        keys = {name: sut.parameters[name] for name in own if name in sut.parameters}
     for name, digest in sut.files.items():
         folder.copy(f"suts/files/{name}", stored_file(digest))
     files = {FILES_PARAMETER: {name: f"files/{name}" for name in sut.files}} if sut.files else {}

@@ -9,33 +9,51 @@ more.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, Final
 
-from daemon.model.sut import SystemUnderTest
+from daemon.stacks.kind import StackKind, speed_over_ground
 from daemon.stacks.pilot._parameters import PilotParameters, read_parameters
 from daemon.stacks.pilot._pilot import Idle, Pilot
 
-__all__ = ["PilotParameters", "make_idle", "make_pilot", "top_speed", "warm_up"]
+if TYPE_CHECKING:
+    from daemon.model.sut import SystemUnderTest
+    from grammars.model.robot import Robot
+
+__all__ = ["IDLE", "PILOT", "PilotParameters", "warm_up"]
 
 
-def make_pilot(parameters: Mapping[str, object]) -> SystemUnderTest:
-    """Return a fresh pilot; raises ``ValueError`` for parameters it does not take."""
-    return Pilot(read_parameters(parameters))
+class _PilotKind(StackKind[PilotParameters]):
+    name = "pilot"
+    plain_numbers = True
+
+    def read(self, parameters: Mapping[str, Any]) -> PilotParameters:
+        return read_parameters(parameters)
+
+    def make(self, settings: PilotParameters) -> SystemUnderTest:
+        return Pilot(settings)
+
+    def top_speed(self, settings: PilotParameters, robot: Robot) -> float:
+        return speed_over_ground(robot.drive, settings.max_speed)
+
+    def defaults(self) -> Mapping[str, Any]:
+        return {each.name: each.default for each in fields(PilotParameters)}
 
 
-def top_speed(parameters: Mapping[str, object]) -> float:
-    """Return how fast the pilot drives along an axis of a robot at most [m/s].
+class _IdleKind(StackKind[None]):
+    name = "idle"
 
-    Raises ``ValueError`` for parameters it does not take.
-    """
-    return read_parameters(parameters).max_speed
+    def read(self, parameters: Mapping[str, Any]) -> None:
+        if parameters:
+            names = ", ".join(f'"{name}"' for name in parameters)
+            raise ValueError(f"the idle system takes no parameters, given: {names}")
+
+    def make(self, settings: None) -> SystemUnderTest:
+        return Idle()
 
 
-def make_idle(parameters: Mapping[str, object]) -> SystemUnderTest:
-    """Return a system that never moves; raises ``ValueError`` for any parameter."""
-    if parameters:
-        names = ", ".join(f'"{name}"' for name in parameters)
-        raise ValueError(f"the idle system takes no parameters, given: {names}")
-    return Idle()
+PILOT: Final = _PilotKind()
+IDLE: Final = _IdleKind()
 
 
 def warm_up() -> None:

@@ -6,21 +6,49 @@ files people already have, quirks included (:mod:`daemon.stacks.ros1.quirks`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
 
-from daemon.model.sut import SystemUnderTest
+from daemon.stacks.findings import ParameterFinding, ParameterFindings
+from daemon.stacks.kind import StackKind
 
-__all__ = ["make_ros"]
+if TYPE_CHECKING:
+    from daemon.model.sut import SystemUnderTest
+    from daemon.stacks.ros1.configuration import RosParameters
+    from grammars.model.robot import Robot
 
 
-def make_ros(parameters: Mapping[str, Any]) -> SystemUnderTest:
-    """Return a fresh stack configured by a tree of ROS parameters.
+class _RosKind(StackKind["RosParameters"]):
+    name = "ros"
+    plain_numbers = True
+    files: ClassVar[Literal["parameters"]] = "parameters"
 
-    Raises ``ValueError`` (:class:`daemon.stacks.ros1.parameters.ParameterError`) naming
-    everything that is wrong with them.
-    """
-    from daemon.stacks.ros1.configuration import read_ros
-    from daemon.stacks.ros1.stack import RosStack
+    def read(self, parameters: Mapping[str, Any]) -> RosParameters:
+        # Here and below: who tests another stack waits for none of the imports.
+        from daemon.stacks.ros1.configuration import read_ros
 
-    return RosStack(read_ros(parameters))
+        return read_ros(parameters)
+
+    def make(self, settings: RosParameters) -> SystemUnderTest:
+        from daemon.stacks.ros1.stack import RosStack
+
+        return RosStack(settings)
+
+    def findings(self, settings: RosParameters) -> ParameterFindings:
+        return settings.findings
+
+    def advise(self, settings: RosParameters, robot: Robot) -> Iterable[ParameterFinding]:
+        from daemon.stacks.ros1.advice import advise_for_robot
+
+        return advise_for_robot(settings, robot)
+
+    def top_speed(self, settings: RosParameters, robot: Robot) -> float:
+        from daemon.stacks.ros1.dwa import DwaParameters
+
+        planner, bound = settings.local_planner, super().top_speed(settings, robot)
+        if isinstance(planner, DwaParameters) and planner.max_vel_trans > 0.0:
+            return min(planner.max_vel_trans, bound)
+        return bound
+
+
+ROS: Final = _RosKind()

@@ -3,3 +3,58 @@
 A link (:mod:`daemon.stacks.ros2.link`) talks to a stack by a relay that runs in the stack's own
 ROS 2.
 """
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
+
+from daemon.model.attachments import SutMissing
+from daemon.model.execution import commands_allowed
+from daemon.stacks.findings import ParameterFinding, ParameterFindings
+from daemon.stacks.kind import StackKind
+from daemon.stacks.ros2.keys import ROS2_KEYS
+
+if TYPE_CHECKING:
+    from daemon.model.sut import SystemUnderTest
+    from daemon.stacks.ros2.settings import Ros2Settings
+    from grammars.model.robot import Robot
+
+
+class _Ros2Kind(StackKind["Ros2Settings"]):
+    name = "ros2"
+    external = True
+    keys = ROS2_KEYS
+    files: ClassVar[Literal["attached"]] = "attached"
+
+    def read(self, parameters: Mapping[str, Any]) -> Ros2Settings:
+        # Here and below: who tests another stack waits for none of the imports.
+        from daemon.stacks.ros2.settings import read_settings
+
+        return read_settings(parameters)
+
+    def make(self, settings: Ros2Settings) -> SystemUnderTest:
+        """Return a stack that is started once a run begins.
+
+        Raises :class:`SutMissing` where commands of SUT files are refused.
+        """
+        if not commands_allowed():
+            raise SutMissing(
+                "this worker starts no commands that come from elsewhere: let it with --commands"
+            )
+        from daemon.stacks.ros2.stack import Ros2Stack
+
+        return Ros2Stack(settings)
+
+    def findings(self, settings: Ros2Settings) -> ParameterFindings:
+        from daemon.stacks.ros2.advice import check_settings
+
+        return check_settings(settings)
+
+    def advise(self, settings: Ros2Settings, robot: Robot) -> Iterable[ParameterFinding]:
+        from daemon.stacks.ros2.advice import advise_for_robot
+
+        return advise_for_robot(settings, robot)
+
+
+ROS2: Final = _Ros2Kind()

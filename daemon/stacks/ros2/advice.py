@@ -5,13 +5,13 @@ Measured with the eight lifecycle nodes of Nav2 (Jazzy) unless it says otherwise
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterator
+from typing import Final
 
 from daemon.model.attachments import FILES_PARAMETER
 from daemon.stacks.findings import ParameterFinding, ParameterFindings
 from daemon.stacks.ros2.placeholders import MAP, placeholders_in
-from daemon.stacks.ros2.settings import Ros2Settings, read_settings, texts_with_placeholders
+from daemon.stacks.ros2.settings import Ros2Settings, texts_with_placeholders
 from grammars.model.robot import Robot
 from grammars.text.diagnostics import did_you_mean
 
@@ -22,12 +22,8 @@ _LONGEST_PATIENCE: Final = 10.0
 _ROUNDING: Final = 1e-6
 
 
-def check_settings(parameters: Mapping[str, Any]) -> ParameterFindings:
-    """Return warnings about settings; starts nothing.
-
-    Raises :class:`~daemon.stacks.findings.ParameterError` for settings that cannot be used.
-    """
-    settings = read_settings(parameters)
+def check_settings(settings: Ros2Settings) -> ParameterFindings:
+    """Return warnings about settings; starts nothing."""
     return ParameterFindings((*_about_waiting(settings), *_about_starting(settings)))
 
 

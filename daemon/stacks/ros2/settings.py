@@ -26,8 +26,6 @@ from daemon.stacks.ros2.placeholders import MAP, STANDARD, check_placeholders, f
 from grammars.model.robot import Laser
 from grammars.text.documents import explain_finding
 
-REPEATABLE: Final = "repeatable"
-"""The parameter that says of an external system that its runs differ; always false here."""
 ActionKind: TypeAlias = Literal["navigate_to_pose", "follow_waypoints", "navigate_through_poses"]
 _FILE_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _ACTIONS: Final[Mapping[Mission, ActionKind]] = MappingProxyType(
@@ -153,11 +151,11 @@ def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
 
     Raises :class:`~daemon.stacks.findings.ParameterError` with everything that is wrong.
     """
-    given = {name: value for name, value in parameters.items() if name != REPEATABLE}
+    given = {name: value for name, value in parameters.items() if name != "repeatable"}
     problems = []
-    if parameters.get(REPEATABLE, False) is not False:
+    if parameters.get("repeatable", False) is not False:
         message = "a stack outside of the simulation is never repeatable"
-        problems.append(ParameterFinding((REPEATABLE,), message, "leave it out"))
+        problems.append(ParameterFinding(("repeatable",), message, "leave it out"))
     try:
         keys = _Ros2Parameters.model_validate(given)
     except ValidationError as error:

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from daemon.stacks import PilotParameters
+from daemon.stacks.pilot import PilotParameters
 from daemon.stacks.pilot.guard import (
     CollisionGuard,
     Surroundings,

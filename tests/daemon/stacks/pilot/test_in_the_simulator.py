@@ -8,7 +8,7 @@ import pytest
 
 from daemon.model.sut import Briefing, LaserScan, Observation
 from daemon.simulator import World
-from daemon.stacks import make_pilot
+from daemon.stacks.registry import make_sut
 from grammars.floorplan import load_floorplan
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission
@@ -29,7 +29,7 @@ class Drive:
         behaviours = resolve_behaviours(scene, layers, seed=seed, limit=limit).behaviours
         world = World(scene, robot, mission.start, behaviours, seed)
         grid = occupancy_grid(scene, laser_height=robot.laser.z)
-        pilot = make_pilot({})
+        pilot = make_sut("pilot", {})
         pilot.start(Briefing(robot, grid, mission, mission.start, seed))
         self.events = []
         self.contacts = 0

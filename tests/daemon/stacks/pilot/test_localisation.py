@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.model.sut import Odometry
-from daemon.stacks import PilotParameters
+from daemon.stacks.pilot import PilotParameters
 from daemon.stacks.pilot.localisation import Localiser
 from daemon.stacks.pilot.map_field import map_field
 from grammars.model.geometry import Pose2, Twist2, wrap_angle

@@ -4,8 +4,9 @@ import sys
 import pytest
 
 from daemon.model.sut import Observation
-from daemon.stacks import PilotParameters, make_idle, make_pilot
+from daemon.stacks.pilot import PilotParameters
 from daemon.stacks.pilot._parameters import read_parameters
+from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Twist2
 
 
@@ -17,7 +18,7 @@ def test_defaults_are_taken_and_given_values_replace_them():
 
 def test_an_unknown_parameter_is_answered_with_the_nearest_one():
     with pytest.raises(ValueError, match=r'"goal_tolerence".*did you mean "goal_tolerance"\?'):
-        make_pilot({"goal_tolerence": 0.2})
+        make_sut("pilot", {"goal_tolerence": 0.2})
 
 
 @pytest.mark.parametrize(
@@ -31,30 +32,30 @@ def test_an_unknown_parameter_is_answered_with_the_nearest_one():
 )
 def test_a_bad_value_is_named_with_what_was_given(name, value):
     with pytest.raises(ValueError, match=name):
-        make_pilot({name: value})
+        make_sut("pilot", {name: value})
 
 
 def test_a_quantity_with_its_unit_is_answered_with_what_to_write():
     with pytest.raises(ValueError, match=r"goal_tolerance.*'15 cm'.*plain number in SI units"):
-        make_pilot({"goal_tolerance": "15 cm"})
+        make_sut("pilot", {"goal_tolerance": "15 cm"})
 
 
 def test_all_problems_are_reported_at_once():
     with pytest.raises(ValueError, match=r"no parameter \"x\".*max_speed.*patience"):
-        make_pilot({"x": 1, "max_speed": 0.0, "patience": -1.0})
+        make_sut("pilot", {"x": 1, "max_speed": 0.0, "patience": -1.0})
 
 
 def test_the_idle_system_stands_still_and_takes_no_parameters():
-    decision = make_idle({}).update(Observation(0.0, (), ()))
+    decision = make_sut("idle", {}).update(Observation(0.0, (), ()))
     assert decision.command == Twist2()
     assert decision.progress.state == "active"
     with pytest.raises(ValueError, match="speed"):
-        make_idle({"speed": 1.0})
+        make_sut("idle", {"speed": 1.0})
 
 
 def test_checking_parameters_loads_no_compiler():
     code = (
-        "import sys; from daemon.stacks import make_pilot; make_pilot({});"
+        "import sys; from daemon.stacks.registry import make_sut; make_sut('pilot', {});"
         "sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

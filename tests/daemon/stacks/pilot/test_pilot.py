@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from daemon.model.sut import Observation
-from daemon.stacks import make_pilot
 from daemon.stacks.pilot import _driver
+from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Pose2, wrap_angle
 from grammars.model.robot import OdometryNoise
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
@@ -145,7 +145,7 @@ def test_it_goes_on_when_what_boxed_it_in_is_taken_away():
 
 def test_it_must_be_started():
     with pytest.raises(RuntimeError, match="not started"):
-        make_pilot({}).update(Observation(0.0, (), ()))
+        make_sut("pilot", {}).update(Observation(0.0, (), ()))
 
 
 def short_sighted(*, z=0.3, kind="omnidirectional"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from daemon.model.sut import Briefing, Decision, Estimate, LaserScan, Observation, Odometry
-from daemon.stacks import make_pilot
+from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
@@ -121,7 +121,7 @@ def drive(
     goals = tuple(
         Waypoint(f"w{k}", w[0], w[1], w[2] if len(w) > 2 else None) for k, w in enumerate(waypoints)
     )
-    pilot = make_pilot(parameters)
+    pilot = make_sut("pilot", parameters)
     grid = draw(walls, size)
     mission = Mission("test", start, goals)
     pilot.start(Briefing(robot, grid, mission, start, np.random.SeedSequence(seed)))

@@ -8,7 +8,7 @@ import pytest
 
 from daemon.model.sut import Briefing, LaserScan, Observation, Odometry
 from daemon.model.verdicts import Outcome
-from daemon.stacks import make_ros
+from daemon.stacks.registry import make_sut
 from daemon.stacks.ros1.stack import common_step
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2, Twist2
@@ -128,7 +128,7 @@ def test_its_step_fits_the_control_loop_and_the_turn(frequencies, step):
 
 def test_bad_parameters_are_refused_before_anything_runs():
     with pytest.raises(ValueError, match="min_vel_trans"):
-        make_ros(configured(move_base__DWAPlannerROS__min_vel_trans=1.0))
+        make_sut("ros", configured(move_base__DWAPlannerROS__min_vel_trans=1.0))
 
 
 def observe(time, *, odometry=True, scan=False):
@@ -139,7 +139,7 @@ def observe(time, *, odometry=True, scan=False):
 
 
 def test_a_scan_waits_for_the_odometry_at_its_stamp():
-    stack = make_ros(configured())
+    stack = make_sut("ros", configured())
     grid = occupancy_grid(room(), laser_height=0.3)
     start = Pose2(1.0, 2.0)
     mission = Mission("m", start, ACROSS)

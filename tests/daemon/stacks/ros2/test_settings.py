@@ -39,7 +39,7 @@ def problems(**changed):
 
 
 def warnings(**changed):
-    return [str(problem) for problem in check_settings(STACK | changed).problems]
+    return [str(problem) for problem in check_settings(read_settings(STACK | changed)).problems]
 
 
 def test_what_is_left_out_is_as_documented():
