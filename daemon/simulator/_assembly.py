@@ -80,7 +80,7 @@ class BodyAssembly:
     motions: list[MovingJoint] = field(default_factory=list)
     walks: list[MovingJoint] = field(default_factory=list)
     owners: dict[pymunk.Shape, str] = field(default_factory=dict)
-    held: dict[str, float] = field(default_factory=dict)
+    holds: dict[str, float] = field(default_factory=dict)
 
     def placements_on(self, slot: int) -> list[PlacedLink]:
         """Return the links that are part of one body."""
@@ -88,23 +88,23 @@ class BodyAssembly:
 
     def behind(self, slot: int) -> list[int]:
         """Return ``slot`` and all slots that hang on it, parents first."""
-        found = [slot]
-        for parent in found:
-            found += [m.child for m in self.motions if m.parent == parent]
-        return found
+        slots = [slot]
+        for parent in slots:
+            slots += [m.child for m in self.motions if m.parent == parent]
+        return slots
 
 
 def assemble(
     space: pymunk.Space,
     scene: Scene,
     start: Mapping[str, float],
-    held: Mapping[str, float],
+    holds: Mapping[str, float],
     height: float,
     walking: Collection[str] = (),
 ) -> BodyAssembly:
     """Add the links of all objects to ``space``.
 
-    ``start`` overrides the initial position of joints by name, ``held`` names joints that stay
+    ``start`` overrides the initial position of joints by name, ``holds`` names joints that stay
     where they are for the whole run, ``walking`` movers that walk. Links within [0, height]
     above the floor collide.
 
@@ -117,7 +117,7 @@ def assemble(
         # In three steps: bodies need the frames of all links on them before they have a mass, and
         # shapes need a body whose centre of mass is final.
         first_slot = len(assembly.bodies)
-        placer = _LinkPlacer(assembly, item, start, held, item.name in walking)
+        placer = _LinkPlacer(assembly, item, start, holds, item.name in walking)
         placements = [placer.place(link) for link in item.links]
         assembly.placements += placements
         for slot in range(first_slot, len(assembly.bodies)):
@@ -135,11 +135,11 @@ class _LinkPlacer:
         assembly: BodyAssembly,
         item: SceneObject,
         start: Mapping[str, float],
-        held: Mapping[str, float],
+        holds: Mapping[str, float],
         walks: bool,
     ) -> None:
         self._assembly, self._item, self._walks = assembly, item, walks
-        self._start, self._held = start, held
+        self._start, self._holds = start, holds
         self._links = {link.name: link for link in item.links}
         self._joints = {
             joint.child: (joint, q) for joint, q in zip(item.joints, item.initial, strict=True)
@@ -162,15 +162,15 @@ class _LinkPlacer:
         if self._walks and joint.name in PLANAR_JOINTS:
             return self._walker(base, joint)
         name = f"{item.name}.{joint.name}"
-        q = self._held.get(name, self._start.get(name, q))
+        q = self._holds.get(name, self._start.get(name, q))
         if joint.parent != "world":
             base = self.place(self._links[joint.parent])
         frame = base.frame @ joint_motion(joint, q)
         # Beside the frame, whose yaw is wrapped: a joint may stand at more than half a turn, and
         # its position is the difference of two unwrapped angles.
         angle = base.angle + (q if joint.kind == "revolute" else 0.0)
-        if item.frozen or name in self._held or is_fixed(joint):
-            self._assembly.held[name] = q
+        if item.frozen or name in self._holds or is_fixed(joint):
+            self._assembly.holds[name] = q
             return PlacedLink(owner, link, base.slot, frame, angle)
         slot = self._new_body(base.slot, frame, angle)
         offset = base.angle - self._assembly.bodies[base.slot].angle
@@ -288,7 +288,7 @@ class BodyStates:
         return self._table
 
     def _slept_since(self, tick: int) -> bool:
-        """Whether every body sleeps, and has since the last reading.
+        """Return whether every body sleeps, and has slept since the last reading.
 
         Within less than the time bodies take to fall asleep none can have woken, moved and
         fallen asleep again.
@@ -356,19 +356,19 @@ def _read_joints(
 
 
 class JointReader:
-    """Positions and velocities of named joints; held joints stay at their position, speed 0."""
+    """Positions and velocities of named joints; those in ``holds`` stand still."""
 
     def __init__(
         self,
         names: tuple[str, ...],
         motions: list[MovingJoint],
-        held: dict[str, float],
+        holds: dict[str, float],
         bodies: list[pymunk.Body],
     ) -> None:
         index = {name: i for i, name in enumerate(names)}
         self._where = np.array([index[m.name] for m in motions], dtype=np.intp)
         self._rest = np.zeros((2, len(names)))
-        for name, position in held.items():
+        for name, position in holds.items():
             self._rest[0, index[name]] = position
         self._version, self._states = 0, (self._rest[0], self._rest[1])
         self._parents = np.array([m.parent for m in motions], dtype=np.intp)

@@ -132,7 +132,7 @@ class JointActuator:
 
     @property
     def blocked(self) -> bool:
-        """Whether a held jump still waits for the robot to make way."""
+        """True while a jump that is to hold waits for the robot to make way."""
         return self._target is not None
 
     def report(self, text: str) -> None:
@@ -153,7 +153,7 @@ class JointActuator:
             self._drive.hold(reached)
 
     def retry(self, footprint: Floats) -> None:
-        """Take a blocked, held jump as far as the robot now allows."""
+        """Take a blocked jump that is to hold as far as the robot now allows."""
         if self._target is None:
             return
         reached = self._jumper.jump(self._target, footprint)
@@ -260,13 +260,13 @@ def starting_positions(
     frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
     movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
     start: dict[str, float] = {}
-    # Nobody pushes a person: who has no walk stands still for good.
-    held = {
+    # Nothing pushes a person: a mover without a walk stands still for good.
+    holds = {
         f"{o.name}.{joint}": q
         for o in movers.values()
         for joint, q in zip(PLANAR_JOINTS, o.initial, strict=False)
     }
-    seen: set[str] = set()
+    driven: set[str] = set()
     for behaviour in behaviours:
         name = behaviour.joint
         if isinstance(behaviour, Walk) and behaviour.object not in movers:
@@ -275,21 +275,21 @@ def starting_positions(
             raise ValueError(f"behaviour {behaviour.kind}: the scene has no joint {name!r}")
         if frozen[name]:
             raise ValueError(f"behaviour {behaviour.kind}: joint {name!r} is frozen")
-        if name in seen:
+        if name in driven:
             raise ValueError(f"joint {name!r} has more than one behaviour")
-        seen.add(name)
+        driven.add(name)
         if isinstance(behaviour, Walk):
             start.update(_first_step(behaviour, movers[behaviour.object]))
             for joint in behaviour.joints:
-                del held[joint]
-                seen.add(joint)
+                del holds[joint]
+                driven.add(joint)
         elif isinstance(behaviour, Hold):
-            held[name] = behaviour.position
-        elif name in held:
+            holds[name] = behaviour.position
+        elif name in holds:
             raise ValueError(f"behaviour {behaviour.kind}: {name!r} belongs to a mover")
         elif behaviour.start_position is not None:
             start[name] = behaviour.start_position
-    return start, held
+    return start, holds
 
 
 def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:

@@ -25,7 +25,7 @@ Edge = tuple[float, float, float, float]
 
 
 def cut_at(scene: Scene, assembly: BodyAssembly, z: float) -> LaserPlane:
-    """Return what a laser at height ``z`` can hit."""
+    """Return the surfaces that a laser at height ``z`` can hit."""
     walls, _, _ = wall_outline(scene.solids, z)
     static: list[Edge] = []
     moving: list[Edge] = []
@@ -67,8 +67,8 @@ def _rows(edges: Sequence[Edge]) -> Floats:
 
 def build_walls(space: pymunk.Space, scene: Scene, height: float) -> dict[pymunk.Shape, str]:
     """Add all solids between the floor and ``height`` to ``space``; return owners by shape."""
-    # All that the body can hit, as if it were of one height: the outline of their union has no
-    # edges inside of it that a robot could catch on.
+    # All solids that the body can hit, as if they were of one height: the outline of their union
+    # has no inner edges that a robot could catch on.
     solids = tuple(
         replace(solid, z_min=0.0, z_max=1.0)
         for solid in scene.solids
@@ -132,7 +132,7 @@ class WorldEvent:
 
 @dataclass(slots=True)
 class _OngoingContact:
-    """One owner being touched: by how many pairs of shapes now, and what is known of it."""
+    """A touch of one owner: how many pairs of shapes touch now, and the deepest instant so far."""
 
     began: int
     last: int
@@ -197,7 +197,7 @@ class ContactLog:
         return self._owners[second if first is self._robot else first]
 
     def _look(self, arbiter: pymunk.Arbiter) -> None:
-        """Note where the touch is now if it is deeper than what is known of it."""
+        """Note where the touch is now if it is deeper than before."""
         touch = self._touches[self._owner(arbiter)]
         contact = arbiter.contact_point_set
         deepest = min(contact.points, key=lambda point: point.distance)
@@ -221,18 +221,18 @@ class ContactLog:
         # at, because looking in every step would cost a call into Python each.
         if any(touch.pairs for touch in self._touches.values()):
             self._body.each_arbiter(self._look)
-        taken, self._finished = self._finished, []
+        contacts, self._finished = self._finished, []
         for owner, touch in list(self._touches.items()):
             if touch.pairs:
                 touch.last = tick
             elif touch.reported:
-                # Over and told; forgotten only when it can no longer resume.
+                # Over and reported; forgotten only when it can no longer resume.
                 if tick - touch.last > _MERGE_TICKS:
                     del self._touches[owner]
                 continue
-            taken.append(_contact(owner, touch))
+            contacts.append(_contact(owner, touch))
             touch.reported, touch.depth = True, -1.0
-        return tuple(sorted(taken, key=lambda contact: (contact.time, contact.second)))
+        return tuple(sorted(contacts, key=lambda contact: (contact.time, contact.second)))
 
 
 def _contact(owner: str, touch: _OngoingContact) -> RobotContact:

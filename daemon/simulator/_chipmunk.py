@@ -2,8 +2,8 @@
 
 A pymunk property takes two to six times as long as the function of Chipmunk it calls, and a step
 of the space half a microsecond more. The rest of what pymunk does there (vectors, checks, the end
-of a step) is not needed in every tick: with it, a corridor at rest takes a fifth more CPU. Who
-reads or writes a body a few times a run uses pymunk.
+of a step) is not needed in every tick: with it, a corridor at rest takes a fifth more CPU. Code
+that reads or writes a body a few times a run uses pymunk.
 
 pymunk keeps these functions for itself: ``pyproject.toml`` admits the versions that have them.
 """
@@ -78,18 +78,18 @@ def body_reader(space: pymunk.Space) -> Callable[[], tuple[bytes, Floats]]:
     data = ffi.new("pmBatchedData *")
     visit = ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")
     data.fields, data.intArray, data.floatArray = _FIELDS.value, ints, floats
-    each, seen = lib.cpSpaceEachBody, (ffi.NULL, ffi.NULL, 0)
+    each, layout = lib.cpSpaceEachBody, (ffi.NULL, ffi.NULL, 0)
     ids = np.empty(0, dtype=np.uintp)
     values: Floats = np.empty((0, _COLUMNS))
 
     def read() -> tuple[bytes, Floats]:
-        nonlocal seen, ids, values
+        nonlocal layout, ids, values
         ints.num = floats.num = 0
         each(raw, visit, data)
         # Chipmunk's arrays move when they grow, at first.
         now = (ints.arr, floats.arr, ints.num)
-        if now != seen:
-            seen = now
+        if now != layout:
+            layout = now
             ids = np.frombuffer(buffer.int_buf(), dtype=np.uintp)
             values = np.frombuffer(buffer.float_buf(), dtype=np.float64).reshape(-1, _COLUMNS)
         return ids.tobytes(), values

@@ -84,7 +84,7 @@ class JointDrive:
 
     @property
     def _grip(self) -> Point2:
-        """Where a sliding child is guided: its centre of mass, so that guiding never turns it."""
+        """The point at which a sliding child is guided: its centre of mass, so it never turns."""
         x, y = self.child.center_of_gravity
         return (x, y)
 

@@ -37,7 +37,7 @@ class MobileBase:
 
     Attributes:
         handle: the body, for the functions of ``_chipmunk``.
-        touching: pairs of shapes in contact, kept by whoever records contacts.
+        touching: pairs of shapes in contact, kept by the log of contacts.
     """
 
     def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:

@@ -47,7 +47,7 @@ under a load, less than anybody would call open."""
 
 
 class EventQueue:
-    """Who waits for what, and what is due after its delay.
+    """Acts that wait for events, and the agenda of those that are due after a delay.
 
     Attributes:
         due: tick at which the next act is due, if any.
@@ -77,8 +77,8 @@ class EventQueue:
         self._watch()
 
     def _watch(self) -> None:
-        """Look at the joints that somebody waits to see moving, from where they are now."""
-        wanted = {
+        """Watch the joints whose motion some act waits for, from where they are now."""
+        names = {
             name
             for event, _, _ in self._waiting
             if isinstance(event, JointActs) and event.act == "moves"
@@ -86,7 +86,7 @@ class EventQueue:
             if name in self._positions
         }
         self._watched = {
-            name: self._watched.get(name, self._positions[name]()) for name in sorted(wanted)
+            name: self._watched.get(name, self._positions[name]()) for name in sorted(names)
         }
 
     @property
@@ -96,11 +96,11 @@ class EventQueue:
 
     @property
     def watching(self) -> bool:
-        """Whether :meth:`check_moving_joints` must be called every tick."""
+        """True while :meth:`check_moving_joints` must be called every tick."""
         return bool(self._watched)
 
     def close(self) -> None:
-        """Forget who waits for what."""
+        """Forget all acts."""
         self._waiting.clear()
         self._agenda.clear()
 
@@ -186,8 +186,8 @@ class BehaviourScheduler:
             name: drive.position for name, drive in drives.items()
         }
         self._events = EventQueue(waypoints, positions)
-        # Walkers first and their waiting afterwards: what a walk waits for may be the moving of
-        # another walker, whose position must be known by then.
+        # Walkers first and their waiting afterwards: a walk may wait for another walker to move,
+        # which needs the position of that one.
         walks = [b for b in behaviours if isinstance(b, Walk)]
         for walk in walks:
             walker = self._add_walker(walk)
@@ -260,7 +260,7 @@ class BehaviourScheduler:
             actors.clear()
 
     def progress(self, current: int, reached: int, tick: int) -> None:
-        """Take note of what the mission has come to."""
+        """Take note of the progress of the mission."""
         self._events.note_progress(current, reached, tick)
         # What waited for this may have to happen at once.
         self.due = min(self.due, self._events.due)
@@ -281,7 +281,7 @@ class BehaviourScheduler:
             self._events.check_moving_joints(tick)
         if tick >= self._events.due:
             self._events.run_due(tick)
-        # Walkers last: who sets out now makes the first step now.
+        # Walkers last: one that sets out now makes its first step now.
         for actuator in self._reacting:
             if actuator.blocked:
                 actuator.retry(self._world_footprint())

@@ -39,7 +39,7 @@ _DRAWN_AHEAD = 256
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserPlane:
-    """What lasers at one height can hit, cut there once for all of them.
+    """Surfaces that lasers at one height can hit, cut there once for all of them.
 
     ``static`` segments (n, 4) in the world; ``moving`` ones (m, 4) in the frame of the body in row
     ``moving_slot`` of the table of bodies, sorted by it.
@@ -137,22 +137,22 @@ def cast_rays(
     # Walls are chains: a segment that starts where the last one ended takes over its end, turned
     # into the sensor frame, and the arctangent if there was one.
     qx = qy = to_angle = 0.0
-    known = False
+    has_angle = False
     for k in range(static.shape[0]):
         if k > 0 and static[k, 0] == static[k - 1, 2] and static[k, 1] == static[k - 1, 3]:
-            px, py, from_angle, from_known = qx, qy, to_angle, known
+            px, py, from_angle, from_has_angle = qx, qy, to_angle, has_angle
         else:
             dx, dy = static[k, 0] - x, static[k, 1] - y
-            px, py, from_angle, from_known = c * dx + s * dy, c * dy - s * dx, 0.0, False
+            px, py, from_angle, from_has_angle = c * dx + s * dy, c * dy - s * dx, 0.0, False
         dx, dy = static[k, 2] - x, static[k, 3] - y
         qx, qy = c * dx + s * dy, c * dy - s * dx
-        known = False
+        has_angle = False
         if _is_hidden(px, py, qx, qy, reach2):
             continue
-        if not from_known:
+        if not from_has_angle:
             from_angle = math.atan2(py, px)
         to_angle = math.atan2(qy, qx)
-        known = True
+        has_angle = True
         _draw_segment(
             px, py, qx, qy, from_angle, to_angle, first, density, cosines, sines, inverse,
         )  # fmt: skip
@@ -238,10 +238,10 @@ class LaserScanner:
     def _cast(self, base: Pose2, bodies: Floats, version: int) -> None:
         # Nothing has moved since the last time: a robot that waits, beside doors at rest. Poses are
         # compared by their bits, which also tell 0.0 from -0.0.
-        seen = (version, _POSE.pack(base.x, base.y, base.yaw))
-        if seen == self._seen:
+        state = (version, _POSE.pack(base.x, base.y, base.yaw))
+        if state == self._seen:
             return
-        self._seen = seen
+        self._seen = state
         laser, plane = self._laser, self._plane
         cast_rays(
             (base.x, base.y, base.yaw), self._mount, plane.static, plane.moving,
@@ -294,7 +294,7 @@ class OdometrySensor:
     def sample(self, time: float, truth: Pose2, twist: Callable[[], Twist2]) -> Odometry:
         """Return the odometry at ``time`` [s]; draws two numbers per call unless noise free.
 
-        ``twist`` is asked for the true one only where it is what is measured.
+        ``twist`` returns the true one and is called only if the sensor measures it.
         """
         last, elapsed = self._pose, time - self._time
         stretch, error = 1.0, 0.0

@@ -1,7 +1,7 @@
 """Movers that walk: each follows its route and makes way for the robot.
 
-Where a walk is at any time is known in closed form between the moments the robot makes it stop;
-the kinematic body of the mover is driven there.
+Between the moments at which the robot makes it stop, the place of a walk has a closed form; the
+kinematic body of the mover is driven there.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class _Leg:
 
 
 class RouteFollower:
-    """Where a walk is at any time: an exact function of time until it has to stop for the robot.
+    """The place of a walk as an exact function of time, until it has to stop for the robot.
 
     Times are seconds since the walk began and must not decrease from call to call.
     """
@@ -129,8 +129,8 @@ class RouteFollower:
 
     def _state(self, time: float) -> tuple[float, float]:
         """Return the way on the present leg and the speed."""
-        # In closed form from the last change on, never summed up tick by tick: where a walk is does
-        # not depend on how often it was asked.
+        # In closed form from the last change on, never summed up tick by tick: the place of a walk
+        # does not depend on how often it was asked for.
         passed = max(0.0, time - self._begin)
         if self._stopped:
             a, v = self._walk.acceleration, self._braked_from
@@ -141,12 +141,12 @@ class RouteFollower:
 
     @property
     def stopped(self) -> bool:
-        """Whether it makes way for the robot: it brakes or stands."""
+        """True while it makes way for the robot: it brakes or stands."""
         return self._stopped
 
     @property
     def done(self) -> bool:
-        """Whether the walk is over."""
+        """True once the walk is over."""
         return self._done
 
     def heading(self, time: float) -> tuple[float, float] | None:
@@ -172,7 +172,7 @@ class RouteFollower:
 
 
 class _RobotInTheWay(Enum):
-    """What a walker does about the robot, in the words of its events."""
+    """A walker's answer to the robot, in the words of its events."""
 
     NO = ""
     YIELDS = "yields to"
@@ -209,7 +209,7 @@ class Walker:
         return math.hypot(position.x - self._home[0], position.y - self._home[1])
 
     def set_out(self, tick: int) -> None:
-        """Set out now: what the walk waited for has happened."""
+        """Set out now: the event of the walk has happened."""
         if self._began is None:
             self._began = tick / TICK_RATE
 
@@ -265,7 +265,7 @@ class Walker:
         # Far away, as most of the time: no polygons.
         if dx * dx + dy * dy > (yielding + self._reach) ** 2:
             return _RobotInTheWay.NO
-        # Only what lies ahead is in the way: who is overtaken or stands beside is not waited for.
+        # Only a robot ahead is in the way: a mover does not wait for one it overtakes or passes.
         heading = self._follower.heading(now)
         ahead = 0.0 if heading is None else dx * heading[0] + dy * heading[1]
         if ahead <= 0.0:

@@ -64,9 +64,9 @@ class World:
         # A new space for every run, filled in a fixed order: what Chipmunk computes depends on the
         # order in which things were added, and on what a space has seen before.
         self._space = space = _new_space()
-        begin, held = starting_positions(scene, behaviours)
+        begin, holds = starting_positions(scene, behaviours)
         walking = [b.object for b in behaviours if isinstance(b, Walk)]
-        self._assembly = assembly = assemble(space, scene, begin, held, robot.height, walking)
+        self._assembly = assembly = assemble(space, scene, begin, holds, robot.height, walking)
         owners = build_walls(space, scene, robot.height) | assembly.owners
         self._drives = {
             motion.name: JointDrive(space, motion, assembly) for motion in assembly.motions
@@ -79,7 +79,7 @@ class World:
         )
         self._bodies = BodyStates(space, assembly.bodies)
         self._joints = JointReader(
-            self.joint_names, assembly.motions + assembly.walks, assembly.held, assembly.bodies
+            self.joint_names, assembly.motions + assembly.walks, assembly.holds, assembly.bodies
         )
         self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
@@ -119,7 +119,7 @@ class World:
         self._base.command(twist, self.tick)
 
     def progress(self, current: int, reached: int) -> None:
-        """Tell what the mission has come to, for those who react to it.
+        """Tell the progress of the mission, to which behaviours may react.
 
         ``current`` is the index of the waypoint being approached, ``reached`` the number of
         waypoints reached. What has happened once stays so.
@@ -137,8 +137,8 @@ class World:
             if tick == last:
                 position = chipmunk.position(body)
                 self._before = (position.x, position.y, chipmunk.angle(body))
-            # Doors and people first, then the robot, then all move at once: whoever acts sees the
-            # world as it was recorded at this tick, and nobody sees another's half-done step.
+            # Doors and people first, then the robot, then all move at once: each sees the world as
+            # it was recorded at this tick, and none sees another's half-done step.
             if tick >= scheduler.due:
                 self.tick = tick
                 scheduler.update(tick)
