@@ -129,7 +129,7 @@ def ros_definitions() -> dict[str, Schema]:
     from daemon.stacks.ros1.costmap import layers
     from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
     from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, PROFILES, Quirks
-    from daemon.stacks.ros1.topics import TopicParameters
+    from daemon.stacks.ros1.wiring import TopicParameters
 
     found: dict[str, Schema] = {}
     _add_section(found, "amcl", amcl.AmclParameters, amcl.WITHOUT_EFFECT)

@@ -85,9 +85,7 @@ class SutOutput(Output, schema="sut"):
             {"/".join(path): str(s.where) for path, s in found.settings.items()},
             _all_defaults(found, read),
             None if read is None else dataclasses.asdict(read.topics),
-            None
-            if read is None
-            else {k: bool(v) for k, v in dataclasses.asdict(read.wiring).items()},
+            None if read is None else {k: bool(v) for k, v in sut_ros.wiring(read).items()},
             {"/".join(map(str, f.path)): f.message for f in unused},
             found.warnings,
             **({} if read is None else sut_ros.described(read)),

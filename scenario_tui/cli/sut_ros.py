@@ -140,6 +140,11 @@ def print_quirks(read: RosParameters) -> None:
         stdout_console().print(f"  {', '.join(off)}", markup=False, soft_wrap=True)
 
 
+def wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
+    """Return which lasers of those the file speaks of each part of the stack hears."""
+    return dataclasses.asdict(read.topics.heard(read.topics.lasers()))
+
+
 def print_wiring(read: RosParameters) -> None:
     """Print where lasers come on, and who hears them."""
     console = stdout_console()
@@ -150,15 +155,14 @@ def print_wiring(read: RosParameters) -> None:
             console.print(f"  {laser}: {', '.join(named)}", markup=False, soft_wrap=True)
     else:
         console.print(f"\nthe scan comes on {topics.published}", style="bold")
-    lasers = tuple(topics.by_laser) or ("",)
-    wiring = dataclasses.asdict(topics.heard(lasers))
+    heard_by = wiring(read)
     listeners = {
         "amcl": (topics.amcl,),
         "global costmap": topics.global_costmap,
         "local costmap": topics.local_costmap,
     }
     for name, listens in listeners.items():
-        heard = wiring[name.replace(" ", "_")]
+        heard = heard_by[name.replace(" ", "_")]
         answer = "hears it" if heard else "does not hear it"
         if topics.by_laser:
             answer = f"hears {', '.join(heard)}" if heard else "hears no laser"

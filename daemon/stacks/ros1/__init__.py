@@ -38,9 +38,10 @@ class _RosKind(StackKind["RosParameters"]):
         return settings.findings
 
     def advise(self, settings: RosParameters, robot: Robot) -> Iterable[ParameterFinding]:
-        from daemon.stacks.ros1.advice import advise_for_robot
+        from daemon.stacks.ros1.wiring import advise_for_robot
 
-        return advise_for_robot(settings, robot)
+        costmaps = settings.global_costmap, settings.local_costmap
+        return advise_for_robot(settings.topics, costmaps, robot)
 
     def top_speed(self, settings: RosParameters, robot: Robot) -> float:
         from daemon.stacks.ros1.dwa import DwaParameters

@@ -7,7 +7,7 @@ that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
@@ -15,7 +15,6 @@ from daemon.stacks.findings import FindingCollector, ParameterFinding, Parameter
 from daemon.stacks.ros1 import amcl
 from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.costmap.layers import LayeredCostmap
-from daemon.stacks.ros1.costmap_sources import COSTMAPS, read_costmaps
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.move_base import (
     CLEAR,
@@ -40,7 +39,7 @@ from daemon.stacks.ros1.planners import (
     say_unread,
 )
 from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, Quirks, read_quirks
-from daemon.stacks.ros1.topics import ONE_LASER, TopicParameters, Topics, Wiring
+from daemon.stacks.ros1.wiring import COSTMAPS, TopicParameters, Topics, read_costmaps
 from grammars.text.diagnostics import did_you_mean
 
 _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
@@ -54,10 +53,9 @@ class RosParameters:
     """A checked configuration.
 
     ``local_planner`` has the controller frequency it inherits from move_base where it has none of
-    its own; ``topics`` says who listens where, ``wiring`` who hears the laser of a robot that has
-    one; ``resets`` holds the parameters of each reset recovery by its name; ``rotate_recovery``
-    has the limits of ``TrajectoryPlannerROS``, or those of DWA when
-    :attr:`Quirks.rotate_reads_other_namespace` is off.
+    its own; ``topics`` says who listens where; ``resets`` holds the parameters of each reset
+    recovery by its name; ``rotate_recovery`` has the limits of ``TrajectoryPlannerROS``, or those
+    of DWA when :attr:`Quirks.rotate_reads_other_namespace` is off.
     """
 
     amcl: AmclParameters
@@ -70,7 +68,6 @@ class RosParameters:
     resets: Mapping[str, ClearCostmapParameters]
     dispatcher: DispatcherParameters
     topics: Topics
-    wiring: Wiring
     quirks: Quirks
     findings: ParameterFindings
 
@@ -106,8 +103,8 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     return RosParameters(
         amcl=localisation,
         move_base=move_base,
-        global_costmap=costmaps["global_costmap"],
-        local_costmap=costmaps["local_costmap"],
+        global_costmap=costmaps[0],
+        local_costmap=costmaps[1],
         global_planner=global_planner,
         local_planner=local_planner,
         rotate_recovery=_read_rotation(tree, move_base, local_planner, quirks),
@@ -116,7 +113,6 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
             DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report, strict=True
         ),
         topics=topics,
-        wiring=topics.heard(ONE_LASER),
         quirks=quirks,
         findings=report.findings(),
     )
@@ -183,10 +179,10 @@ def _check_layer_names(
     tree: ParameterTree,
     name: str,
     reset: ClearCostmapParameters,
-    costmaps: Mapping[str, LayeredCostmap],
+    costmaps: Iterable[LayeredCostmap],
 ) -> None:
     """Say of a reset whose layers were written that neither costmap has one of them."""
-    there = {layer.name for costmap in costmaps.values() for layer in costmap.layers}
+    there = {layer.name for costmap in costmaps for layer in costmap.layers}
     if "layer_names" in tree.at("move_base", name) and not there & set(reset.layer_names):
         message = f"no costmap has a layer of these names, so {name} clears nothing"
         hint = f"their layers are {', '.join(sorted(there))}"

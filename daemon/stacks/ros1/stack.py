@@ -55,7 +55,6 @@ from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.costmap import LayeredCostmap
 from daemon.stacks.ros1.costmap.costmap import Costmap
-from daemon.stacks.ros1.costmap_sources import laser_sources
 from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
@@ -253,7 +252,7 @@ def _make_controller(parameters: RosParameters, footprint: Floats) -> Dwa | Traj
 def _longest_kept(parameters: RosParameters) -> float:
     """Return how long any source of either costmap wants scans to count [s]."""
     costmaps = (parameters.global_costmap, parameters.local_costmap)
-    sources = [source for costmap in costmaps for source in laser_sources(costmap)]
+    sources = [source for costmap in costmaps for _, source in costmap.laser_sources()]
     return max((source.observation_persistence for source in sources), default=0.0)
 
 

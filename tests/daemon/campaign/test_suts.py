@@ -16,11 +16,12 @@ from daemon.campaign import (
 )
 from daemon.stacks.ros1.configuration import read_ros
 from daemon.stacks.ros1.costmap import InflationLayer
-from daemon.stacks.ros1.topics import ONE_LASER, Wiring
+from daemon.stacks.ros1.wiring import Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
 from grammars.text.ros_yaml import load_ros_yaml
 
+ONE_LASER = ("",)
 COMMON = """\
 # a robot's body and laser
 footprint: [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
@@ -172,12 +173,12 @@ def test_a_name_with_slashes_means_levels_and_a_leading_one_leaves_the_namespace
 def test_what_both_costmaps_share_is_overridden_in_one_line(folder):
     text = "like: robot\nparameters: {costmap_common: {inflation_radius: 0.9, scan: {topic: s}}}\n"
     write(folder, "mine", text)
-    sut, warnings = load(folder, "mine")
+    sut, _ = load(folder, "mine")
     move_base = sut.parameters["move_base"]
     assert move_base["global_costmap"]["inflation_radius"] == 0.9
     assert move_base["local_costmap"]["inflation_radius"] == 0.4
     assert move_base["local_costmap"]["scan"]["data_type"] == "LaserScan"
-    assert sum("mine.yaml:3:" in w and "listens to /s" in w for w in warnings) == 2
+    assert read_ros(sut.parameters).topics.local_costmap == ("/s",)
 
 
 @pytest.mark.parametrize(
@@ -309,7 +310,7 @@ def test_files_with_plugins_one_section_each_and_no_section_names_are_understood
     sut, warnings = load(folder, "robot")
     assert [w for w in warnings if "without effect here: local_costmap/static" not in w] == []
     read = read_ros(sut.parameters)
-    assert read.wiring == Wiring(amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=ONE_LASER)
+    assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, ONE_LASER, ONE_LASER)
     names = [layer.name for layer in read.global_costmap.layers]
     assert names == ["static", "laser_layer", "inflation"]
     assert [layer.name for layer in read.local_costmap.layers] == ["laser_layer", "inflation"]
@@ -345,13 +346,9 @@ def differences(one, other, path=""):
 )
 def test_only_the_blind_costmaps_do_not_hear_the_scan(campaigns, name, hears):
     read = read_ros(load(campaigns, name)[0].parameters)
-    assert read.wiring == Wiring(
-        amcl=ONE_LASER,
-        global_costmap=ONE_LASER if hears else (),
-        local_costmap=ONE_LASER if hears else (),
-    )
-    unheard = [f for f in read.findings.problems if "listens to" in f.message]
-    assert len(unheard) == len(read.findings.problems) == (0 if hears else 2)
+    heard = ONE_LASER if hears else ()
+    assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, heard, heard)
+    assert read.findings.problems == ()
 
 
 @pytest.mark.parametrize("name", ["a2s", "fro-diff", "fro-omni"])

@@ -30,6 +30,12 @@ def test_scripts_get_the_merged_tree(campaigns, capsys):
     assert found["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
 
 
+def test_scripts_learn_who_hears_a_laser_of_several(campaigns, capsys):
+    found = declared(shown(capsys, "--json", str(campaigns / "suts" / "shuttle-nav.yaml")))
+    assert set(found["topics"]["by_laser"]) == {"front", "rear"}
+    assert found["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
+
+
 def test_other_kinds_show_what_was_written(tmp_path, capsys):
     path = tmp_path / "slow.yaml"
     path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: 0.2}\n")

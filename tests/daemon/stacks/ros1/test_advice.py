@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.stacks.ros1.advice import advise_for_robot
 from daemon.stacks.ros1.configuration import read_ros
+from daemon.stacks.ros1.wiring import advise_for_robot
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 
@@ -39,7 +39,9 @@ def tree(topics=None, **source):
 
 
 def said(given, robot=ROBOT):
-    return [str(found) for found in advise_for_robot(read_ros(given), robot)]
+    read = read_ros(given)
+    costmaps = read.global_costmap, read.local_costmap
+    return [str(finding) for finding in advise_for_robot(read.topics, costmaps, robot)]
 
 
 def test_a_laser_everybody_hears_is_not_worth_a_word():
@@ -53,6 +55,32 @@ def test_a_laser_nobody_hears_is_named():
     assert found == [
         "topics/scan: nobody listens to the laser rear of robot cart: it is published on "
         "/scan_rear; topics/scan says where lasers are published"
+    ]
+
+
+def test_a_part_that_hears_no_laser_is_named_with_what_it_misses():
+    deaf = said(tree({"amcl": "/other", "scan": "/scan"}))
+    assert deaf == [
+        "topics/scan: amcl listens to /other, the lasers of robot cart are on /scan; amcl never "
+        "corrects odometry: set topics/amcl or topics/remap"
+    ]
+    blind = said(tree({"amcl": "/x", "scan": "/x"}))
+    assert blind == [
+        f'move_base/{name}_costmap/obstacle_layer/scan/topic: the source "scan" of the {name} '
+        f"costmap listens to /scan, where robot cart publishes no laser; the {name} costmap shows "
+        "no obstacle that the map does not show"
+        for name in ("global", "local")
+    ]
+
+
+def test_of_several_sources_the_one_that_hears_nothing_is_named():
+    given = tree()
+    two = {"observation_sources": "scan rear", "rear": SCAN | {"topic": "r"}}
+    given["move_base"]["local_costmap"] |= two
+    assert said(given) == [
+        'move_base/local_costmap/obstacle_layer/rear/topic: the source "rear" of the local costmap '
+        "listens to /r, where robot cart publishes no laser; topics/scan says where lasers are "
+        "published"
     ]
 
 

@@ -12,10 +12,11 @@ from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.quirks import FAST, FIXED
-from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
+from daemon.stacks.ros1.wiring import Wiring
 from grammars.text.documents import plain_message
 
+ONE_LASER = ("",)
 LASER = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 BOX = [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
 
@@ -61,7 +62,7 @@ def test_a_sound_tree_has_nothing_to_say_about_it():
     read = read_ros(tree())
     assert problems(read) == []
     assert read.findings.without_effect == ()
-    assert read.wiring == Wiring(amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=ONE_LASER)
+    assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, ONE_LASER, ONE_LASER)
     assert read.quirks == FAST
 
 
@@ -197,11 +198,6 @@ def test_all_errors_are_reported_together():
             "move_base/global_costmap/plugins: the global costmap has no obstacle layer",
         ),
         (
-            {"topics": {"amcl": "/other", "scan": "/scan"}},
-            "amcl listens to /other, the scan comes on /scan",
-        ),
-        ({"topics": {"scan": "/x"}}, "the local costmap listens to /scan, the scan comes on /x"),
-        (
             {"local_costmap": {"global_frame": "odom"}},
             "the local costmap has no source of type LaserScan",
         ),
@@ -321,7 +317,7 @@ def test_names_without_effect_are_listed_with_the_reason():
     assert "never reads it" in found["stop_time_buffer"]
 
 
-def test_of_several_sources_the_one_that_hears_nothing_is_named():
+def test_a_costmap_listens_to_each_of_its_sources():
     two = costmap(global_frame="odom", observation_sources="scan rear", rear=LASER | {"topic": "r"})
     read = read_ros(tree(local_costmap=two))
     (layer, _) = read.local_costmap.layers
@@ -331,12 +327,8 @@ def test_of_several_sources_the_one_that_hears_nothing_is_named():
         ("rear", "/r"),
     ]
     assert read.topics.local_costmap == ("/scan", "/r")
-    assert problems(read) == [
-        'move_base/local_costmap/rear/topic: the source "rear" of the local costmap listens to /r; '
-        "no laser is there: lasers come on /scan"
-    ]
     deaf = read_ros(tree(topics={"scan": "/front", "amcl": "/front"}))
-    assert deaf.wiring == Wiring(amcl=ONE_LASER, global_costmap=(), local_costmap=())
+    assert deaf.topics.heard(ONE_LASER) == Wiring(ONE_LASER, (), ())
 
 
 def test_the_turn_on_the_spot_reads_the_limits_of_a_planner_that_does_not_run():

@@ -2,18 +2,20 @@
 
 import pytest
 
-from daemon.stacks.ros1.topics import (
-    ONE_LASER,
-    NodeNames,
-    TopicParameters,
-    Wiring,
-    resolve_name,
-    resolve_topics,
-)
+from daemon.stacks.ros1.wiring import NodeNames, TopicParameters, Topics, Wiring, resolve_name
+
+ONE_LASER = ("",)
 
 LAUNCH = {"/robile_john/scan_front": "/scan_front"}
 GAZEBO, DRIVER = "/robile_john/scan_front", "/scan_front"
 A2S, FRO = "robile_john/scan_front", "scan_front"
+
+
+def resolved(given, wide, near):
+    """Return who listens where, with the names of the sources of both costmaps."""
+    scans = given.resolved_scans()
+    sources = (tuple(given.resolve("move_base", name) for name in names) for names in (wide, near))
+    return Topics(scans.published, scans.by_laser, given.resolved_amcl(), *sources)
 
 
 @pytest.mark.parametrize(
@@ -32,14 +34,14 @@ def test_the_wrong_scan_topic_is_wrong_only_without_the_launch_wide_remap(
     published, remap, source, amcl, costmaps
 ):
     given = TopicParameters(scan=published, amcl="/scan_front", remap=remap)
-    topics = resolve_topics(given, [source], [source])
+    topics = resolved(given, [source], [source])
     assert topics.heard(ONE_LASER) == Wiring(
         *(ONE_LASER if hears else () for hears in (amcl, costmaps, costmaps))
     )
 
 
 def test_each_costmap_listens_for_itself_and_to_any_of_its_sources():
-    topics = resolve_topics(TopicParameters(scan="/scan"), ["sonar", "scan"], ["sonar"])
+    topics = resolved(TopicParameters(scan="/scan"), ["sonar", "scan"], ["sonar"])
     assert topics.heard(ONE_LASER) == Wiring(
         amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=()
     )
@@ -56,7 +58,7 @@ def test_names_are_resolved_beside_their_nodes_with_remaps_of_their_own():
     assert given.resolve("amcl", "scan") == "/robot1/front/scan"
     assert given.resolve("move_base", "scan") == "/far"
     assert given.resolve("move_base", "~scan") == "/robot1/move_base_node/scan"
-    topics = resolve_topics(given, ["scan"], ["front/scan"])
+    topics = resolved(given, ["scan"], ["front/scan"])
     assert topics.published == "/robot1/front/scan"
     assert topics.heard(ONE_LASER) == Wiring(ONE_LASER, (), ONE_LASER)
     assert given.resolved_maps() == ("/robot1/map",)
@@ -64,11 +66,11 @@ def test_names_are_resolved_beside_their_nodes_with_remaps_of_their_own():
 
 
 def test_a_topic_may_carry_any_laser_it_could_be_of():
-    one = resolve_topics(TopicParameters(scan="/scan"), [], [])
+    one = TopicParameters(scan="/scan").resolved_scans()
     assert [one.may_carry_scan(t) for t in ("/scan", "/scan_rear", "/scanner")] == [
         True, True, False,
     ]  # fmt: skip
-    several = resolve_topics(TopicParameters(scan={"front": ("/a", "/b"), "rear": "/b"}), [], [])
+    several = TopicParameters(scan={"front": ("/a", "/b"), "rear": "/b"}).resolved_scans()
     assert several.lasers_on("/b", ("front", "rear")) == ("front", "rear")
     assert [several.may_carry_scan(t) for t in ("/a", "/b", "/c")] == [True, True, False]
 
@@ -91,6 +93,6 @@ def test_names_are_resolved_in_their_namespace_and_remapped_once(name, remap, re
 
 def test_what_the_launch_file_of_amcl_maps_to_is_not_mapped_again():
     given = TopicParameters(scan=GAZEBO, amcl=GAZEBO, remap=LAUNCH)
-    assert not resolve_topics(given, [], []).heard(ONE_LASER).amcl
+    assert not resolved(given, [], []).heard(ONE_LASER).amcl
     unmapped = TopicParameters(scan="/scan", remap={"/scan": "/other"})
-    assert resolve_topics(unmapped, [], []).heard(ONE_LASER).amcl
+    assert resolved(unmapped, [], []).heard(ONE_LASER).amcl

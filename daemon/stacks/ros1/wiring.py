@@ -1,0 +1,337 @@
+"""Who hears which laser: names of topics as roscpp resolves them, and advice for a robot.
+
+A name without a leading slash is resolved in the namespace of the node (``/`` for a node called
+``/move_base``); ``~name`` below the node's own name. A remap of the launch file holds for every
+node, the simulator's and the driver's as well: **the published name is remapped too**; remaps of
+one node hold for that one. A name is remapped once, never again.
+
+A configuration says which topics are listened to and at which heights. Which lasers there are is
+known only with the robot, so advice needs one. It is about what the original would do, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import ConfigDict, Discriminator, Field, Tag
+from pydantic.dataclasses import dataclass as checked
+
+from daemon.stacks.findings import ParameterFinding, ParameterLocation
+from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.costmap import point_height
+from daemon.stacks.ros1.costmap.layers import (
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    VoxelLayer,
+)
+from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
+from daemon.stacks.ros1.parameters import ALTERNATIVE, ParameterTree
+from grammars.model.robot import Laser, Robot
+
+_Name: TypeAlias = Annotated[str, Field(pattern=r"^[~/]?[A-Za-z][A-Za-z0-9_/]*$", max_length=200)]
+_NodeName: TypeAlias = Annotated[str, Field(pattern=r"^/[A-Za-z][A-Za-z0-9_/]*$", max_length=200)]
+NodeOfStack: TypeAlias = Literal["amcl", "move_base"]
+COSTMAPS: Final = ("global_costmap", "local_costmap")
+_SCAN: Final[ParameterLocation] = ("topics", "scan")
+_WHERE: Final = "topics/scan says where lasers are published"
+_ONE: Final = f"{ALTERNATIVE} one"
+_SEVERAL: Final = f"{ALTERNATIVE} several"
+# Messages are about the alternative that is meant, not about all of them.
+_Topics: TypeAlias = Annotated[
+    Annotated[_Name, Tag(_ONE)] | Annotated[tuple[_Name, ...], Tag(_SEVERAL)],
+    Discriminator(lambda value: _SEVERAL if isinstance(value, list | tuple) else _ONE),
+]
+_Scan: TypeAlias = Annotated[
+    Annotated[_Name, Tag(_ONE)] | Annotated[dict[str, _Topics], Tag(_SEVERAL)],
+    Discriminator(lambda value: _SEVERAL if isinstance(value, Mapping) else _ONE),
+]
+
+
+@checked(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
+class NodeNames:
+    """What the launch file made of one node."""
+
+    name: _NodeName | None = None
+    """Its full name, such as /robot1/move_base: names without a slash are resolved beside it."""
+    remap: dict[_Name, _Name] = Field(default_factory=dict)
+    """Remaps for this node alone; they win over those for every node."""
+
+
+@checked(frozen=True, slots=True)
+class TopicParameters:
+    """Where the scan comes from and what the launch file makes of names."""
+
+    scan: _Scan | None = None
+    """Topic the laser is published on, before any remap; for a robot with several lasers a topic
+    or a list of them by the laser's name. Not given: where amcl listens, or /scan_NAME of every
+    laser of a robot with several."""
+    amcl: _Name | None = None
+    """Topic that the launch file of amcl remaps its "scan" to; amcl has no parameter for it."""
+    remap: dict[_Name, _Name] = Field(default_factory=dict)
+    """Remaps for every node of the launch, the one that publishes the scan included."""
+    nodes: dict[NodeOfStack, NodeNames] = Field(default_factory=dict)
+    """What the launch file made of amcl and of move_base alone."""
+    maps: tuple[_Name, ...] | None = None
+    """Topics on which the map of the run is published. Not given: the one amcl would listen to."""
+
+    def resolve(self, node: NodeOfStack, name: str) -> str:
+        """Return the name that ``node`` ends up with for ``name``."""
+        names = self.nodes.get(node, NodeNames())
+        return resolve_name(name, names.name or f"/{node}", {**self.remap, **names.remap})
+
+    def resolved_maps(self) -> tuple[str, ...]:
+        """Return the topics on which the map of the run is published."""
+        if self.maps is None:
+            return (self.resolve("amcl", "map"),)
+        return tuple(_absolute(name, "") for name in self.maps)
+
+    def resolved_amcl(self) -> str:
+        """Return the topic that amcl subscribes to, ``scan`` to itself.
+
+        What its own launch file remaps that to (``amcl``) is not remapped again by the launch
+        around it: roscpp looks a name up once.
+        """
+        if self.amcl is None:
+            return self.resolve("amcl", "scan")
+        return _absolute(self.amcl, self.nodes.get("amcl", NodeNames()).name or "/amcl")
+
+    def resolved_scans(self) -> Scans:
+        """Return where lasers are published."""
+        if isinstance(self.scan, str):
+            return Scans(resolve_name(self.scan, "", self.remap), {})
+        by_laser: dict[str, tuple[str, ...]] = {}
+        for laser, names in (self.scan or {}).items():
+            listed = (names,) if isinstance(names, str) else names
+            by_laser[laser] = tuple(resolve_name(name, "", self.remap) for name in listed)
+        return Scans(self.resolved_amcl(), by_laser)
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Which parts of the stack receive which lasers, by name; a robot's only one may have none."""
+
+    amcl: tuple[str, ...]
+    global_costmap: tuple[str, ...]
+    local_costmap: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Scans:
+    """Resolved names of the topics on which scans are published.
+
+    ``by_laser`` says where each laser is published when the file says it by laser. Otherwise the
+    only one is on ``published``, of several laser NAME on ``published`` with ``_NAME`` behind it.
+    """
+
+    published: str
+    by_laser: Mapping[str, tuple[str, ...]]
+
+    def lasers(self) -> tuple[str, ...]:
+        """Return the names of the lasers a file speaks of; the only one has none."""
+        return tuple(self.by_laser) or ("",)
+
+    def topics_of(self, laser: str, lasers: Sequence[str]) -> tuple[str, ...]:
+        """Return the topics on which ``laser`` of a robot with ``lasers`` (names) is published."""
+        if self.by_laser:
+            return self.by_laser.get(laser, ())
+        return (self.published,) if len(lasers) == 1 else (f"{self.published}_{laser}",)
+
+    def lasers_on(self, topic: str, lasers: Sequence[str]) -> tuple[str, ...]:
+        """Return those of a robot's ``lasers`` (names) that are published on ``topic``."""
+        return tuple(name for name in lasers if topic in self.topics_of(name, lasers))
+
+    def may_carry_scan(self, topic: str) -> bool:
+        """Whether any robot publishes a laser on ``topic``."""
+        if self.by_laser:
+            return any(topic in topics for topics in self.by_laser.values())
+        return topic == self.published or topic.startswith(f"{self.published}_")
+
+
+@dataclass(frozen=True, slots=True)
+class Topics(Scans):
+    """Resolved names: where scans are published, where each part listens."""
+
+    amcl: str
+    global_costmap: tuple[str, ...]
+    local_costmap: tuple[str, ...]
+
+    def heard(self, lasers: Sequence[str]) -> Wiring:
+        """Return who hears which of a robot's ``lasers`` (names)."""
+
+        def on(topics: Iterable[str]) -> tuple[str, ...]:
+            names = {name for topic in topics for name in self.lasers_on(topic, lasers)}
+            return tuple(name for name in lasers if name in names)
+
+        return Wiring(on((self.amcl,)), on(self.global_costmap), on(self.local_costmap))
+
+
+def resolve_name(name: str, node: str = "", remap: Mapping[str, str] | None = None) -> str:
+    """Return the name a node called ``node`` ends up with: absolute, remapped once."""
+    full = _absolute(name, node)
+    # Of two remaps of one name the later one holds, as on the command line of a node.
+    for old, new in reversed(list((remap or {}).items())):
+        if _absolute(old, node) == full:
+            return _absolute(new, node)
+    return full
+
+
+def _absolute(name: str, node: str) -> str:
+    if name.startswith("~"):
+        name = f"{node}/{name[1:].lstrip('/')}"
+    elif not name.startswith("/"):
+        name = f"{node.rpartition('/')[0]}/{name}"
+    return "/" + "/".join(part for part in name.split("/") if part)
+
+
+def read_costmaps(
+    tree: ParameterTree, given: TopicParameters, localisation: AmclParameters
+) -> tuple[tuple[LayeredCostmap, LayeredCostmap], Topics]:
+    """Return the global and the local costmap, and who listens where."""
+    scans = given.resolved_scans()
+    context = CostmapContext(
+        above=tree.at("move_base"),
+        frames={
+            localisation.global_frame_id.strip("/"): "map",
+            localisation.odom_frame_id.strip("/"): "odom",
+        },
+        resolve=lambda name: given.resolve("move_base", name),
+        maps=given.resolved_maps(),
+        may_carry_scan=scans.may_carry_scan,
+    )
+    wide, near = (_read_costmap(tree, name, context) for name in COSTMAPS)
+    listened = (
+        tuple(dict.fromkeys(source.topic for _, source in costmap.laser_sources()))
+        for costmap in (wide, near)
+    )
+    topics = Topics(scans.published, scans.by_laser, given.resolved_amcl(), *listened)
+    return (wide, near), topics
+
+
+def _read_costmap(tree: ParameterTree, name: str, context: CostmapContext) -> LayeredCostmap:
+    report, path, title = tree.report, ("move_base", name), name.replace("_", " ")
+    given, is_local = tree.at(*path), name == "local_costmap"
+    # MoveBase::executeCycle asks the controller's costmap alone whether it is current.
+    context = replace(context, stops_robot=is_local)
+    costmap = CostmapReader(given, path, report, context).read()
+    if "publish_frequency" in given and not is_local:
+        report.ignore((*path, "publish_frequency"), "only the local costmap is shown")
+    if given and "global_frame" not in given and is_local:
+        message = "global_frame is not given: ROS takes map, a local costmap usually has odom"
+        report.warn(path, message, "write global_frame: odom, or map if that is meant")
+    if not any(isinstance(layer, ObstacleLayer) for layer in costmap.layers):
+        report.warn((*path, "plugins"), f"the {title} has no obstacle layer", _blind(title))
+    elif not any(costmap.laser_sources()):
+        message = f"the {title} has no source of type LaserScan"
+        report.warn((*path, "observation_sources"), message, _blind(title))
+    return costmap
+
+
+def _blind(title: str) -> str:
+    return f"the {title} shows no obstacle that the map does not show"
+
+
+def advise_for_robot(
+    topics: Topics, costmaps: tuple[LayeredCostmap, LayeredCostmap], robot: Robot
+) -> Iterator[ParameterFinding]:
+    """Yield what does not fit between the lasers of ``robot`` and who listens to them.
+
+    ``costmaps`` are the global and the local one.
+    """
+    names = [laser.name for laser in robot.lasers]
+    for name in topics.by_laser:
+        if name not in names:
+            others = ", ".join(other for other in names if other)
+            hint = f"its lasers are {others}" if others else "its only laser has no name"
+            yield ParameterFinding((*_SCAN, name), f"the robot has no laser {name}", hint)
+    heard = topics.heard(names)
+    listened = {*heard.amcl, *heard.global_costmap, *heard.local_costmap}
+    for laser in robot.lasers:
+        if laser.name not in listened:
+            published = ", ".join(topics.topics_of(laser.name, names))
+            where = f"it is published on {published}" if published else "it is published nowhere"
+            message = f"nobody listens to the {laser.label} of robot {robot.name}: {where}"
+            yield ParameterFinding(_SCAN, message, _WHERE)
+    if not heard.amcl:
+        published = ", ".join(topic for name in names for topic in topics.topics_of(name, names))
+        message = (
+            f"amcl listens to {topics.amcl}, the lasers of robot {robot.name} are on "
+            f"{published or 'no topic'}"
+        )
+        hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
+        yield ParameterFinding(_SCAN, message, hint)
+    for name, costmap in zip(COSTMAPS, costmaps, strict=True):
+        yield from _about_costmap(name, costmap, topics, robot)
+
+
+def _about_costmap(
+    name: str, costmap: LayeredCostmap, topics: Topics, robot: Robot
+) -> Iterator[ParameterFinding]:
+    title, names = name.replace("_", " "), [laser.name for laser in robot.lasers]
+    sources = list(costmap.laser_sources())
+    sees = any(topics.lasers_on(source.topic, names) for _, source in sources)
+    for layer, source in sources:
+        below = ("move_base", name, layer.name, source.name)
+        heard = topics.lasers_on(source.topic, names)
+        if not heard:
+            message = (
+                f'the source "{source.name}" of the {title} listens to {source.topic}, where robot '
+                f"{robot.name} publishes no laser"
+            )
+            hint = _WHERE if sees else _blind(title)
+            rate = source.expected_update_rate
+            if rate > 0.0:
+                message += f": after {rate:g} s move_base would stop the robot"
+            yield ParameterFinding((*below, "topic"), message, hint)
+        for laser in robot.lasers:
+            if laser.name in heard:
+                yield from _about_height(laser, layer, source, below, title)
+                yield from _about_rate(laser, source, below)
+
+
+def _about_height(
+    laser: Laser,
+    layer: ObstacleLayer,
+    source: ObservationSource,
+    place: ParameterLocation,
+    title: str,
+) -> Iterator[ParameterFinding]:
+    """Yield the limit that leaves a laser out: of the source, of the layer, of its voxels."""
+    at, height = f"the {laser.label} at {laser.z:g} m", point_height(laser.z)
+    if height < source.min_obstacle_height:
+        message = f"the {title} ignores {at}, below {source.min_obstacle_height:g} m"
+        yield ParameterFinding((*place, "min_obstacle_height"), message)
+    elif height > source.max_obstacle_height:
+        message = f"the {title} ignores {at}, above {source.max_obstacle_height:g} m"
+        yield ParameterFinding((*place, "max_obstacle_height"), message)
+    elif not source.marking:
+        return
+    elif height > layer.max_obstacle_height:
+        message = (
+            f"{at} marks nothing in the layer {layer.name} of the {title}, whose limit is "
+            f"{layer.max_obstacle_height:g} m"
+        )
+        yield ParameterFinding((*place[:-1], "max_obstacle_height"), message)
+    elif isinstance(layer, VoxelLayer):
+        top = layer.origin_z + layer.z_voxels * layer.z_resolution
+        if height >= top:
+            message = (
+                f"{at} marks nothing in the layer {layer.name} of the {title}, whose voxels end "
+                f"at {top:g} m"
+            )
+            yield ParameterFinding((*place[:-1], "z_voxels"), message)
+
+
+def _about_rate(
+    laser: Laser, source: ObservationSource, place: ParameterLocation
+) -> Iterator[ParameterFinding]:
+    expected = source.expected_update_rate
+    if expected > 0.0 and laser.rate > 0.0 and 1.0 / laser.rate > expected:
+        message = (
+            f"a scan of the {laser.label} comes every {1.0 / laser.rate:g} s, and move_base would "
+            f"stop the robot whenever none came for {expected:g} s; here it does not"
+        )
+        place = (*place, "expected_update_rate")
+        yield ParameterFinding(place, message, "write a longer time, or 0 for none")
