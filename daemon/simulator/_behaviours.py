@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -39,25 +38,24 @@ _COMPLIANCE = 0.002
 class RobotProximity:
     """The distance a trigger watches, and a safe bound on when it need not be watched.
 
-    ``of``: ``hinge`` is the anchor of a revolute joint, or the object's origin for a prismatic
-    one; ``foot`` is that origin; ``leaf`` the nearest point of the moving link; ``doorway`` a
-    fixed point.
+    ``of`` a trigger: ``hinge`` is the anchor of a revolute joint, or the object's origin for a
+    prismatic one; ``foot`` is that origin; ``leaf`` the nearest point of the moving link;
+    ``doorway`` a fixed point.
     """
 
     def __init__(
         self,
         drive: JointDrive,
         assembly: BodyAssembly,
-        of: Literal["hinge", "foot", "leaf", "doorway"],
-        to: Literal["base", "footprint"],
+        behaviour: Trigger,
         doorway: Point2 | None,
         footprint: Floats,
     ) -> None:
         motion, joint = drive.motion, drive.motion.joint
-        self._of, self._to, self._fixed = of, to, doorway
+        self._of, self._to, self._fixed = behaviour.of, behaviour.to, doorway
         self._parent, self._child = drive.parent, drive.child
-        self._turns = joint.kind == "revolute"
-        foot = joint.anchor if self._turns and of != "foot" else (0.0, 0.0)
+        turns = joint.kind == "revolute"
+        foot = joint.anchor if turns and self._of != "foot" else (0.0, 0.0)
         # The centre the distance is measured to or bounded by, if it stands still.
         self._foot = motion.frame.apply(foot)
         if motion.parent == WORLD and doorway is None:
@@ -69,12 +67,12 @@ class RobotProximity:
         # The watched distance is the one from the base origin to the centre, less at most
         # ``nearer`` and plus at most ``farther``.
         self._nearer = self._farther = 0.0
-        if to == "footprint":
+        if self._to == "footprint":
             self._nearer += float(np.hypot(*footprint.T).max())
             self._farther += float(convex_distance(np.zeros((1, 2)), footprint))
-        if of == "leaf":
+        if self._of == "leaf":
             levers = np.hypot(*(np.concatenate(self._outlines) - np.array(foot)).T)
-            travel = 0.0 if self._turns else max(abs(joint.lower), abs(joint.upper)) + _OVERRUN
+            travel = 0.0 if turns else max(abs(joint.lower), abs(joint.upper)) + _OVERRUN
             self._nearer += float(levers.max()) + travel
             self._farther += float(levers.min()) + travel
 

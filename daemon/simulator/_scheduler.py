@@ -214,9 +214,7 @@ class BehaviourScheduler:
         drive.drive(behaviour.motion, behaviour.start)
         if isinstance(behaviour, Trigger):
             centre = _doorway_centre(behaviour, drive, self._doorways)
-            near = RobotProximity(
-                drive, self._assembly, behaviour.of, behaviour.to, centre, self._footprint
-            )
+            near = RobotProximity(drive, self._assembly, behaviour, centre, self._footprint)
             fires = partial(self._note_fired, name)
             self._triggers.append(TriggeredJoint(behaviour, actuator, near, fires))
         else:

@@ -289,14 +289,6 @@ def test_the_end_of_the_launch_command_is_told(start, launch, words):
     assert stack.last_lines()[0] == "last words"
 
 
-def test_a_killed_stack_is_noticed(start):
-    stack = start("exec sleep 600")
-    (process,) = eventually(lambda: marked_without_relay(stack.folder.name))
-    process.kill()
-    eventually(stack.ended)
-    assert stack.ended() == "the launch command was killed by SIGKILL"
-
-
 def relay_file(folder, text="import time\nprint('here')\ntime.sleep(600)\n"):
     path = folder / "relay.py"
     path.write_text(text)
@@ -428,14 +420,6 @@ def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
         f"SCENARIO_STACK={stack.folder.name}",
     }
     assert expected <= set(lines)
-
-
-def test_values_are_one_word_each(start):
-    launch = "printf '%s\\n' {map} end; sleep 600"
-    stack = start(launch, values={"map": "/a $(id)/'b'"})
-    printed(stack, "end")
-    stack.release(keep=False)
-    assert stack.outputs()["stack.txt"] == b"/a $(id)/'b'\nend\n"
 
 
 def test_two_at_once_have_nothing_in_common(start):
