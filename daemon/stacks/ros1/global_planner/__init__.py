@@ -6,10 +6,7 @@ forward. Update for update as in the original (David V. Lu, Eitan Marder-Eppstei
 result depends on the order. A*, plain potentials, paths from cell to cell and other orientations
 are refused.
 
-Waves towards a goal that repeats are restricted as those of navfn are, and checked in the same way.
-
-Where the original looks off its arrays (at the border of a map without outline, or around a goal
-there) its result is undefined; here there is nothing to be found: see :mod:`.expansion`.
+Field, waves and descent are those of :mod:`daemon.stacks.ros1.navfn`, with other costs and ends.
 """
 
 from daemon.stacks.ros1.global_planner._parameters import WITHOUT_EFFECT, GlobalPlannerParameters

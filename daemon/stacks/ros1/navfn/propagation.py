@@ -1,16 +1,21 @@
-"""What a cell costs navfn, the wave that spreads from the robot, and the path down its potential.
+"""Costs of cells, and the wave that spreads a potential from the robot over them.
 
-Costs are those of ``setCostmap``, the wave that of ``propNavFnDijkstra`` (blocks of rising
-priority), the path that of ``calcPath`` (down the gradient, half a cell at a time).
+The wave is that of ``propNavFnDijkstra`` (blocks of rising priority), which GlobalPlanner took over
+with other costs (``DijkstraExpansion``, ``QuadraticCalculator``).
 
-What a cell ends up with depends on the order of the updates, because an improvement is passed on
+The potential of a cell depends on the order of the updates, because an improvement is passed on
 only to neighbours that gain more than 0.7 of their cost; the order is therefore the original's.
+
+Arrays are flat with ``MARGIN`` rows before the first and behind the last one, which are blocked
+and never reached. GlobalPlanner looks there, off its arrays, wherever the map has no outline: what
+it finds is undefined, here there is nothing. Beside the first and the last column it looks into the
+row before or after, which is well defined and kept.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Final, TypeAlias
+from collections.abc import Iterable
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -18,56 +23,111 @@ import numpy.typing as npt
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
-from grammars.model.geometry import Floats
 
+MARGIN: Final = 8
+"""Rows; even of a map one cell wide the neighbours of what is looked at lie within."""
 NEUTRAL: Final = 50
 BLOCKED: Final = 254
+"""State of a cell that no wave enters, as of cells beyond the map."""
 PENDING: Final = 256
-"""Flag of a cell that waits in a buffer; added to its cost, so that one look tells both."""
+"""Flag of a cell that waits in a buffer; added to its state, so that one look tells both."""
 DOUBTFUL: Final = 512
 """Flag of a cell that a restricted wave left out, or that what was left out may have changed."""
 VALUE: Final = PENDING - 1
 """Mask of what stands below the flags."""
 UNREACHED: Final = np.float32(1.0e10)
-
-Bytes: TypeAlias = npt.NDArray[np.uint8]
-States: TypeAlias = npt.NDArray[np.uint16]
-
-
-def translation_table(*, allow_unknown: bool) -> States:
-    """Return the cost of every costmap value, (256,) (navfn ``setCostmap``)."""
-    values = np.arange(256)
-    costs: States = np.minimum(NEUTRAL + 0.8 * values, BLOCKED - 1).astype(np.uint16)
-    costs[INSCRIBED:] = BLOCKED
-    if allow_unknown:
-        costs[NO_INFORMATION] = BLOCKED - 1
-    return costs
-
-
-@kernel
-def translate_costs(
-    cells: Bytes, costs: States, table: States, x0: int, y0: int, x1: int, y1: int
-) -> bool:
-    """Renew the costs of a half-open window, never of the border; return whether any changed."""
-    rows, columns = cells.shape
-    changed = False
-    for row in range(max(y0, 1), min(y1, rows - 1)):
-        for column in range(max(x0, 1), min(x1, columns - 1)):
-            cost = table[cells[row, column]]
-            n = row * columns + column
-            if cost != costs[n]:
-                costs[n] = cost
-                changed = True
-    return changed
-
-
 BUFFER: Final = 10_000
 """Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
 THRESHOLD_STEP: Final = 100.0
-GAINS: Final = np.full(2 * DOUBTFUL, np.inf, dtype=np.float32)
-"""By cost and flags: how much a neighbour must at least gain, so that it is looked at again. No
-gain is enough for a cell that is blocked or waits already."""
-GAINS[:BLOCKED] = GAINS[DOUBTFUL : DOUBTFUL + BLOCKED] = 0.707106781 * np.arange(BLOCKED)
+
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+Window: TypeAlias = tuple[int, int, int, int]
+"""Half-open: first column, first row, end column, end row."""
+States: TypeAlias = npt.NDArray[np.uint16]
+
+
+class CellCosts(NamedTuple):
+    """State by costmap value and cost by state, both (256,); least gain by state and flags (1024,).
+
+    A neighbour must gain more than ``gains`` so that the wave looks at it again. No gain is enough
+    for a cell that is blocked or waits already.
+    """
+
+    states: States
+    costs: Singles
+    gains: Singles
+
+
+def cell_costs(states: States, costs: Singles, blocked: npt.NDArray[np.bool_]) -> CellCosts:
+    """Return the tables of cells whose ``costs`` and whether they are ``blocked`` go by state.
+
+    The wave takes costs rounded down to whole numbers, and gains of 0.7 of the exact ones.
+    """
+    gains = np.full(2 * DOUBTFUL, np.inf, dtype=np.float32)
+    exact = np.where(blocked, np.inf, 0.707106781 * costs.astype(np.float64))
+    gains[:PENDING] = gains[DOUBTFUL : DOUBTFUL + PENDING] = exact
+    return CellCosts(states, np.where(blocked, np.float32(BLOCKED), np.trunc(costs)), gains)
+
+
+def navfn_costs(*, allow_unknown: bool) -> CellCosts:
+    """Return the costs of navfn, where a cell's state is its cost (``setCostmap``)."""
+    values = np.arange(PENDING)
+    states: States = np.minimum(NEUTRAL + 0.8 * values, BLOCKED - 1).astype(np.uint16)
+    states[INSCRIBED:] = BLOCKED
+    if allow_unknown:
+        states[NO_INFORMATION] = BLOCKED - 1
+    return cell_costs(states, values.astype(np.float32), values >= BLOCKED)
+
+
+class Wave(NamedTuple):
+    """A potential while it spreads: states and potentials of all cells, flat, and their costs.
+
+    ``costs`` and ``gains`` are those of :class:`CellCosts`. ``reached`` takes the cells that have a
+    potential, for :func:`reset_potentials`; all others are ``UNREACHED``. The cells that wait stand
+    in ``buffers``, shape (3, size).
+    """
+
+    states: States
+    potentials: Singles
+    costs: Singles
+    gains: Singles
+    reached: Integers
+    buffers: Integers
+    columns: int
+
+
+def new_wave(costs: CellCosts, size: int, columns: int, spare: int = 0) -> Wave:
+    """Return a wave over blocked cells; ``reached`` has room for ``spare`` cells more than all."""
+    return Wave(
+        np.full(size, BLOCKED, dtype=np.uint16),
+        np.full(size, UNREACHED, dtype=np.float32),
+        costs.costs,
+        costs.gains,
+        np.empty(size + 1 + spare, dtype=np.int32),
+        np.empty((3, BUFFER), dtype=np.int32),
+        columns,
+    )
+
+
+@kernel
+def copy_window(
+    cells: Bytes, states: States, by_value: States, border: int, window: Window
+) -> bool:
+    """Renew the states of a window; return whether any changed.
+
+    ``by_value`` has the state of every costmap value. The outermost ``border`` rows and columns of
+    the map are never renewed.
+    """
+    rows, columns = cells.shape
+    changed = False
+    for row in range(max(window[1], border), min(window[3], rows - border)):
+        for column in range(max(window[0], border), min(window[2], columns - border)):
+            state = by_value[cells[row, column]]
+            n = (MARGIN + row) * columns + column
+            if state != states[n]:
+                states[n] = state
+                changed = True
+    return changed
 
 
 @kernel
@@ -80,53 +140,54 @@ def interpolate_potential(first: np.float32, second: np.float32, cost: np.float3
     return lowest + cost * (share if difference < cost else np.float32(1.0))
 
 
-@kernel
-def seed_wave(
-    costs: States, potentials: Singles, columns: int, start: int, queue: Integers, reached: Integers
-) -> int:
-    """Give the start its potential, the first of ``reached``; return how many neighbours wait."""
-    potentials[start] = np.float32(0.0)
-    reached[0] = start
+def seed_wave(wave: Wave, seeds: Iterable[tuple[int, float]], around: Iterable[int]) -> int:
+    """Give the seeds their potentials, the first of ``reached``; return how many cells wait.
+
+    Those are the cells ``around`` that are not blocked, in the first of the buffers.
+    """
+    for count, (cell, potential) in enumerate(seeds):
+        wave.potentials[cell] = potential
+        wave.reached[count] = cell
     waiting = 0
-    for cell in (start + 1, start - 1, start - columns, start + columns):
-        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
-            queue[waiting] = cell
+    for cell in around:
+        if wave.gains[wave.states[cell]] < np.inf:
+            wave.buffers[0, waiting] = cell
             waiting += 1
-            costs[cell] |= PENDING
+            wave.states[cell] |= PENDING
     return waiting
+
+
+def seed_cell(wave: Wave, cell: int) -> int:
+    """Begin a wave at the corner of one cell; return how many cells wait."""
+    line = wave.columns
+    return seed_wave(wave, [(cell, 0.0)], (cell + 1, cell - 1, cell - line, cell + line))
 
 
 @kernel
 def propagate_wave(
-    states: States,
-    potentials: Singles,
-    table: Singles | None,
-    gains: Singles,
-    columns: int,
+    wave: Wave,
     goal: int,
     threshold: np.float32,
     cycles: int,
     limit: np.float32,
-    buffers: Integers,
     waiting: int,
-    reached: Integers,
     count: int,
 ) -> tuple[int, int, bool]:
     """Spread the wave until ``goal`` has a potential, or the threshold passes ``limit``.
 
-    It begins with the ``waiting`` cells of the first of ``buffers``, shape (3, size). ``states``
-    and ``potentials`` are flat. What a cell costs stands in its state, or in a ``table`` if there
-    is one. The first ``count`` cells of ``reached`` have a potential already; all others are
-    ``UNREACHED``, and join them as the wave reaches them, for :func:`reset_potentials`. ``goal`` -1
-    is never reached. Returns how many cells were reached, the fill, which is the largest number of
-    cells that ever waited in one buffer, and whether nothing was left to do.
+    It begins with the ``waiting`` cells of the first buffer; the first ``count`` cells of
+    ``reached`` have a potential already. ``goal`` -1 is never reached. Returns how many cells were
+    reached, the fill, which is the largest number of cells that ever waited in one buffer, and
+    whether nothing was left to do.
     """
     # Event for event the original's loop: its order is the result, so it stays in one piece.
+    states, potentials, reached = wave.states, wave.potentials, wave.reached
+    costs, gains, buffers = wave.costs, wave.gains, wave.buffers
     capacity = buffers.shape[1]
     a, b, c = 0, 1, 2
     now, later, over, fill = waiting, 0, 0, 0
     # Unsigned, so that an index is not looked at for being negative.
-    one, line = np.uintp(1), np.uintp(columns)
+    one, line = np.uintp(1), np.uintp(wave.columns)
     for _ in range(cycles):
         if now == 0:
             break
@@ -139,11 +200,8 @@ def propagate_wave(
             up, down = potentials[n - line], potentials[n + line]
             across = left if left < right else right
             along = up if up < down else down
-            # A cell in the queue again is pending, its value stands below the flag. The type of
-            # the table says which it is: numba compiles only that.
-            value = states[n] & np.uint16(VALUE)
-            cost = np.float32(value) if table is None else table[value]
-            p = interpolate_potential(across, along, cost)
+            # A cell in the queue again is pending, its value stands below the flag.
+            p = interpolate_potential(across, along, costs[states[n] & np.uint16(VALUE)])
             old = potentials[n]
             if p >= old:
                 continue
@@ -196,170 +254,3 @@ def reset_potentials(potentials: Singles, log: Integers, count: int) -> None:
     """Make the first ``count`` cells of ``log`` unreached again."""
     for i in range(count):
         potentials[np.uintp(log[i])] = UNREACHED
-
-
-STEP: Final = np.float32(0.5)
-
-
-@kernel
-def _round_half_away(offset: np.float32) -> int:
-    """Round half away from zero, as C does."""
-    return math.floor(offset + 0.5) if offset >= 0.0 else math.ceil(offset - 0.5)
-
-
-@kernel
-def _gradient(potentials: Singles, n: int, columns: int) -> tuple[np.float32, np.float32]:
-    """Return the normalised gradient at a reached cell, float32; neighbours may be unreached."""
-    here = potentials[n]
-    dx, dy = np.float32(0.0), np.float32(0.0)
-    if potentials[n - 1] < UNREACHED:
-        dx += potentials[n - 1] - here
-    if potentials[n + 1] < UNREACHED:
-        dx += here - potentials[n + 1]
-    if potentials[n - columns] < UNREACHED:
-        dy += potentials[n - columns] - here
-    if potentials[n + columns] < UNREACHED:
-        dy += here - potentials[n + columns]
-    norm = np.sqrt(dx * dx + dy * dy)
-    if norm > np.float32(0.0):
-        scale = np.float32(1.0) / norm
-        return scale * dx, scale * dy
-    return np.float32(0.0), np.float32(0.0)
-
-
-@kernel
-def at_edge(potentials: Singles, n: int, columns: int) -> bool:
-    """Tell whether a cell or one of its eight neighbours was not reached."""
-    for row in range(-1, 2):
-        for column in range(-1, 2):
-            if potentials[n + row * columns + column] >= UNREACHED:
-                return True
-    return False
-
-
-@kernel
-def lowest_around(potentials: Singles, n: int, columns: int) -> int:
-    """Return the lowest of a cell and its eight neighbours; potentials compare as integers."""
-    best, value = n, int(potentials[n])
-    for row in range(-1, 2):
-        for column in range(-1, 2):
-            m = n + row * columns + column
-            if potentials[m] < value:
-                best, value = m, int(potentials[m])
-    return best
-
-
-@kernel
-def interpolate_rounded(a: np.float32, b: np.float32, share: np.float32) -> np.float32:
-    """Return a + share (b - a) rounded as in the original, float32."""
-    return np.float32((1.0 - np.float64(share)) * np.float64(a) + np.float64(share * b))
-
-
-@kernel
-def descend_gradient(
-    potentials: Singles, columns: int, start: int, goal: int, path: Singles, cells: Integers
-) -> int:
-    """Write the path from ``goal`` down to ``start`` into ``path``; return its length, or 0.
-
-    ``path`` has shape (steps, 2), column and row of each point [cells], float32; no path is longer.
-    ``cells`` (steps,) takes the cell each point was reckoned from.
-    """
-    # Step for step the original's descent, with everything it remembers in registers.
-    size = potentials.size
-    n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
-    column, row = goal % columns, goal // columns
-    before, edge = -1, True
-    ax, ay, bx, by = dx, dx, dx, dx
-    cx, cy, ex, ey = dx, dx, dx, dx
-    for count in range(path.shape[0]):
-        cells[count] = n
-        nearest = max(0, min(size - 1, n + _round_half_away(dx) + columns * _round_half_away(dy)))
-        if potentials[nearest] < NEUTRAL:
-            path[count, 0], path[count, 1] = start % columns, start // columns
-            return count + 1
-        if n <= columns or n >= size - columns - 1:
-            return 0
-        path[count, 0] = np.float32(column) + dx
-        path[count, 1] = np.float32(row) + dy
-        swinging = (
-            count >= 2
-            and path[count, 0] == path[count - 2, 0]
-            and path[count, 1] == path[count - 2, 1]
-        )
-        # Half a cell at a time, every other point is reckoned from the same cells.
-        if n != before:
-            # The gradients of two cells are known where it has just gone one to the side.
-            step, known = n - before, not edge
-            before, edge = n, at_edge(potentials, n, columns)
-            if edge:
-                pass
-            elif known and step == 1:
-                ax, ay, cx, cy = bx, by, ex, ey
-                bx, by = _gradient(potentials, n + 1, columns)
-                ex, ey = _gradient(potentials, n + columns + 1, columns)
-            elif known and step == -1:
-                bx, by, ex, ey = ax, ay, cx, cy
-                ax, ay = _gradient(potentials, n, columns)
-                cx, cy = _gradient(potentials, n + columns, columns)
-            elif known and step == columns:
-                ax, ay, bx, by = cx, cy, ex, ey
-                cx, cy = _gradient(potentials, n + columns, columns)
-                ex, ey = _gradient(potentials, n + columns + 1, columns)
-            elif known and step == -columns:
-                cx, cy, ex, ey = ax, ay, bx, by
-                ax, ay = _gradient(potentials, n, columns)
-                bx, by = _gradient(potentials, n + 1, columns)
-            else:
-                ax, ay = _gradient(potentials, n, columns)
-                bx, by = _gradient(potentials, n + 1, columns)
-                cx, cy = _gradient(potentials, n + columns, columns)
-                ex, ey = _gradient(potentials, n + columns + 1, columns)
-        if swinging or edge:
-            n = lowest_around(potentials, n, columns)
-            column, row = n % columns, n // columns
-            dx, dy = np.float32(0.0), np.float32(0.0)
-            continue
-        x = interpolate_rounded(
-            interpolate_rounded(ax, bx, dx), interpolate_rounded(cx, ex, dx), dy
-        )
-        y = interpolate_rounded(
-            interpolate_rounded(ay, by, dx), interpolate_rounded(cy, ey, dx), dy
-        )
-        if x == np.float32(0.0) and y == np.float32(0.0):
-            return 0
-        scale = STEP / np.sqrt(x * x + y * y)
-        dx += x * scale
-        dy += y * scale
-        if dx > 1.0:
-            n += 1
-            column += 1
-            dx -= np.float32(1.0)
-        if dx < -1.0:
-            n -= 1
-            column -= 1
-            dx += np.float32(1.0)
-        if dy > 1.0:
-            n += columns
-            row += 1
-            dy -= np.float32(1.0)
-        if dy < -1.0:
-            n -= columns
-            row -= 1
-            dy += np.float32(1.0)
-    return 0
-
-
-@kernel
-def path_to_poses(
-    path: Singles, shift: float, resolution: float, x: float, y: float, poses: Floats
-) -> None:
-    """Write a path, cells from the goal, as x, y, yaw 0 from the start into ``poses``, (n, 3).
-
-    ``shift`` [cells] is added; the corner of cell (0, 0) lies at ``x``, ``y``.
-    """
-    count = path.shape[0]
-    for i in range(count):
-        k = count - 1 - i
-        poses[i, 0] = (np.float64(path[k, 0]) + shift) * resolution + x
-        poses[i, 1] = (np.float64(path[k, 1]) + shift) * resolution + y
-        poses[i, 2] = 0.0

@@ -15,20 +15,25 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
+from daemon.stacks.ros1.navfn.descent import at_edge
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     BUFFER,
     DOUBTFUL,
-    GAINS,
+    MARGIN,
     PENDING,
     THRESHOLD_STEP,
     UNREACHED,
     VALUE,
+    CellCosts,
     States,
-    at_edge,
+    Wave,
+    Window,
+    cell_costs,
     interpolate_potential,
+    new_wave,
     propagate_wave,
-    seed_wave,
+    seed_cell,
 )
 
 COST_CAP: Final = 80
@@ -37,42 +42,33 @@ _NO_GOAL: Final = -1
 
 
 @kernel
-def relax_lowered_costs(
-    costs: States,
-    floor: States,
-    cap: int,
-    ahead: Singles,
-    gains: Singles,
-    columns: int,
-    window: tuple[int, int, int, int],
-    limit: np.float32,
-    queue: Integers,
-) -> bool:
-    """Lower ``floor`` and ``ahead`` where the costs of a window became lower than ever.
+def relax_lowered_costs(wave: Wave, states: States, window: Window, limit: np.float32) -> bool:
+    """Lower states and potentials of ``wave`` where ``states`` of a window cost less than ever.
 
     A plain relaxation with a ring of waiting cells, until nothing improves by more than the wave
     would care for. Tells whether a value above ``limit`` was left out.
     """
+    floor, ahead, queue, columns = wave.states, wave.potentials, wave.reached, wave.columns
+    costs, gains = wave.costs, wave.gains
     beyond = False
-    rows = costs.size // columns
     head, waiting = 0, 0
-    for row in range(max(window[1], 1), min(window[3], rows - 1)):
-        for column in range(max(window[0], 1), min(window[2], columns - 1)):
-            n = row * columns + column
-            cost = costs[n] if costs[n] >= BLOCKED else min(costs[n], cap)
-            if cost < floor[n]:
-                floor[n] = cost | PENDING
+    rows = floor.size // columns - 2 * MARGIN
+    for row in range(max(window[1], 0), min(window[3], rows)):
+        for column in range(max(window[0], 0), min(window[2], columns)):
+            n = (MARGIN + row) * columns + column
+            if costs[states[n]] < costs[floor[n]]:
+                floor[n] = states[n] | np.uint16(PENDING)
                 queue[waiting] = n
                 waiting += 1
     while waiting > 0:
         n = queue[head]
         head = (head + 1) % queue.size
         waiting -= 1
-        floor[n] &= VALUE
+        floor[n] &= np.uint16(VALUE)
         across, along = min(ahead[n - 1], ahead[n + 1]), min(ahead[n - columns], ahead[n + columns])
         if min(across, along) >= UNREACHED:
             continue
-        p = interpolate_potential(across, along, np.float32(floor[n]))
+        p = interpolate_potential(across, along, costs[floor[n]])
         if p >= ahead[n]:
             continue
         if p > limit:
@@ -80,8 +76,8 @@ def relax_lowered_costs(
             continue
         ahead[n] = p
         for m in (n - 1, n + 1, n - columns, n + columns):
-            if floor[m] < BLOCKED and ahead[m] > p + gains[floor[m]]:
-                floor[m] |= PENDING
+            if ahead[m] > p + gains[floor[m]]:
+                floor[m] |= np.uint16(PENDING)
                 queue[(head + waiting) % queue.size] = m
                 waiting += 1
     return beyond
@@ -90,49 +86,42 @@ def relax_lowered_costs(
 class CostToGo:
     """A potential spread backward from one goal over capped costs, as far as a limit.
 
-    It stays a lower bound, but for the grain of the interpolation, while costs change: they only
-    ever lower it. ``renew`` starts afresh.
+    It stays a lower bound, but for the grain of the interpolation, while ``states`` change: costs
+    only ever lower it. ``renew`` starts afresh.
     """
 
-    def __init__(self, size: int, columns: int) -> None:
-        self.ahead = np.full(size, UNREACHED, dtype=np.float32)
+    def __init__(self, wave: Wave, costs: CellCosts) -> None:
+        """Guide ``wave``, which spreads over these costs."""
+        blocked = np.isinf(costs.gains[:PENDING])
+        capped = cell_costs(costs.states, np.minimum(costs.costs, COST_CAP), blocked)
+        self._states = wave.states
+        self._wave = new_wave(capped, wave.states.size, wave.columns)
+        self.ahead = self._wave.potentials
         self.goal = _NO_GOAL
         self.limit = 0.0
         """From here on values are missing or too high."""
         self.whole = False
         """Whether no way to the goal was left out: then what is unreached has none."""
-        self._columns = columns
-        self._floor = np.empty(size, dtype=np.uint16)
-        self._buffers = np.empty((3, BUFFER), dtype=np.int32)
-        self._queue = np.empty(size + 1, dtype=np.int32)
 
-    def renew(self, costs: States, goal: int, limit: float) -> bool:
+    def renew(self, goal: int, limit: float) -> bool:
         """Spread it over the costs as they are; it is of no use when a buffer ran over."""
         self.goal, self.limit = goal, limit
-        np.minimum(costs, COST_CAP, out=self._floor)
-        np.copyto(self._floor, BLOCKED, where=costs >= BLOCKED)
+        np.copyto(self._wave.states, self._states)
         self.ahead[:] = UNREACHED
         # What waits beyond the threshold when a block is done may still lower it: two blocks more.
-        waiting = seed_wave(
-            self._floor, self.ahead, self._columns, goal, self._buffers[0], self._queue
-        )
         _, fill, ended = propagate_wave(
-            self._floor, self.ahead, None, GAINS, self._columns, _NO_GOAL, np.float32(BLOCKED),
-            costs.size, np.float32(limit + 2.0 * THRESHOLD_STEP), self._buffers, waiting,
-            self._queue, 1,
+            self._wave, _NO_GOAL, np.float32(BLOCKED), self.ahead.size,
+            np.float32(limit + 2.0 * THRESHOLD_STEP), seed_cell(self._wave, goal), 1,
         )  # fmt: skip
         self.whole = bool(ended)
         if fill >= BUFFER:
             self.drop()
         return self.goal == goal
 
-    def follow(self, costs: States, window: tuple[int, int, int, int]) -> None:
-        """Take in the costs that changed inside a half-open window."""
+    def follow(self, window: Window) -> None:
+        """Take in the costs that changed inside a window."""
         if self.goal != _NO_GOAL and window[0] < window[2]:
-            beyond = relax_lowered_costs(
-                costs, self._floor, COST_CAP, self.ahead, GAINS, self._columns, window,
-                np.float32(self.limit), self._queue,
-            )  # fmt: skip
+            beyond = relax_lowered_costs(self._wave, self._states, window, np.float32(self.limit))
             self.whole = self.whole and not beyond
 
     def at(self, start: int) -> float:
@@ -140,9 +129,9 @@ class CostToGo:
 
         Too low a bound still connects: where this is unreached and ``whole``, there is no path.
         """
-        around = (start, start - 1, start + 1, start - self._columns, start + self._columns)
-        ahead = self.ahead
-        return min([float(ahead.item(n)) for n in around if 0 <= n < ahead.size])
+        line = self._wave.columns
+        around = (start, start - 1, start + 1, start - line, start + line)
+        return min([float(self.ahead.item(n)) for n in around])
 
     def drop(self) -> None:
         """Forget the goal."""
@@ -151,10 +140,10 @@ class CostToGo:
 
 @kernel
 def queue_if_gaining(
-    costs: States,
+    states: States,
     gains: Singles,
     m: np.uintp,
-    cost: np.uint16,
+    state: np.uint16,
     value: np.float32,
     p: np.float32,
     queue: Integers,
@@ -164,40 +153,34 @@ def queue_if_gaining(
 
     That is hard to foresee: no branches.
     """
-    gaining: bool = value > p + gains[cost]
+    gaining: bool = value > p + gains[state]
     queue[np.uintp(end)] = m
-    costs[m] = cost | (np.uint16(gaining) << np.uint16(8))
+    states[m] = state | (np.uint16(gaining) << np.uint16(8))
     return end + gaining
 
 
 @kernel
 def spread_towards(
-    states: States,
-    potentials: Singles,
-    table: Singles | None,
-    gains: Singles,
+    wave: Wave,
     ahead: Singles,
     bound: np.float32,
     threshold: np.float32,
-    columns: int,
     goal: int,
     cycles: int,
-    buffers: Integers,
     waiting: int,
-    reached: Integers,
     count: int,
     doubtful: Integers,
 ) -> tuple[int, int, int, int, np.float32]:
     """Spread the wave as :func:`propagate_wave` does, but leave out what the bound excludes.
 
-    It begins with the ``waiting`` cells of the first buffer; ``count`` cells in ``reached`` have a
-    potential already. What a cell costs stands in its state, or in a ``table`` where there is one.
     A cell is left out when threshold plus ``ahead`` exceed ``bound``, and is flagged ``DOUBTFUL``;
     so is each cell looked at beside a doubtful one. The cells flagged stand in ``doubtful``, for
-    :func:`clear_doubts`. Returns how many cells were reached, how many are
-    doubtful, the fill, the cycles used and the threshold at the end. It gives up, with a fill of
-    all there is, where a buffer could run over.
+    :func:`clear_doubts`. Returns how many cells were reached, how many are doubtful, the fill, the
+    cycles used and the threshold at the end. It gives up, with a fill of all there is, where a
+    buffer could run over.
     """
+    states, potentials, reached = wave.states, wave.potentials, wave.reached
+    costs, gains, buffers = wave.costs, wave.gains, wave.buffers
     capacity = buffers.shape[1]
     queue = buffers.reshape(-1)
     # Where the next cell goes: behind those of later blocks, and behind those of this one.
@@ -205,7 +188,7 @@ def spread_towards(
     a, b, c = 0, 1, 2
     now, later, over, doubts, fill = waiting, 0, 0, 0, 0
     # Unsigned, so that an index is not looked at for being negative.
-    one, line = np.uintp(1), np.uintp(columns)
+    one, line = np.uintp(1), np.uintp(wave.columns)
     flag, settled = np.uint16(DOUBTFUL), np.uint16(VALUE | DOUBTFUL)
     used = 0
     # The inner loop is where a plan's time goes. It stays one loop with everything in registers:
@@ -227,17 +210,14 @@ def spread_towards(
             min(potentials[m - one], potentials[m + one]),
             min(potentials[m - line], potentials[m + line]),
         )
-        # The type of the table says which it is: numba compiles only that.
-        value = states[m] & np.uint16(VALUE)
-        cost = np.float32(value) if table is None else table[value]
+        cost = costs[states[m] & np.uint16(VALUE)]
         guess = interpolate_potential(across, along, cost)
         for i in range(now):
             n, x, y, dear, p = m, across, along, cost, guess
             m = np.uintp(current[i + 1])
             across = min(potentials[m - one], potentials[m + one])
             along = min(potentials[m - line], potentials[m + line])
-            value = states[m] & np.uint16(VALUE)
-            cost = np.float32(value) if table is None else table[value]
+            cost = costs[states[m] & np.uint16(VALUE)]
             guess = interpolate_potential(across, along, cost)
             state = states[n]
             if ahead[n] > farthest:
@@ -288,43 +268,42 @@ def spread_towards(
 
 
 @kernel
-def clear_doubts(costs: States, doubtful: Integers, count: int) -> None:
+def clear_doubts(states: States, doubtful: Integers, count: int) -> None:
     """Take the flag ``DOUBTFUL`` from the first ``count`` cells of ``doubtful``."""
     for i in range(count):
-        costs[np.uintp(doubtful[i])] &= np.uint16(VALUE)
+        states[np.uintp(doubtful[i])] &= np.uint16(VALUE)
+
+
+@kernel
+def any_is_doubtful(wave: Wave, ahead: Singles, latest: np.float32, corner: int, side: int) -> bool:
+    """Tell whether any cell of a square is doubtful; its lowest left cell is ``corner``.
+
+    Neither may a cell there that was not reached be one that could have been reached in time:
+    ``latest`` is the largest remainder with which a wave through the cells left out comes too late.
+    """
+    states, potentials = wave.states, wave.potentials
+    for row in range(side):
+        for n in range(corner + row * wave.columns, corner + row * wave.columns + side):
+            if states[n] >= DOUBTFUL:
+                return True
+            missing = potentials[n] >= UNREACHED and wave.gains[states[n]] < np.inf
+            if missing and latest < ahead[n] < UNREACHED:
+                return True
+    return False
 
 
 @kernel
 def descent_is_doubtful(
-    flags: States,
-    costs: States,
-    potentials: Singles,
-    ahead: Singles,
-    latest: np.float32,
-    columns: int,
-    cells: Integers,
-    length: int,
+    wave: Wave, ahead: Singles, latest: np.float32, cells: Integers, length: int
 ) -> bool:
-    """Tell whether the descent of a path of ``length`` points looked at a doubtful cell.
-
-    Neither may a cell it found unreached be one that could have been reached in time: ``latest``
-    is the largest remainder with which a wave through the cells left out comes too late.
-    """
+    """Tell whether the descent of a path of ``length`` points looked at a doubtful cell."""
     for i in range(length):
         # At the edge of the wave the descent compares eight neighbours; elsewhere it takes the
         # gradients of four cells, which look one further.
-        at = cells[i]
-        seen = i > 0 and at == cells[i - 1]
-        if seen or at <= columns or at >= potentials.size - columns - 1:
+        if i > 0 and cells[i] == cells[i - 1]:
             continue
-        beyond = 2 if at_edge(potentials, at, columns) else 3
-        for r in range(-1, beyond):
-            for n in range(at + r * columns - 1, at + r * columns + beyond):
-                if n >= potentials.size:
-                    continue
-                if flags[n] >= DOUBTFUL:
-                    return True
-                missing = potentials[n] >= UNREACHED and costs[n] < BLOCKED
-                if missing and latest < ahead[n] < UNREACHED:
-                    return True
+        corner = cells[i] - wave.columns - 1
+        side = 3 if at_edge(wave.potentials, corner, wave.columns) else 4
+        if any_is_doubtful(wave, ahead, latest, corner, side):
+            return True
     return False

@@ -6,20 +6,10 @@ from pydantic import ValidationError
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import WITHOUT_EFFECT, GlobalPlannerParameters, warm_up
-from daemon.stacks.ros1.global_planner.descent import (
-    descend_gradient,
-    goal_is_doubtful,
-    look_forward,
-)
-from daemon.stacks.ros1.global_planner.expansion import (
-    copy_window,
-    cost_tables,
-    fill_around_goal,
-    seed_wave,
-)
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, look_forward, planner_costs
+from daemon.stacks.ros1.navfn.descent import descend_gradient, fill_around_goal
 from daemon.stacks.ros1.navfn.propagation import propagate_wave
-from daemon.stacks.ros1.navfn.restricted import spread_towards
+from daemon.stacks.ros1.navfn.restricted import any_is_doubtful, spread_towards
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 
@@ -42,17 +32,17 @@ def length_of(poses):
 
 
 def test_costs_are_scaled_and_what_is_nearly_lethal_is_blocked():
-    costs, gains = cost_tables(253, 50, 3.0, allow_unknown=True)
+    _, costs, gains = planner_costs(GlobalPlannerParameters())
     assert costs[[0, 1, 60, 67, 68, 251]].tolist() == [50, 53, 230, 251, 252, 252]
     assert costs[255] == 252
     assert np.isinf(gains[[252, 253, 254, 256 + 10]]).all()
     assert gains[0] == pytest.approx(0.707106781 * 50)
-    _, gains = cost_tables(253, 50, 3.0, allow_unknown=False)
+    gains = planner_costs(GlobalPlannerParameters(allow_unknown=False)).gains
     assert np.isinf(gains[255])
 
 
 def test_costs_are_whole_numbers_and_gains_exact():
-    costs, gains = cost_tables(253, 66, 0.55, allow_unknown=True)
+    _, costs, gains = planner_costs(GlobalPlannerParameters(neutral_cost=66, cost_factor=0.55))
     assert costs[1] == 66
     assert gains[1] == pytest.approx(0.707106781 * 66.55, rel=1e-6)
 
@@ -200,7 +190,7 @@ def test_what_did_not_change_is_not_planned_again(monkeypatch):
         calls.append(arguments)
         return propagate_wave(*arguments)
 
-    monkeypatch.setattr("daemon.stacks.ros1.global_planner.planner.propagate_wave", counted)
+    monkeypatch.setattr("daemon.stacks.ros1.navfn.field.propagate_wave", counted)
     grid = a_grid()
     planner = GlobalPlanner(GlobalPlannerParameters(), FAST)
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
@@ -264,15 +254,12 @@ def test_a_way_of_planning_that_is_not_built_in_is_refused(refused, words):
 def test_everything_is_compiled_by_the_warm_up_and_only_once():
     warm_up()
     kernels = (
-        copy_window, seed_wave, goal_is_doubtful, fill_around_goal, descend_gradient, look_forward,
+        propagate_wave, spread_towards, any_is_doubtful, fill_around_goal, descend_gradient,
+        look_forward,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10))
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
-    # navfn has no table of costs: of either kind there is one.
-    for wave in (propagate_wave, spread_towards):
-        tables = [str(types[2]) for types in wave.signatures]
-        assert len([table for table in tables if table != "none"]) == 1
 
 
 def yaws_of_a_corner(window):

@@ -1,7 +1,5 @@
 """The restricted wave against the whole one, path for path."""
 
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,21 +7,18 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, potential_field
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.navfn import building
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
 
-PLANNER = "daemon.stacks.ros1.global_planner.planner"
 
-
-@contextmanager
-def margins_of(*margins, worthwhile):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(f"{PLANNER}.MARGINS", margins)
-        patch.setattr(f"{PLANNER}.WORTHWHILE", worthwhile)
-        yield
+def a_planner(grid, parameters, quirks, **given):
+    """Return a planner whose field has other margins, or is sooner restricted."""
+    planner = GlobalPlanner(parameters, quirks)
+    planner._field = potential_field(grid, parameters, quirks, **given)
+    return planner
 
 
 def waves(planner):
@@ -49,14 +44,16 @@ def test_plans_stay_the_same_while_costs_and_start_change(seed, old, quirks, cos
     size = np.array(cells.shape[::-1]) * 0.05
     goal = Pose2(*(random.random(2) * size).tolist())
     place = random.random(2) * size
-    planners = [GlobalPlanner(parameters, quirks) for _ in range(2)]
-    chosen = np.sort(random.integers(100, 2500, 3)).astype(float).tolist()
+    chosen = tuple(np.sort(random.integers(100, 2500, 3)).astype(float).tolist())
+    planners = [
+        a_planner(grid, parameters, quirks, margins=margins, worthwhile=1)
+        for grid, margins in zip(grids, (chosen, ()), strict=True)
+    ]
     for _ in range(10):
         start = Pose2(*place.tolist())
-        with margins_of(*chosen, worthwhile=1):
-            found = planners[0].plan(grids[0], start, goal)
-        with margins_of(worthwhile=1):
-            expected = planners[1].plan(grids[1], start, goal)
+        found, expected = (
+            planner.plan(grid, start, goal) for planner, grid in zip(planners, grids, strict=True)
+        )
         assert (found is None) == (expected is None)
         assert found is None or expected is None or np.array_equal(found, expected)
         place = np.clip(place + random.normal(size=2) * 0.05, 0.0, size - 1e-6)
@@ -72,7 +69,8 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
     grid = building.costmap()
     twin = CostGrid(grid.resolution, grid.x, grid.y, grid.cells)
     parameters = GlobalPlannerParameters()
-    restricted, whole = (GlobalPlanner(parameters, FIXED) for _ in range(2))
+    restricted = GlobalPlanner(parameters, FIXED)
+    whole = a_planner(twin, parameters, FIXED, margins=())
     for start, goal in building.drive(0.04)[1100:1120]:
         here = grid.cell(start.x, start.y)
         assert here is not None
@@ -83,8 +81,7 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
         grid.touch(window)
         twin.touch(window)
         found = restricted.plan(grid, start, goal)
-        with margins_of(worthwhile=1):
-            expected = whole.plan(twin, start, goal)
+        expected = whole.plan(twin, start, goal)
         assert found is not None
         assert expected is not None
         assert np.array_equal(found, expected)
@@ -112,7 +109,8 @@ def test_a_goal_walled_in_has_no_plan_until_the_wall_is_gone():
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
     twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
     parameters = GlobalPlannerParameters()
-    planner, whole = GlobalPlanner(parameters, FAST), GlobalPlanner(parameters, FAST)
+    planner = GlobalPlanner(parameters, FAST)
+    whole = a_planner(twin, parameters, FAST, margins=())
     goal, wall = Pose2(6.03, 3.78), (110, 65, 131, 86)
     for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
         grid.cells[65:86, 110:131] = value
@@ -121,8 +119,7 @@ def test_a_goal_walled_in_has_no_plan_until_the_wall_is_gone():
         twin.touch(wall)
         start = Pose2(1.03 + 0.05 * step, 3.78)
         found = planner.plan(grid, start, goal)
-        with margins_of(worthwhile=1):
-            expected = whole.plan(twin, start, goal)
+        expected = whole.plan(twin, start, goal)
         assert (found is None) is (expected is None) is (value == 254)
         assert found is None or expected is None or np.array_equal(found, expected)
     assert waves(planner)[0] > 3

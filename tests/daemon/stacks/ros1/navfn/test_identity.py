@@ -7,18 +7,12 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import NavfnParameters
-from daemon.stacks.ros1.navfn.planner import Navfn, PotentialField
-from daemon.stacks.ros1.navfn.propagation import (
-    GAINS,
-    UNREACHED,
-    propagate_wave,
-    seed_wave,
-    translate_costs,
-    translation_table,
-)
+from daemon.stacks.ros1.navfn.planner import Navfn
+from daemon.stacks.ros1.navfn.propagation import UNREACHED, propagate_wave, seed_cell
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.navfn import building, plain
+from tests.daemon.stacks.ros1.navfn.fields import a_field, path, wave_over
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -88,18 +82,13 @@ def test_plans_are_those_of_the_plain_planner(seed):
 def test_what_does_not_fit_into_a_buffer_is_lost(size):
     random = np.random.default_rng(size)
     cells = random.integers(0, 200, (40, 40)).astype(np.uint8)
-    costs = np.full(1600, 254, dtype=np.uint16)
-    translate_costs(cells, costs, translation_table(allow_unknown=True), 0, 0, 40, 40)
-    potentials = np.full(1600, UNREACHED, dtype=np.float32)
-    buffers, reached = np.empty((3, size), dtype=np.int32), np.empty(1601, dtype=np.int32)
+    costs = plain.costs_of(cells)
+    wave, begin = wave_over(costs, 40, size)
     start, goal = 20 * 40 + 20, 35 * 40 + 37
-    waiting = seed_wave(costs, potentials, 40, start, buffers[0], reached)
-    propagate_wave(
-        costs, potentials, None, GAINS, 40, goal, np.float32(254), 80, UNREACHED, buffers, waiting,
-        reached, 1,
-    )  # fmt: skip
-    expected = plain.wave(plain.costs_of(cells), 40, start, goal, size)
-    assert np.array_equal(potentials, expected)
+    waiting = seed_cell(wave, begin + start)
+    propagate_wave(wave, begin + goal, np.float32(254), 80, UNREACHED, waiting, 1)
+    expected = plain.wave(costs, 40, start, goal, size)
+    assert np.array_equal(wave.potentials[begin:-begin], expected)
 
 
 @given(seeds)
@@ -108,8 +97,8 @@ def test_the_restricted_wave_gives_the_same_path_while_costs_and_start_change(se
     cells = random_cells(random, 20, 130)
     grids = [CostGrid(0.05, 0.0, 0.0, cells) for _ in range(2)]
     margins = tuple(np.sort(random.integers(100, 2500, 3)).astype(float).tolist())
-    restricted = PotentialField(grids[0], allow_unknown=True, margins=margins, worthwhile=1)
-    whole = PotentialField(grids[1], allow_unknown=True, margins=())
+    restricted = a_field(grids[0], margins=margins, worthwhile=1)
+    whole = a_field(grids[1], margins=())
     # On maps this small the limit of cycles would leave the restricted wave nothing to do.
     if seed % 4:
         restricted._cycles = whole._cycles = 100_000
@@ -118,7 +107,7 @@ def test_the_restricted_wave_gives_the_same_path_while_costs_and_start_change(se
     row, column = (int(random.integers(n)) for n in cells.shape)
     for _ in range(12):
         start = row * columns + column
-        found, expected = restricted.path(start, goal), whole.path(start, goal)
+        found, expected = path(restricted, start, goal), path(whole, start, goal)
         assert np.array_equal(found, expected)
         step = random.integers(-1, 2, 2)
         row = int(np.clip(row + step[0], 0, rows - 1))
@@ -131,8 +120,8 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
     random = np.random.default_rng(1)
     grid = building.costmap()
     twin = CostGrid(grid.resolution, grid.x, grid.y, grid.cells)
-    restricted = PotentialField(grid, allow_unknown=True)
-    whole = PotentialField(twin, allow_unknown=True, margins=())
+    restricted = a_field(grid)
+    whole = a_field(twin, margins=())
     columns = grid.cells.shape[1]
     trips = building.drive(0.04)[1100:1140]
     for k, (start, goal) in enumerate(trips):
@@ -147,8 +136,8 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
         grid.touch(window)
         twin.touch(window)
         trip = here[1] * columns + here[0], there[1] * columns + there[0]
-        found = restricted.path(*trip)
+        found = path(restricted, *trip)
         if k % 13 == 0:
-            assert np.array_equal(found, whole.path(*trip))
+            assert np.array_equal(found, path(whole, *trip))
             assert found.shape[0] > 1000
     assert restricted.restricted > 30

@@ -7,16 +7,14 @@ from pydantic import ValidationError
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, NavfnParameters
+from daemon.stacks.ros1.navfn.descent import descend_gradient, path_to_poses
 from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.navfn.propagation import (
-    descend_gradient,
+    copy_window,
     interpolate_potential,
-    path_to_poses,
+    navfn_costs,
     propagate_wave,
     reset_potentials,
-    seed_wave,
-    translate_costs,
-    translation_table,
 )
 from daemon.stacks.ros1.navfn.restricted import (
     clear_doubts,
@@ -45,10 +43,10 @@ def plan(grid, start, goal, *, tolerance=0.0, unknown=True):
 
 
 def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked():
-    table = translation_table(allow_unknown=True)
+    table, without = (navfn_costs(allow_unknown=known).states for known in (True, False))
     assert [int(table[v]) for v in (0, 1, 100, 161, 252)] == [50, 50, 130, 178, 251]
     assert [int(table[v]) for v in (253, 254, 255)] == [254, 254, 253]
-    assert int(translation_table(allow_unknown=False)[255]) == 254
+    assert int(without[255]) == 254
 
 
 @pytest.mark.parametrize(
@@ -159,14 +157,9 @@ def test_parameters_are_those_of_noetic_and_checked():
 def test_everything_is_compiled_by_the_warm_up_and_only_once():
     warm_up()
     kernels = (
-        translate_costs, seed_wave, descent_is_doubtful, clear_doubts, descend_gradient,
-        reset_potentials, path_to_poses, relax_lowered_costs,
+        copy_window, propagate_wave, spread_towards, descent_is_doubtful, clear_doubts,
+        descend_gradient, reset_potentials, path_to_poses, relax_lowered_costs,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
-    # GlobalPlanner has a table of costs: of either kind there is one.
-    for wave in (propagate_wave, spread_towards):
-        tables = [str(types[2]) for types in wave.signatures]
-        assert tables.count("none") == 1
-        assert len(tables) == len(set(tables))
