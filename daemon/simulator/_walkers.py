@@ -140,11 +140,6 @@ class RouteFollower:
         return self._from + way, speed
 
     @property
-    def stopped(self) -> bool:
-        """True while it makes way for the robot: it brakes or stands."""
-        return self._stopped
-
-    @property
     def done(self) -> bool:
         """True once the walk is over."""
         return self._done

@@ -8,6 +8,8 @@ from grammars.model.behaviour import (
     Jump,
     KeyFrame,
     KeyFrames,
+    LegBegins,
+    Reaction,
     Servo,
     Spring,
     Trigger,
@@ -92,9 +94,10 @@ def test_a_weak_servo_does_not_move_a_robot_that_a_strong_one_pushes():
 
 def test_sliding_doors_follow_every_motion():
     for motion in (Jump(), Servo(0.5, 100.0), Spring(100.0, 100.0)):
-        behaviour = frames(motion, (0.5, 0.8), joint="s.rail")
+        behaviour = frames(motion, (0.5, 0.8), (8.0, 0.3), joint="s.rail")
         simulated = world(sliding_door("s", Pose2(5.0, 0.0, 0.4)), behaviours=(behaviour,))
         assert position_at(simulated, 8.0) == pytest.approx(0.8, abs=0.02)
+        assert position_at(simulated, 16.0) == pytest.approx(0.3, abs=0.02)
 
 
 def near(motion, **options):
@@ -269,16 +272,27 @@ def test_a_jump_over_the_robot_to_a_free_place_succeeds():
     assert simulated.take_contacts() == ()
 
 
-def test_a_blocked_trigger_jump_completes_when_the_robot_makes_way():
-    behaviour = near(Jump(), start=1.5, end=0.0, distance=5.0)
-    simulated = world(door("d", BLOCKED), start=Pose2(0.9, 0.0, 0.0), behaviours=(behaviour,))
+SLIDING = sliding_door("d", Pose2(0.9, -1.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("part", "behaviour", "way", "first"),
+    [
+        (door("d", BLOCKED), near(Jump(), start=1.5, end=0.0, distance=5.0), 0.3, "triggered"),
+        (door("d", BLOCKED), Reaction("d.hinge", 1.5, 0.0, LegBegins(1), Jump()), 0.3, "reacts:"),
+        (SLIDING, Reaction("d.rail", 1.0, 0.3, LegBegins(1), Jump()), 0.7, "reacts:"),
+    ],
+)
+def test_a_blocked_jump_completes_when_the_robot_makes_way(part, behaviour, way, first):
+    simulated = world(part, start=Pose2(0.9, 0.0, 0.0), behaviours=(behaviour,))
+    simulated.progress(0, 0)
     simulated.advance(50)
-    assert simulated.joint_positions()[0] > 0.3
+    assert simulated.joint_positions()[0] > way
     simulated.command(Twist2(-0.5, 0.0, 0.0))
     simulated.advance(300)
-    assert simulated.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+    assert simulated.joint_positions()[0] == pytest.approx(behaviour.end, abs=1e-6)
     texts = [event.text.split()[0] for event in simulated.take_events()]
-    assert texts == ["triggered", "stopped", "reached"]
+    assert texts == [first, "stopped", "reached"]
 
 
 @pytest.mark.parametrize(
