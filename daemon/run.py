@@ -6,6 +6,7 @@ Every run, wherever it happens, is :func:`execute`; what happens while simulated
 
 from __future__ import annotations
 
+import gc
 import tempfile
 import time
 from collections.abc import Iterable
@@ -85,8 +86,11 @@ def execute(
             watched.finish(end.ended, end.note)
         simulated = loop.world.time
         # Its maps, and what a stack makes of them, take 55 MB in the published building: they go
-        # before the trace is read and judged, which takes memory of its own.
+        # before the trace is read and judged, which takes memory of its own. A world refers to
+        # itself, so only a collection frees it: 0.4 ms where all that is older than the run is
+        # frozen (``gc.freeze``), 200 ms elsewhere.
         del loop, watched, on_progress
+        gc.collect()
         for name, data in outputs.items():
             trace.attach(name, data)
         # Judged is the file, not what is still in memory: the verdicts of a run are then the very

@@ -164,11 +164,6 @@ class ContactLog:
         self._finished: list[RobotContact] = []
         space.on_collision(ROBOT_COLLISION_TYPE, None, begin=self._begin, separate=self._separate)
 
-    def close(self, space: pymunk.Space) -> None:
-        """Have the physics call nobody any more."""
-        nobody = pymunk.empty_callback
-        space.on_collision(ROBOT_COLLISION_TYPE, None, begin=nobody, separate=nobody)
-
     def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         # Inside the step of ``tick``, whose end is the next one.
         owner, now = self._owner(arbiter), self.tick + 1

@@ -95,14 +95,3 @@ def body_reader(space: pymunk.Space) -> Callable[[], tuple[bytes, Floats]]:
         return ids.tobytes(), values
 
     return read
-
-
-def release(space: pymunk.Space) -> None:
-    """Let a space go that is stepped no more, with all that is in it.
-
-    Its collision handlers hold themselves, and the space that holds them: it would stay in memory
-    until the next collection of garbage. Their callbacks have to be gone by now, since Chipmunk
-    still calls them when what touches is removed.
-    """
-    for handler in getattr(space, "_handlers", {}).values():
-        vars(handler).clear()

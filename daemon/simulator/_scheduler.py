@@ -99,11 +99,6 @@ class EventQueue:
         """True while :meth:`check_moving_joints` must be called every tick."""
         return bool(self._watched)
 
-    def close(self) -> None:
-        """Forget all acts."""
-        self._waiting.clear()
-        self._agenda.clear()
-
     def note_progress(self, current: int, reached: int, tick: int) -> None:
         """Take note of the mission: index of the waypoint approached, number of those reached."""
 
@@ -250,12 +245,6 @@ class BehaviourScheduler:
 
     def _note_fired(self, joint: str) -> None:
         self._events.note_fired(joint, self._tick)
-
-    def close(self) -> None:
-        """Let go of all that acts and waits here: it holds this object in turn."""
-        self._events.close()
-        for actors in (self._timed, self._triggers, self._reacting, self._walkers):
-            actors.clear()
 
     def progress(self, current: int, reached: int, tick: int) -> None:
         """Take note of the progress of the mission."""

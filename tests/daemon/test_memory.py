@@ -32,7 +32,7 @@ def demo(campaigns):
 
 @pytest.fixture
 def made(monkeypatch):
-    """All that is made of the types that hold much memory, while nothing collects garbage."""
+    """All that is made of the types that hold much memory, while only runs collect garbage."""
     found = []
 
     def noting(init):
