@@ -1,4 +1,4 @@
-"""Who hears which laser: names of topics as roscpp resolves them, and advice for a robot.
+"""Wiring of lasers: topics as roscpp resolves them, who listens where, advice for a robot.
 
 A name without a leading slash is resolved in the namespace of the node (``/`` for a node called
 ``/move_base``); ``~name`` below the node's own name. A remap of the launch file holds for every
@@ -168,11 +168,11 @@ class Topics(Scans):
         return Wiring(on((self.amcl,)), on(self.global_costmap), on(self.local_costmap))
 
 
-def resolve_name(name: str, node: str = "", remap: Mapping[str, str] | None = None) -> str:
+def resolve_name(name: str, node: str, remap: Mapping[str, str]) -> str:
     """Return the name a node called ``node`` ends up with: absolute, remapped once."""
     full = _absolute(name, node)
     # Of two remaps of one name the later one holds, as on the command line of a node.
-    for old, new in reversed(list((remap or {}).items())):
+    for old, new in reversed(list(remap.items())):
         if _absolute(old, node) == full:
             return _absolute(new, node)
     return full
@@ -287,46 +287,29 @@ def _about_costmap(
             yield ParameterFinding((*below, "topic"), message, hint)
         for laser in robot.lasers:
             if laser.name in heard:
-                yield from _about_height(laser, layer, source, below, title)
-                yield from _about_rate(laser, source, below)
+                yield from _about_laser(laser, layer, source, below)
 
 
-def _about_height(
-    laser: Laser,
-    layer: ObstacleLayer,
-    source: ObservationSource,
-    place: ParameterLocation,
-    title: str,
+def _about_laser(
+    laser: Laser, layer: ObstacleLayer, source: ObservationSource, place: ParameterLocation
 ) -> Iterator[ParameterFinding]:
-    """Yield the limit that leaves a laser out: of the source, of the layer, of its voxels."""
+    """Yield the height that leaves a laser out, and a rate that would stop the robot."""
+    _, name, *_ = place
+    title, above = str(name).replace("_", " "), place[:-1]
     at, height = f"the {laser.label} at {laser.z:g} m", point_height(laser.z)
+    marks_nothing = f"{at} marks nothing in the layer {layer.name} of the {title}"
     if height < source.min_obstacle_height:
         message = f"the {title} ignores {at}, below {source.min_obstacle_height:g} m"
         yield ParameterFinding((*place, "min_obstacle_height"), message)
     elif height > source.max_obstacle_height:
         message = f"the {title} ignores {at}, above {source.max_obstacle_height:g} m"
         yield ParameterFinding((*place, "max_obstacle_height"), message)
-    elif not source.marking:
-        return
-    elif height > layer.max_obstacle_height:
-        message = (
-            f"{at} marks nothing in the layer {layer.name} of the {title}, whose limit is "
-            f"{layer.max_obstacle_height:g} m"
-        )
-        yield ParameterFinding((*place[:-1], "max_obstacle_height"), message)
-    elif isinstance(layer, VoxelLayer):
-        top = layer.origin_z + layer.z_voxels * layer.z_resolution
-        if height >= top:
-            message = (
-                f"{at} marks nothing in the layer {layer.name} of the {title}, whose voxels end "
-                f"at {top:g} m"
-            )
-            yield ParameterFinding((*place[:-1], "z_voxels"), message)
-
-
-def _about_rate(
-    laser: Laser, source: ObservationSource, place: ParameterLocation
-) -> Iterator[ParameterFinding]:
+    elif source.marking and height > layer.max_obstacle_height:
+        message = f"{marks_nothing}, whose limit is {layer.max_obstacle_height:g} m"
+        yield ParameterFinding((*above, "max_obstacle_height"), message)
+    elif source.marking and isinstance(layer, VoxelLayer) and height >= layer.top:
+        message = f"{marks_nothing}, whose voxels end at {layer.top:g} m"
+        yield ParameterFinding((*above, "z_voxels"), message)
     expected = source.expected_update_rate
     if expected > 0.0 and laser.rate > 0.0 and 1.0 / laser.rate > expected:
         message = (

@@ -1,12 +1,11 @@
-"""What a costmap is made of: its layers in the order of ``plugins``, and what they listen to.
+"""Layers of a costmap in the order of ``plugins``, and what they listen to.
 
 Each class holds a namespace as people write it, with the names and defaults of Noetic. Sources:
 ``costmap_2d_ros.cpp``, ``plugins/*.cpp`` and the dynamic reconfigure descriptions of costmap_2d.
 :mod:`daemon.stacks.ros1.costmap.reading` puts in what costmap_2d takes from other namespaces.
 
-Fields that no file says, such as ``name``, are left out of schemas and of reading
-(``SkipJsonSchema``). Defaults that depend on other namespaces are factories, so that editors do
-not show them.
+Schemas and reading leave out fields that no file says, such as ``name`` (``SkipJsonSchema``).
+Defaults that depend on other namespaces are factories, so that editors do not show them.
 """
 
 from __future__ import annotations
@@ -117,6 +116,11 @@ class VoxelLayer(ObstacleLayer):
     mark_threshold: _Voxels = 0
     """A column with more marked voxels than this is lethal."""
 
+    @property
+    def top(self) -> float:
+        """Height of the highest voxel's upper face [m]."""
+        return self.origin_z + self.z_voxels * self.z_resolution
+
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class InflationLayer:
@@ -191,7 +195,7 @@ class LayeredCostmap:
 
 
 SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
-"""What a costmap finds in the namespace of move_base as well (``footprint.cpp``)."""
+"""Names that a costmap finds in the namespace of move_base as well (``footprint.cpp``)."""
 
 _DISPLAY: Final = "only for display"
 _NO_OTHER_MAP: Final = "the map never changes"

@@ -1,4 +1,4 @@
-"""Which values the namespaces of a costmap's layers hold when the layers read them.
+"""Namespaces of a costmap's layers as the layers find them.
 
 costmap_2d moves and copies parameters before it makes a layer (``costmap_2d_ros.cpp``). Without a
 list of ``plugins`` it writes one itself and moves the flat parameters of pre-Hydro files into the
@@ -26,7 +26,7 @@ COPIED: Final[Mapping[str, tuple[str, ...]]] = {
     OBSTACLE: ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space"),
     INFLATION: ("cost_scaling_factor", "inflation_radius"),
 }
-"""What layers of a type get from the costmap's own namespace (``copyParentParameters``)."""
+"""Names that layers of a type get from the costmap's own namespace (``copyParentParameters``)."""
 COPIED_NAMES: Final = frozenset(
     name for names in COPIED.values() for name in names if name != "track_unknown_space"
 )

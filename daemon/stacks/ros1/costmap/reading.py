@@ -1,4 +1,4 @@
-"""From the namespace of a costmap to its layers, as costmap_2d of Noetic reads them.
+"""Reader of a costmap's namespace and of its layers', as costmap_2d of Noetic reads them.
 
 The reader refuses at its line what cannot be honoured. It warns of what is probably a slip, and of
 what nobody reads.
@@ -10,7 +10,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterLocation
@@ -54,13 +54,13 @@ _RANGES: Final = ("obstacle_range", "raytrace_range")
 _CLOUDS: Final = ("PointCloud", "PointCloud2")
 _SIZE: Final = ("width", "height", "resolution", "origin_x", "origin_y")
 _OLD: Final = ("static_map", "map_type")
-"""What only counts when there is no list of plugins."""
+"""Names that only count when there is no list of plugins."""
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
 class CostmapContext:
-    """What other parameters of the stack a costmap is read by.
+    """Other parameters of the stack that decide how a costmap is read.
 
     ``above`` is the namespace around it; ``frames`` are the names frames have, without slashes;
     ``resolve`` makes absolute names of move_base's; ``maps`` are the topics on which the map is
@@ -68,11 +68,11 @@ class CostmapContext:
     the robot stops when a source of this costmap is late.
     """
 
-    above: Mapping[str, Any] = field(default_factory=dict)
-    frames: Mapping[str, Frame] = field(default_factory=lambda: {"map": "map", "odom": "odom"})
-    resolve: Callable[[str], str] = lambda name: f"/{name.lstrip('/')}"
-    maps: tuple[str, ...] = ("/map",)
-    may_carry_scan: Callable[[str], bool] = lambda topic: True
+    above: Mapping[str, Any]
+    frames: Mapping[str, Frame]
+    resolve: Callable[[str], str]
+    maps: tuple[str, ...]
+    may_carry_scan: Callable[[str], bool]
     stops_robot: bool = False
 
 
@@ -112,7 +112,7 @@ class CostmapReader:
         copied = {name for one in self._planned for name in COPIED.get(one.type, ())}
         elsewhere = {*layers, *copied, *_RANGES, "plugins", *_OLD}
         # Costmaps often share a file that describes the layers of both.
-        idle = dict.fromkeys(COPIED_NAMES - elsewhere, "no layer of this costmap reads it")
+        idle = dict.fromkeys(sorted(COPIED_NAMES - elsewhere), "no layer of this costmap reads it")
         for name, written in entries.items():
             if isinstance(written.value, Mapping):
                 if name not in layers:

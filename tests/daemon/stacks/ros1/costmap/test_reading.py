@@ -29,7 +29,14 @@ OBSTACLES = {"observation_sources": "scan", "scan": SCAN}
 
 def collect(given, **options):
     report = FindingCollector()
-    return CostmapReader(given, PLACE, report, CostmapContext(**options)).read(), report
+    context = CostmapContext(
+        above={},
+        frames={"map": "map", "odom": "odom"},
+        resolve=lambda name: f"/{name.lstrip('/')}",
+        maps=("/map",),
+        may_carry_scan=lambda topic: True,
+    )
+    return CostmapReader(given, PLACE, report, replace(context, **options)).read(), report
 
 
 def read(given, **options):
