@@ -12,10 +12,8 @@ import time
 import numpy as np
 
 from daemon.stacks import warm_up
-from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import Dwa, longest_trajectory
-from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
+from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
@@ -60,16 +58,6 @@ def _timed(work, rounds):
     return (time.thread_time() - begin) / rounds * 1e6
 
 
-def _fast(p):
-    field = allocate_scoring_grid(p.local, p.outline, p.banned)
-    room = allocate_buffers(
-        p.local.cells.shape, p.settings, longest_trajectory(p.settings, 1.0, 1.0, 3.0)
-    )
-    passable_cells(p.local.cells, room.passable)
-    args = (p.state, p.plan, len(p.plan), p.front_end, p.aligned, p.settings, field, room)
-    return lambda: choose_trajectory(*args)
-
-
 def _whole(p, parameters):
     dwa = Dwa(parameters, FAST, p.outline, 0.1)
     dwa.set_plan(np.column_stack([p.plan, np.zeros(len(p.plan))]))
@@ -96,7 +84,7 @@ def measure():
         equal = sum(one == other for one, other in zip(decided, plainly, strict=True))
         rows = {"fast": [], "whole": []}
         for _ in range(REPEATS):
-            rows["fast"].append(statistics.mean(_timed(_fast(p), 50) for p in cycles))
+            rows["fast"].append(statistics.mean(_timed(p.cycle()[0], 50) for p in cycles))
             rows["whole"].append(statistics.mean(_timed(_whole(p, parameters), 50) for p in cycles))
         fast, whole = (statistics.median(rows[k]) for k in ("fast", "whole"))
         same = f"same winner {equal}/{len(cycles)}"

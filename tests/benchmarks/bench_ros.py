@@ -16,7 +16,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.run import execute, warm_up
 from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.costmap.costmap import Costmap
-from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.stack import RosStack
 from tests.benchmarks import progress

@@ -13,7 +13,7 @@ from typing import Any, Final, Generic, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
 from daemon.stacks.ros1 import dwa, global_planner, navfn, trajectory_planner
-from daemon.stacks.ros1.base_local_planner import Objection
+from daemon.stacks.ros1.base_local_planner.controller import Objection
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.navfn import NavfnParameters

@@ -55,7 +55,7 @@ from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.costmap import LayeredCostmap
 from daemon.stacks.ros1.costmap.costmap import Costmap
-from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base.control import MoveBase, MoveBaseStatus, PlannerThread

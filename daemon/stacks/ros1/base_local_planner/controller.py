@@ -1,4 +1,4 @@
-"""What the controllers share: the plan they follow, the period they look ahead, their answer."""
+"""Parts that the controllers share: answer, period, and the turn at the goal."""
 
 from __future__ import annotations
 
@@ -8,13 +8,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from daemon.model.kernels import kernel
-from daemon.stacks.ros1.cost_grid import CostGrid
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Floats, Twist2
 
 NO_POINTS: Final[Floats] = np.empty((0, 2))
-_PRUNED_BEYOND: Final = 1.0
-"""[m] What ``prunePlan`` forgets lies further away than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,120 +43,32 @@ def sim_period(frequency: float | None, default: float) -> float:
     return 1.0 / frequency if frequency > 0.0 else 0.05
 
 
-@kernel
-def transform_plan_window(
-    plan: Floats,
-    start: int,
-    transform: tuple[float, float, float, float],
-    robot: tuple[float, float],
-    base: tuple[float, float],
-    reach: float,
-    out: Floats,
-) -> tuple[int, int, int]:
-    """Write the poses of ``plan`` near the robot to ``out``; return which is first, how many.
+def slow_down(twist: Twist2, limits: tuple[float, float, float], period: float) -> Twist2:
+    """Return the ``twist`` after one period of braking (``stopWithAccLimits``).
 
-    Leaves out the poses before the first one within ``reach`` [m] and stops behind the first one
-    beyond it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map
-    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``robot`` (x, y) where the robot is in
-    the map and ``base`` in odom; ``out`` gets x, y in odom. The third number is how many of them
-    come before the first one near ``base`` (``prunePlan``).
+    ``limits`` are the accelerations ahead, sideways [m/s^2] and of turning [rad/s^2].
     """
-    limit = reach * reach
-    first = start
-    while first < plan.shape[0]:
-        dx, dy = robot[0] - plan[first, 0], robot[1] - plan[first, 1]
-        if dx * dx + dy * dy <= limit:
-            break
-        first += 1
-    n, behind, passed = 0, 0, True
-    square = 0.0
-    while first + n < plan.shape[0] and square <= limit:
-        x, y = plan[first + n, 0], plan[first + n, 1]
-        out[n, 0] = transform[0] + transform[2] * x - transform[3] * y
-        out[n, 1] = transform[1] + transform[3] * x + transform[2] * y
-        dx, dy = out[n, 0] - base[0], out[n, 1] - base[1]
-        passed = passed and not dx * dx + dy * dy < _PRUNED_BEYOND * _PRUNED_BEYOND
-        dx, dy = robot[0] - x, robot[1] - y
-        square = dx * dx + dy * dy
-        n += 1
-        behind += passed
-    return first, n, behind
+
+    def slower(speed: float, limit: float) -> float:
+        return math.copysign(max(0.0, abs(speed) - limit * period), speed)
+
+    x, y, theta = limits
+    return Twist2(slower(twist.vx, x), slower(twist.vy, y), slower(twist.wz, theta))
 
 
-class FollowedPlan:
-    """The global plan a controller follows, and the part of it near the robot."""
+def turn_towards(
+    error: float, wz: float, limits: tuple[float, float], acceleration: float, period: float,
+    *, raised: bool,
+) -> Twist2:  # fmt: skip
+    """Return a turn on the spot by ``error`` [rad] (``rotateToGoal``).
 
-    def __init__(self) -> None:
-        self._poses: Floats = np.empty((0, 3))
-        self._room: Floats = np.empty((0, 2))
-        self._start = 0
-        self._end = 0
-        self._goal: Pose2 | None = None
-        # The pose of odom in map that what follows is about: it changes with what AMCL publishes.
-        self._map_to_odom: Pose2 | None = None
-        self._odom_to_map = Pose2()
-        self._transform = (0.0, 0.0, 1.0, 0.0)
-
-    def take(self, plan: Floats) -> None:
-        """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
-        self._poses = np.ascontiguousarray(plan, dtype=np.float64)
-        self._start = 0
-        self._goal = None
-        if self._room.shape[0] < plan.shape[0]:
-            self._room = np.empty((plan.shape[0], 2))
-
-    @property
-    def forgotten(self) -> int:
-        """How many poses pruning has taken off the beginning of the plan."""
-        return self._start
-
-    @property
-    def is_over(self) -> bool:
-        """Whether nothing is left to follow."""
-        return self._start >= len(self._poses)
-
-    def goal(self, map_to_odom: Pose2) -> Pose2:
-        """Return the last pose of the plan in odom; ``map_to_odom`` is the pose of odom in map."""
-        self._look_from(map_to_odom)
-        if self._goal is None:
-            self._goal = self._in_odom(len(self._poses))
-        return self._goal
-
-    def window_end(self, map_to_odom: Pose2) -> Pose2:
-        """Return the last pose of the latest window in odom."""
-        self._look_from(map_to_odom)
-        return self._in_odom(self._end)
-
-    def _look_from(self, map_to_odom: Pose2) -> None:
-        """Invert a transform, once."""
-        if map_to_odom is self._map_to_odom:
-            return
-        self._map_to_odom, self._goal = map_to_odom, None
-        self._odom_to_map = o = map_to_odom.inverse()
-        self._transform = (o.x, o.y, math.cos(o.yaw), math.sin(o.yaw))
-
-    def _in_odom(self, end: int) -> Pose2:
-        x, y, yaw = self._poses[end - 1].tolist()
-        return self._odom_to_map @ Pose2(x, y, yaw)
-
-    def window(self, pose: Pose2, map_to_odom: Pose2, local: CostGrid, *, prune: bool) -> Floats:
-        """Return the poses of the plan near ``pose``, shape (poses, 2): x, y in odom.
-
-        Near is within half the longer side of ``local``; the next call overwrites them. With
-        ``prune`` what lies behind is forgotten for good.
-        """
-        if self.is_over:
-            return NO_POINTS
-        self._look_from(map_to_odom)
-        here = (pose.x, pose.y)
-        reach = max(local.cells.shape) * local.resolution / 2.0
-        first, n, behind = transform_plan_window(
-            self._poses, self._start, self._transform, map_to_odom.apply(here), here, reach,
-            self._room,
-        )  # fmt: skip
-        self._end = first + n
-        if not prune:
-            return self._room[:n]
-        # As many poses of the plan as the window has before it comes near, whichever is first.
-        self._start += behind
-        return self._room[behind:n]
+    ``wz`` is the present turning speed, ``limits`` the slowest and the fastest [rad/s]. The robot
+    can stop in time, unless the speed is ``raised`` to the slowest again after that.
+    """
+    (slowest, fastest), change = limits, acceleration * period
+    speed = min(fastest, max(slowest, abs(error)))
+    speed = min(max(speed, abs(wz) - change), abs(wz) + change)
+    speed = min(math.sqrt(2.0 * acceleration * abs(error)), speed)
+    if raised:
+        speed = max(slowest, speed)
+    return Twist2(0.0, 0.0, math.copysign(min(fastest, speed), error))

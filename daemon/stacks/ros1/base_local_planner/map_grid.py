@@ -136,12 +136,10 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
     old, new, level, used = 0, 1, 0, 0
     while True:
         level += 1
-        if low > 1:
-            low -= 1
-            _enter_row(low, level - 1, used, out)
-        if high < rows - 1:
-            _enter_row(high, level - 1, used, out)
-            high += 1
+        for row in (low - 1, high):
+            if 0 < row < rows - 1:
+                _enter_row(row, level - 1, out)
+        low, high = max(low - 1, 1), min(high + 1, rows - 1)
         changed = 0
         while not (level >> changed) & 1:
             changed += 1
@@ -195,13 +193,14 @@ def all_reached(distances: Bits, wanted: Bits) -> bool:
 
 
 @kernel
-def _enter_row(row: int, level: int, digits: int, out: Bits) -> None:
+def _enter_row(row: int, level: int, out: Bits) -> None:
     """Let the digits of a row that no front has come near before count up to ``level``."""
-    code = level ^ (level >> 1)
-    for digit in range(digits):
-        if (code >> digit) & 1:
+    code, digit = level ^ (level >> 1), DIGITS
+    while code >> (digit - DIGITS):
+        if (code >> (digit - DIGITS)) & 1:
             for word in range(1, out.shape[1] - 1):
-                out[DIGITS + digit, word, row] = ~_NONE
+                out[digit, word, row] = ~_NONE
+        digit += 1
 
 
 @kernel

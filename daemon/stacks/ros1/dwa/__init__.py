@@ -4,28 +4,27 @@ Samples velocities the robot can reach within one control period, follows each f
 and takes the one whose trajectory costs least, by distances on the local costmap.
 """
 
-from daemon.stacks.ros1.dwa._dwa import Dwa, Oscillation, warm_up
 from daemon.stacks.ros1.dwa._parameters import (
     RENAMED,
     WITHOUT_EFFECT,
     DwaParameters,
-    DwaSettings,
     contradictions,
     doubts,
-    longest_trajectory,
-    settings_of,
 )
 
 __all__ = [
     "RENAMED",
     "WITHOUT_EFFECT",
-    "Dwa",
     "DwaParameters",
-    "DwaSettings",
-    "Oscillation",
     "contradictions",
     "doubts",
-    "longest_trajectory",
-    "settings_of",
     "warm_up",
 ]
+
+
+def warm_up() -> None:
+    """Take one step along a short plan, then turn at its end."""
+    # Who only reads parameters needs no compiler.
+    from daemon.stacks.ros1.dwa import controller
+
+    controller.warm_up()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
@@ -14,30 +16,40 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
     is_fit,
     place_of,
 )
-from daemon.stacks.ros1.dwa._parameters import DwaSettings
+from daemon.stacks.ros1.dwa._settings import DwaSettings
 from daemon.stacks.ros1.dwa.samples import footprint_scale, translation_speed
 from grammars.model.geometry import Floats
+
+PATH, GOAL, FRONT = range(3)
 
 
 class ScoringGrid(NamedTuple):
     """What trajectories are scored on.
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
-    metres; ``path``, ``goal`` and ``front`` are grid distances, the latter to the goal pushed
-    ahead, of which ``digits`` (3,) digits are used; ``banned`` (6,) the signs of vx, vy, wz that
-    oscillation forbids: negative vx, positive vx, and so on; ``spans`` is room for a rasterised
-    footprint.
+    metres. ``distances`` stacks the grid distances from the path, the goal and the goal pushed
+    ahead (``PATH``, ``GOAL``, ``FRONT``), of which ``digits`` (3,) digits are used. ``banned`` (6,)
+    are the signs of vx, vy, wz that oscillation forbids: negative vx, positive vx, and so on;
+    ``spans`` is room for a rasterised footprint.
     """
 
     cells: Cells
     frame: Floats
     outline: Floats
-    path: Bits
-    goal: Bits
-    front: Bits
+    distances: Bits
     digits: Integers
     banned: Integers
     spans: Integers
+
+
+def critic_weights(s: DwaSettings, aligned: bool) -> Floats:
+    """Return the weights of obstacle, front, alignment, path, goal and twirling, shape (6,).
+
+    Critics of weight 0 are not asked, so they reject nothing either.
+    """
+    alignment = s.path_scale if aligned else 0.0
+    scales = (s.occdist_scale, s.goal_scale, alignment, s.path_scale, s.goal_scale)
+    return np.array((*scales, s.twirling_scale))
 
 
 @kernel
@@ -56,7 +68,7 @@ def oscillates(banned: Integers, vx: float, vy: float, wz: float) -> bool:
 def total_cost(
     obstacle: float, front: int, along: int, path: int, goal: int, wz: float, weights: Floats
 ) -> float:
-    """Sum the critics in the original's order, with :func:`set_critic_weights`' ``weights``.
+    """Sum the critics in the original's order, with :func:`critic_weights`' ``weights``.
 
     ``front`` and ``along`` are the distances of the nose from the goal pushed ahead and from the
     path, ``path`` and ``goal`` those of the centre.
@@ -78,17 +90,6 @@ def total_cost(
 
 
 @kernel
-def set_critic_weights(aligned: bool, s: DwaSettings, out: Floats) -> None:
-    """Write the weights of obstacle, front, alignment, path, goal and twirling to ``out``.
-
-    Critics of weight 0 are not asked, so they reject nothing either.
-    """
-    out[0], out[1], out[3] = s.obstacle_scale, s.goal_scale, s.path_scale
-    out[2] = s.path_scale if aligned else 0.0
-    out[4], out[5] = s.goal_scale, s.twirling_scale
-
-
-@kernel
 def _end_cells(points: Floats, n: int, weights: Floats, forward: float, f: ScoringGrid) -> int:
     """Return the cells of the last pose and its nose as one number, -1 when a pose is illegal.
 
@@ -98,15 +99,16 @@ def _end_cells(points: Floats, n: int, weights: Floats, forward: float, f: Scori
     path, goal = weights[3] != 0.0, weights[4] != 0.0
     if not (path or goal):
         return 0
+    to_path, to_goal = f.distances[PATH], f.distances[GOAL]
     noses = weights[1] != 0.0 or weights[2] != 0.0
     at, nose = 0, 0
     for i in range(n):
         row, column = place_of(points[i, 0], points[i, 1], f.frame, rows, columns)
         if row < 0:
             return -1
-        if path and not is_fit(f.path, row, column):
+        if path and not is_fit(to_path, row, column):
             return -1
-        if goal and not is_fit(f.goal, row, column):
+        if goal and not is_fit(to_goal, row, column):
             return -1
         at = row * columns + column
         if noses:
@@ -123,20 +125,14 @@ def _cost_of_end_cells(
     obstacle: float, at: int, nose: int, wz: float, weights: Floats, f: ScoringGrid
 ) -> float:
     """Return the cost of a trajectory that ends in these cells."""
-    columns, size = f.cells.shape[1], f.cells.size
-    along, to_goal, to_front = f.digits[0], f.digits[1], f.digits[2]
-    row, column, nose_row, nose_column = (
-        at // columns,
-        at % columns,
-        nose // columns,
-        nose % columns,
-    )
+    columns, size, digits = f.cells.shape[1], f.cells.size, f.digits
+    path, goal, front = f.distances[PATH], f.distances[GOAL], f.distances[FRONT]
     return total_cost(
         obstacle,
-        distance_at(f.front, nose_row, nose_column, size, to_front),
-        distance_at(f.path, nose_row, nose_column, size, along),
-        distance_at(f.path, row, column, size, along),
-        distance_at(f.goal, row, column, size, to_goal),
+        distance_at(front, nose // columns, nose % columns, size, digits[FRONT]),
+        distance_at(path, nose // columns, nose % columns, size, digits[PATH]),
+        distance_at(path, at // columns, at % columns, size, digits[PATH]),
+        distance_at(goal, at // columns, at % columns, size, digits[GOAL]),
         wz,
         weights,
     )
@@ -161,7 +157,7 @@ def score_trajectory(
         return 0.0
     if oscillates(f.banned, moving[0], moving[1], moving[2]):
         return -1.0
-    ends = _end_cells(points, n, weights, s.forward, f)
+    ends = _end_cells(points, n, weights, s.forward_point_distance, f)
     if ends < 0:
         return -1.0
     rest = _cost_of_end_cells(0.0, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f)
@@ -170,16 +166,11 @@ def score_trajectory(
     # The obstacle critic comes first in the original and last here, as it is the dearest; the sum
     # below is taken in the original's order again.
     scale = footprint_scale(translation_speed(moving[0], moving[1]), s)
-    cells, frame, outline, spans, inside = (
-        f.cells,
-        f.frame,
-        f.outline,
-        f.spans,
-        not s.perimeter_only,
-    )
     obstacle = 0.0
     for i in range(n):
-        cost = footprint_cost(cells, frame, outline, scale, points[i], spans, inside)
+        cost = footprint_cost(
+            f.cells, f.frame, f.outline, scale, points[i], f.spans, not s.perimeter_only
+        )
         if cost < 0:
             return -1.0
         if s.sum_scores:

@@ -1,4 +1,4 @@
-"""Which sample wins, without following every trajectory.
+"""The search for the sample that wins, without following every trajectory.
 
 The original follows and scores every sample in turn and keeps the first of the cheapest. Here a
 lower bound of the cost of every sample comes first, from where its trajectory ends; samples are
@@ -10,13 +10,22 @@ below the cost; ties go to the sample the original meets first.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.base_local_planner.map_grid import cell_of, distance_at
-from daemon.stacks.ros1.dwa._parameters import DwaSettings
-from daemon.stacks.ros1.dwa._scoring import ScoringGrid, oscillates, score_trajectory, total_cost
+from daemon.stacks.ros1.dwa._scoring import (
+    FRONT,
+    GOAL,
+    PATH,
+    ScoringGrid,
+    oscillates,
+    score_trajectory,
+    total_cost,
+)
+from daemon.stacks.ros1.dwa._settings import DwaSettings
 from daemon.stacks.ros1.dwa.samples import (
     SLACK,
     footprint_scale,
@@ -26,6 +35,32 @@ from daemon.stacks.ros1.dwa.samples import (
     translation_speed,
 )
 from grammars.model.geometry import Floats
+
+
+class SearchBuffers(NamedTuple):
+    """Room for one search, allocated once: every cycle overwrites it.
+
+    ``samples`` (3, most) holds the speeds per axis, ``counts`` (3,) how many; sample (i, j, k)
+    stands at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``pairs``
+    (most, 5) holds what all turning speeds of an (i, j) share, ``arcs`` (longest trajectory, 5)
+    what samples of one turning speed and number of points share, ``ends`` (all samples, 2) the
+    cells where samples end, ``known`` (3, cells) distances by cell. ``lower`` (all samples) are the
+    bounds and ``least`` (most,) the smallest of each (i, j). ``points`` (longest trajectory, 5)
+    and ``moving`` (3,) are a trajectory and its velocity; ``answer`` (5,) the velocity of the
+    winner, its cost and its place in the order of the samples.
+    """
+
+    samples: Floats
+    counts: Integers
+    pairs: Floats
+    arcs: Floats
+    ends: Integers
+    known: Integers
+    lower: Floats
+    least: Floats
+    points: Floats
+    moving: Floats
+    answer: Floats
 
 
 @kernel
@@ -72,27 +107,27 @@ def _sum_headings(
 
 @kernel
 def _rounding_slope(
-    state: Floats, speed: float, turn: float, s: DwaSettings, f: ScoringGrid
+    state: Floats, speed: float, turn: float, resolution: float, s: DwaSettings
 ) -> float:
     """Return how far [cells] single precision puts a point off for each step, at most.
 
     Every step rounds coordinates and the yaw by half a unit in the last place; ``speed`` and
     ``turn`` are the largest. One cell when trajectories must be followed anyway.
     """
-    if not s.use_dwa or s.angular_granularity > 1.0:
+    if not s.use_dwa or s.angular_sim_granularity > 1.0:
         return 1.0
     reach = speed * s.sim_time
     coordinate = max(abs(state[0]), abs(state[1])) + reach
     yaw = abs(state[2]) + turn * s.sim_time
     # 2**-24 is half a unit in the last place of 1.0 in single precision; 2 % more for the second
     # order.
-    off = 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward)))
-    return float(off / f.frame[2])
+    off = 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward_point_distance)))
+    return float(off / resolution)
 
 
 @kernel
 def _prepare_pairs(
-    samples: Floats, counts: Integers, here: int, s: DwaSettings, f: ScoringGrid, out: Floats
+    samples: Floats, counts: Integers, here: int, banned: Integers, s: DwaSettings, out: Floats
 ) -> float:
     """Write what all samples of a (vx, vy) share to ``out``, and return the highest speed.
 
@@ -108,13 +143,13 @@ def _prepare_pairs(
             speed = translation_speed(vx, vy)
             out[pair, 0], out[pair, 1] = points_for_way(speed, s), 0.0
             out[pair, 2], out[pair, 3] = vx, vy
-            out[pair, 4] = 1.0 if speed + SLACK < s.min_trans else 0.0
+            out[pair, 4] = 1.0 if speed + SLACK < s.min_vel_trans else 0.0
             if s.use_dwa:
-                if footprint_scale(speed, s) == 1.0 and s.obstacle_scale != 0.0:
+                if footprint_scale(speed, s) == 1.0 and s.occdist_scale != 0.0:
                     out[pair, 1] = here
-                if oscillates(f.banned, vx, vy, 0.0):
+                if oscillates(banned, vx, vy, 0.0):
                     out[pair, 1] = -1.0
-            if speed - SLACK > s.max_trans:
+            if speed - SLACK > s.max_vel_trans:
                 out[pair, 1] = -1.0
             if out[pair, 1] >= 0.0:
                 fastest = max(fastest, speed)
@@ -122,25 +157,24 @@ def _prepare_pairs(
 
 
 @kernel
-def _predict_end_cells(
-    state: Floats,
-    samples: Floats,
-    counts: Integers,
-    pairs: Floats,
-    arcs: Floats,
-    heading: Floats,
-    slope: float,
-    s: DwaSettings,
-    f: ScoringGrid,
-    out: Integers,
-) -> None:
-    """Write the cells where centre and nose of every sample end to ``out``, shape (samples, 2).
+def _predict_end_cells(state: Floats, s: DwaSettings, f: ScoringGrid, r: SearchBuffers) -> None:
+    """Write the cells where centre and nose of every sample end to ``r.ends``.
 
     -1 off the grid, -2 where rounding could put it into another cell, -3 for an illegal sample.
-    ``slope`` [cells] is how far a step may put it off.
     """
+    points, samples, pairs, arcs, ends = r.points, r.samples, r.pairs, r.arcs, r.ends
+    points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
+    x0, y0 = math.cos(state[2]), math.sin(state[2])
+    points[0, 3], points[0, 4] = x0, y0
+    here = footprint_cost(
+        f.cells, f.frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only
+    )
+    fastest = _prepare_pairs(samples, r.counts, here, f.banned, s, pairs)
     rows, columns = f.cells.shape
-    number, turns = counts[0] * counts[1], counts[2]
+    forward = s.forward_point_distance
+    number, turns = r.counts[0] * r.counts[1], r.counts[2]
+    turn = max(abs(samples[2, 0]), abs(samples[2, turns - 1]))
+    slope = _rounding_slope(state, fastest, turn, f.frame[2], s)
     by_cell = 1.0 / f.frame[2]
     u0, v0 = (state[0] - f.frame[0]) * by_cell, (state[1] - f.frame[1]) * by_cell
     # What the double precision of the prediction itself rounds, and more.
@@ -150,11 +184,11 @@ def _predict_end_cells(
     for k in range(turns):
         wz = samples[2, k]
         oscillating = s.use_dwa and oscillates(f.banned, 0.0, 0.0, wz)
-        slow, turning = abs(wz) + SLACK < s.min_theta, points_for_turn(wz, s)
+        slow, turning = abs(wz) + SLACK < s.min_vel_theta, points_for_turn(wz, s)
         cw, sw = math.cos(0.5 * wz * s.sim_time), math.sin(0.5 * wz * s.sim_time)
         for pair in range(number):
             index = pair * turns + k
-            out[index, 0] = -3
+            ends[index, 0] = -3
             if oscillating or pairs[pair, 1] < 0.0 or (slow and pairs[pair, 4] != 0.0):
                 continue
             n = int(max(pairs[pair, 0], turning))
@@ -162,53 +196,32 @@ def _predict_end_cells(
                 continue
             if arcs[n, 4] != k:
                 dt = s.sim_time / n
-                x, y, c, d = _sum_headings(heading[0], heading[1], cw, sw, wz * dt, n - 1)
+                x, y, c, d = _sum_headings(x0, y0, cw, sw, wz * dt, n - 1)
                 arcs[n, 0], arcs[n, 1] = x * dt * by_cell, y * dt * by_cell
-                arcs[n, 2], arcs[n, 3] = c * s.forward * by_cell, d * s.forward * by_cell
+                arcs[n, 2], arcs[n, 3] = c * forward * by_cell, d * forward * by_cell
                 arcs[n, 4] = k
             margin = min(1.0, least + n * slope)
             vx, vy = pairs[pair, 2], pairs[pair, 3]
             u = u0 + (vx * arcs[n, 0] - vy * arcs[n, 1])
             v = v0 + (vx * arcs[n, 1] + vy * arcs[n, 0])
-            out[index, 0] = _cell_if_sure(u, v, margin, rows, columns)
+            ends[index, 0] = _cell_if_sure(u, v, margin, rows, columns)
             u, v = u + arcs[n, 2], v + arcs[n, 3]
-            out[index, 1] = _cell_if_sure(u, v, margin, rows, columns)
+            ends[index, 1] = _cell_if_sure(u, v, margin, rows, columns)
 
 
 @kernel
-def bound_costs(
-    state: Floats,
-    samples: Floats,
-    counts: Integers,
-    weights: Floats,
-    pairs: Floats,
-    arcs: Floats,
-    ends: Integers,
-    known: Integers,
-    points: Floats,
-    moving: Floats,
-    s: DwaSettings,
-    f: ScoringGrid,
-    out: Floats,
-    least: Floats,
+def _bound_costs(
+    state: Floats, weights: Floats, s: DwaSettings, f: ScoringGrid, r: SearchBuffers
 ) -> None:
-    """Write the lower bound of every sample's cost to ``out``, infinite when it cannot win.
+    """Write the lower bound of every sample's cost to ``r.lower``, infinite when it cannot win.
 
-    ``samples`` (3, most) holds the speeds per axis, ``counts`` how many; sample (i, j, k) stands
-    at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``least`` gets the
-    smallest bound of each (i, j). Room: ``pairs`` (most, 5) for what all turning speeds share,
-    ``arcs`` (longest trajectory, 5) for what samples of one turning speed and number of points
-    share, ``ends`` (samples, 2) and ``known`` (3, cells).
+    Also the smallest bound of each (i, j), to ``r.least``.
     """
-    points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
-    points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
-    cells, frame, path, goal, front, digits = f.cells, f.frame, f.path, f.goal, f.front, f.digits
-    here = footprint_cost(cells, frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only)
-    fastest = _prepare_pairs(samples, counts, here, s, f, pairs)
-    number, turns = counts[0] * counts[1], counts[2]
-    turn = max(abs(samples[2, 0]), abs(samples[2, turns - 1]))
-    slope = _rounding_slope(state, fastest, turn, s, f)
-    _predict_end_cells(state, samples, counts, pairs, arcs, points[0, 3:5], slope, s, f, ends)
+    cells, frame, digits = f.cells, f.frame, f.digits
+    path, goal, front = f.distances[PATH], f.distances[GOAL], f.distances[FRONT]
+    samples, pairs, ends, known, out = r.samples, r.pairs, r.ends, r.known, r.lower
+    points, moving, forward = r.points, r.moving, s.forward_point_distance
+    number, turns = r.counts[0] * r.counts[1], r.counts[2]
     # One pass over all samples with every lookup cached by cell; taken apart it would hand
     # fifteen arrays from part to part.
     known[:] = -1
@@ -236,7 +249,7 @@ def bound_costs(
                 wz = moving[2]
                 x, y = points[n - 1, 0], points[n - 1, 1]
                 at = cell_of(x, y, frame, rows, columns)
-                x, y = x + s.forward * points[n - 1, 3], y + s.forward * points[n - 1, 4]
+                x, y = x + forward * points[n - 1, 3], y + forward * points[n - 1, 4]
                 nose = cell_of(x, y, frame, rows, columns)
             # Samples of neighbouring turning speeds mostly end in the same cells.
             if at == last_at and nose == last_nose and not twirling:
@@ -249,27 +262,27 @@ def bound_costs(
             at, nose = max(at, 0), max(nose, 0)
             from_path = by_path[at]
             if from_path < 0:
-                from_path = distance_at(path, at // columns, at % columns, size, digits[0])
+                from_path = distance_at(path, at // columns, at % columns, size, digits[PATH])
                 by_path[at] = from_path
             from_goal = by_goal[at]
             if from_goal < 0:
-                from_goal = distance_at(goal, at // columns, at % columns, size, digits[1])
+                from_goal = distance_at(goal, at // columns, at % columns, size, digits[GOAL])
                 by_goal[at] = from_goal
             if (from_path >= size and strict_path) or (from_goal >= size and strict_goal):
                 continue
             ahead = by_front[nose]
             if ahead < 0:
-                ahead = distance_at(front, nose // columns, nose % columns, size, digits[2])
+                ahead = distance_at(front, nose // columns, nose % columns, size, digits[FRONT])
                 by_front[nose] = ahead
             along = by_path[nose]
             if along < 0:
-                along = distance_at(path, nose // columns, nose % columns, size, digits[0])
+                along = distance_at(path, nose // columns, nose % columns, size, digits[PATH])
                 by_path[nose] = along
             below = max(int(pairs[pair, 1]), int(flat[at]))
             bound = total_cost(float(below), ahead, along, from_path, from_goal, wz, weights)
             out[index] = bound
             smallest = min(smallest, bound)
-        least[pair] = smallest
+        r.least[pair] = smallest
 
 
 @kernel
@@ -284,25 +297,18 @@ def _first_smallest(values: Floats, begin: int, end: int) -> int:
 
 @kernel
 def find_best_sample(
-    state: Floats,
-    samples: Floats,
-    counts: Integers,
-    weights: Floats,
-    points: Floats,
-    moving: Floats,
-    s: DwaSettings,
-    f: ScoringGrid,
-    lower: Floats,
-    least: Floats,
-    answer: Floats,
+    state: Floats, weights: Floats, s: DwaSettings, f: ScoringGrid, r: SearchBuffers
 ) -> int:
     """Return the number of points of the winning trajectory, 0 when no sample is legal.
 
-    ``lower`` and ``least`` are the bounds, those of samples that were followed are used up.
-    ``answer`` (5,) receives the velocity of the winner, its cost and its place in the order of the
-    samples; ``points`` its trajectory.
+    ``state`` is x, y, yaw, vx, vy, wz in single precision. ``r`` has the samples and receives the
+    answer and the trajectory; the bounds of samples that were followed are used up.
     """
-    number, turns = counts[0] * counts[1], counts[2]
+    _predict_end_cells(state, s, f, r)
+    _bound_costs(state, weights, s, f, r)
+    samples, lower, points, moving = r.samples, r.lower, r.points, r.moving
+    sideways, turns = r.counts[1], r.counts[2]
+    number, least = r.counts[0] * sideways, r.least
     cheapest, winner, followed, n = math.inf, -1, -1, 0
     while True:
         pair = _first_smallest(least, 0, number)
@@ -316,8 +322,8 @@ def find_best_sample(
             break
         lower[index] = math.inf
         least[pair] = lower[_first_smallest(lower, pair * turns, (pair + 1) * turns)]
-        vx, vy, wz = samples[0, pair // counts[1]], samples[1, pair % counts[1]], index % turns
-        n = simulate_trajectory(state, vx, vy, samples[2, wz], s, points, moving)
+        vx, vy = samples[0, pair // sideways], samples[1, pair % sideways]
+        n = simulate_trajectory(state, vx, vy, samples[2, index % turns], s, points, moving)
         followed = index
         cost = score_trajectory(points, n, moving, weights, cheapest, s, f)
         if cost < 0.0:
@@ -329,8 +335,9 @@ def find_best_sample(
     if winner != followed:
         # Its points were overwritten by the samples scored after it.
         pair, k = winner // turns, winner % turns
-        vx, vy = samples[0, pair // counts[1]], samples[1, pair % counts[1]]
+        vx, vy = samples[0, pair // sideways], samples[1, pair % sideways]
         n = simulate_trajectory(state, vx, vy, samples[2, k], s, points, moving)
-    answer[:3] = moving
-    answer[3], answer[4] = cheapest, winner
+    for axis in range(3):
+        r.answer[axis] = moving[axis]
+    r.answer[3], r.answer[4] = cheapest, winner
     return n

@@ -1,4 +1,4 @@
-"""Which velocities are tried (the dynamic window, its samples), and where each takes the robot."""
+"""The velocities to try (the dynamic window, its samples), and where each takes the robot."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from daemon.model.kernels import kernel
-from daemon.stacks.ros1.dwa._parameters import DwaSettings
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.dwa._settings import DwaSettings
 from grammars.model.geometry import Floats
 
 SLACK: Final = 1e-4
@@ -50,27 +51,51 @@ def sample_axis(low: float, high: float, count: int, out: Floats) -> int:
 
 @kernel
 def dynamic_window(state: Floats, distance: float, s: DwaSettings, out: Floats) -> None:
-    """Write the lowest and highest speeds per axis (x, y, theta) to ``out``, shape (3, 2).
+    """Write the lowest and highest speeds per axis (x, y, theta) to ``out``, shape (3, 2 or more).
 
     ``state`` is x, y, yaw, vx, vy, wz in single precision, ``distance`` [m] that to the goal
     (base_local_planner ``SimpleTrajectoryGenerator::initialise``). The window may be upside down
     when the robot is faster than its limits.
     """
     reach = s.period
-    max_x, max_y = s.max_x, s.max_y
+    max_x, max_y = s.max_vel_x, s.max_vel_y
     if not s.use_dwa and s.sim_time > 0.0:
         reach = s.sim_time
-        max_x = max(min(max_x, distance / s.sim_time), s.min_x)
-        max_y = max(min(max_y, distance / s.sim_time), s.min_y)
-    out[0, 0] = round_to_single(max(s.min_x, state[3] - s.acc_x * reach))
-    out[0, 1] = round_to_single(min(max_x, state[3] + s.acc_x * reach))
-    out[1, 0] = round_to_single(max(s.min_y, state[4] - s.acc_y * reach))
-    out[1, 1] = round_to_single(min(max_y, state[4] + s.acc_y * reach))
-    out[2, 0] = round_to_single(max(-s.max_theta, state[5] - s.acc_theta * reach))
-    out[2, 1] = round_to_single(min(s.max_theta, state[5] + s.acc_theta * reach))
+        max_x = max(min(max_x, distance / s.sim_time), s.min_vel_x)
+        max_y = max(min(max_y, distance / s.sim_time), s.min_vel_y)
+    out[0, 0] = round_to_single(max(s.min_vel_x, state[3] - s.acc_lim_x * reach))
+    out[0, 1] = round_to_single(min(max_x, state[3] + s.acc_lim_x * reach))
+    out[1, 0] = round_to_single(max(s.min_vel_y, state[4] - s.acc_lim_y * reach))
+    out[1, 1] = round_to_single(min(max_y, state[4] + s.acc_lim_y * reach))
+    out[2, 0] = round_to_single(max(-s.max_vel_theta, state[5] - s.acc_lim_theta * reach))
+    out[2, 1] = round_to_single(min(s.max_vel_theta, state[5] + s.acc_lim_theta * reach))
     if not s.strafe_leaks:
         out[1, 0] = min(out[1, 0], round_to_single(max_y))
-        out[1, 1] = max(out[1, 1], round_to_single(s.min_y))
+        out[1, 1] = max(out[1, 1], round_to_single(s.min_vel_y))
+
+
+@kernel
+def sample_speeds(
+    state: Floats, end: Floats, s: DwaSettings, samples: Floats, counts: Integers
+) -> float:
+    """Write the speeds to try per axis to ``samples`` (3, most) and how many to ``counts`` (3,).
+
+    ``end`` is the last point (x, y) of the plan near the robot. Returns how far [m] a trajectory of
+    the samples may lead.
+    """
+    dynamic_window(state, math.hypot(end[0] - state[0], end[1] - state[1]), s, samples)
+    square = 0.0
+    for axis in range(2):
+        most = max(abs(state[3 + axis]), abs(samples[axis, 0]), abs(samples[axis, 1]))
+        square += most * most
+    counts[0] = sample_axis(samples[0, 0], samples[0, 1], s.vx_samples, samples[0])
+    counts[1] = sample_axis(samples[1, 0], samples[1, 1], s.vy_samples, samples[1])
+    counts[2] = sample_axis(samples[2, 0], samples[2, 1], s.vth_samples, samples[2])
+    speed = math.sqrt(square)
+    if s.use_dwa:
+        # Samples up to 1e-4 m/s faster than max_vel_trans are legal; as much again to spare.
+        speed = min(speed, s.max_vel_trans + 2e-4)
+    return speed * s.sim_time
 
 
 @kernel
@@ -82,24 +107,24 @@ def translation_speed(vx: float, vy: float) -> float:
 @kernel
 def footprint_scale(speed: float, s: DwaSettings) -> float:
     """Return the factor by which speed enlarges the footprint (``getScalingFactor``)."""
-    if speed <= s.scaling_speed or s.max_scaling == 0.0:
+    if speed <= s.scaling_speed or s.max_scaling_factor == 0.0:
         return 1.0
-    beyond = s.max_trans - s.scaling_speed
+    beyond = s.max_vel_trans - s.scaling_speed
     if beyond == 0.0:
         return math.inf
-    return s.max_scaling * (speed - s.scaling_speed) / beyond + 1.0
+    return s.max_scaling_factor * (speed - s.scaling_speed) / beyond + 1.0
 
 
 @kernel
 def points_for_way(speed: float, s: DwaSettings) -> float:
     """Return how many points ``sim_granularity`` asks for at a ``speed`` [m/s], a whole number."""
-    return float(math.ceil(speed * s.sim_time / s.granularity))
+    return float(math.ceil(speed * s.sim_time / s.sim_granularity))
 
 
 @kernel
 def points_for_turn(wz: float, s: DwaSettings) -> float:
     """Return how many points ``angular_sim_granularity`` asks for, a whole number."""
-    return float(math.ceil(abs(wz) * s.sim_time / s.angular_granularity))
+    return float(math.ceil(abs(wz) * s.sim_time / s.angular_sim_granularity))
 
 
 @kernel
@@ -109,9 +134,9 @@ def count_points(speed: float, wz: float, s: DwaSettings) -> int:
     Illegal are samples slower than both minimum speeds or faster than the largest
     (``SimpleTrajectoryGenerator::generateTrajectory``).
     """
-    if speed + SLACK < s.min_trans and abs(wz) + SLACK < s.min_theta:
+    if speed + SLACK < s.min_vel_trans and abs(wz) + SLACK < s.min_vel_theta:
         return 0
-    if speed - SLACK > s.max_trans:
+    if speed - SLACK > s.max_vel_trans:
         return 0
     return int(max(points_for_way(speed, s), points_for_turn(wz, s)))
 
@@ -141,9 +166,9 @@ def simulate_trajectory(
     dt = s.sim_time / n
     ux, uy, uw = vx, vy, wz
     if not s.use_dwa:
-        ux = _accelerate(vx, state[3], s.acc_x * dt)
-        uy = _accelerate(vy, state[4], s.acc_y * dt)
-        uw = _accelerate(wz, state[5], s.acc_theta * dt)
+        ux = _accelerate(vx, state[3], s.acc_lim_x * dt)
+        uy = _accelerate(vy, state[4], s.acc_lim_y * dt)
+        uw = _accelerate(wz, state[5], s.acc_lim_theta * dt)
     moving[0], moving[1], moving[2] = ux, uy, uw
     x, y, yaw = state[0], state[1], state[2]
     for i in range(n):
@@ -151,9 +176,9 @@ def simulate_trajectory(
         points[i, 0], points[i, 1], points[i, 2] = x, y, yaw
         points[i, 3], points[i, 4] = c, d
         if not s.use_dwa:
-            ux = _accelerate(vx, ux, s.acc_x * dt)
-            uy = _accelerate(vy, uy, s.acc_y * dt)
-            uw = _accelerate(wz, uw, s.acc_theta * dt)
+            ux = _accelerate(vx, ux, s.acc_lim_x * dt)
+            uy = _accelerate(vy, uy, s.acc_lim_y * dt)
+            uw = _accelerate(wz, uw, s.acc_lim_theta * dt)
         along_x, along_y = ux * c, ux * d
         if uy != 0.0:
             # Not -sin and cos: the original adds a quarter turn, which rounds differently.

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base._parameters import MoveBaseParameters
 from daemon.stacks.ros1.move_base.dispatcher import Outcome

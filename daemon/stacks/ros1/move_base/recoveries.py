@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from daemon.stacks.ros1.base_local_planner import footprint_cost
+from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.move_base._parameters import (
     CLEAR,

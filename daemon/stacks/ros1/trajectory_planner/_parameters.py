@@ -14,7 +14,7 @@ from typing import Annotated, Final, TypeAlias
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner import Objection
+from daemon.stacks.ros1.base_local_planner.controller import Objection
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 
 _Optional: TypeAlias = Annotated[float | None, Field(allow_inf_nan=False)]

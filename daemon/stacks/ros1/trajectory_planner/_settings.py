@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from daemon.stacks.ros1.base_local_planner import sim_period
+from daemon.stacks.ros1.base_local_planner.controller import sim_period
 from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.trajectory_planner._parameters import (
     TrajectoryPlannerParameters,

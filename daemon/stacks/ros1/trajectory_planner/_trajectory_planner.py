@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.base_local_planner import (
+from daemon.stacks.ros1.base_local_planner.controller import (
     NO_POINTS,
     NO_VELOCITY,
     ControllerAnswer,
-    FollowedPlan,
     sim_period,
 )
+from daemon.stacks.ros1.base_local_planner.followed_plan import FollowedPlan
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.quirks import FAST, Quirks

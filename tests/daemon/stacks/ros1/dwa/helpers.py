@@ -10,12 +10,17 @@ import numpy as np
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import DwaParameters, DwaSettings, longest_trajectory, settings_of
-from daemon.stacks.ros1.dwa.cycle import (
+from daemon.stacks.ros1.dwa import DwaParameters
+from daemon.stacks.ros1.dwa._distances import (
     allocate_buffers,
     allocate_scoring_grid,
-    choose_trajectory,
+    allocate_sets,
+    fill_distances,
 )
+from daemon.stacks.ros1.dwa._scoring import critic_weights
+from daemon.stacks.ros1.dwa._search import find_best_sample
+from daemon.stacks.ros1.dwa._settings import DwaSettings, longest_trajectory, settings_of
+from daemon.stacks.ros1.dwa.samples import sample_speeds
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.dwa import plain
@@ -85,21 +90,26 @@ class Problem:
 
     def search(self):
         """Return the number of points of the winner, 0 for none, and what the search wrote."""
+        cycle, room = self.cycle()
+        return cycle(), room
+
+    def cycle(self):
+        """Return a whole search to call, and where it writes."""
+        s, shape = self.settings, self.local.cells.shape
         field = allocate_scoring_grid(self.local, self.outline, self.banned)
-        most = longest_trajectory(self.settings, *self.state[3:].tolist())
-        room = allocate_buffers(self.local.cells.shape, self.settings, most)
-        passable_cells(self.local.cells, room.passable)
-        n = choose_trajectory(
-            self.state,
-            self.plan,
-            len(self.plan),
-            self.front_end,
-            self.aligned,
-            self.settings,
-            field,
-            room,
-        )
-        return n, room
+        room = allocate_buffers(shape, s, longest_trajectory(s, *self.state[3:].tolist()))
+        sets = allocate_sets(shape)
+        passable_cells(self.local.cells, sets.passable)
+        state, plan, n = self.state, self.plan, len(self.plan)
+        weights = critic_weights(s, self.aligned)
+
+        def search():
+            near = sample_speeds(state, plan[-1], s, room.samples, room.counts)
+            reach = (near, near + abs(s.forward_point_distance))
+            fill_distances(state, plan, n, self.front_end, reach, weights, field, sets)
+            return find_best_sample(state, weights, s, field, room)
+
+        return search, room
 
     def fast(self):
         """Return place, cost, velocity and trajectory of the winner; place -1 for none."""

@@ -33,9 +33,9 @@ def _speeds(low, high, count):
 
 @kernel
 def speed_window(state, distance, s):
-    acc = (s.acc_x, s.acc_y, s.acc_theta)
-    low = [s.min_x, s.min_y, -s.max_theta]
-    high = [s.max_x, s.max_y, s.max_theta]
+    acc = (s.acc_lim_x, s.acc_lim_y, s.acc_lim_theta)
+    low = [s.min_vel_x, s.min_vel_y, -s.max_vel_theta]
+    high = [s.max_vel_x, s.max_vel_y, s.max_vel_theta]
     time = s.period if s.use_dwa else s.sim_time
     if not s.use_dwa:
         high[0] = max(min(high[0], distance / s.sim_time), low[0])
@@ -54,9 +54,9 @@ def speed_window(state, distance, s):
 def raw_samples(state, distance, s):
     """Return all samples in the original's order, shape (samples, 3), in single precision."""
     window = speed_window(state, distance, s)
-    xs = _speeds(window[0, 0], window[0, 1], s.x_samples)
-    ys = _speeds(window[1, 0], window[1, 1], s.y_samples)
-    ws = _speeds(window[2, 0], window[2, 1], s.theta_samples)
+    xs = _speeds(window[0, 0], window[0, 1], s.vx_samples)
+    ys = _speeds(window[1, 0], window[1, 1], s.vy_samples)
+    ws = _speeds(window[2, 0], window[2, 1], s.vth_samples)
     out = np.zeros((len(xs) * len(ys) * len(ws), 3), dtype=np.float32)
     i = 0
     for x in xs:
@@ -69,7 +69,7 @@ def raw_samples(state, distance, s):
 
 @kernel
 def _approach(target, now, s, dt):
-    acc = (s.acc_x, s.acc_y, s.acc_theta)
+    acc = (s.acc_lim_x, s.acc_lim_y, s.acc_lim_theta)
     out = np.zeros(3, dtype=np.float32)
     for k in range(3):
         if now[k] < target[k]:
@@ -84,12 +84,12 @@ def trajectory(state, sample, s):
     """Return the poses (points, 3), none for an illegal sample, and the velocity."""
     none = np.zeros((0, 3))
     speed = math.hypot(sample[0], sample[1])
-    if speed + 1e-4 < s.min_trans and abs(sample[2]) + 1e-4 < s.min_theta:
+    if speed + 1e-4 < s.min_vel_trans and abs(sample[2]) + 1e-4 < s.min_vel_theta:
         return none, np.zeros(3)
-    if speed - 1e-4 > s.max_trans:
+    if speed - 1e-4 > s.max_vel_trans:
         return none, np.zeros(3)
-    by_way = speed * s.sim_time / s.granularity
-    by_turn = abs(sample[2]) * s.sim_time / s.angular_granularity
+    by_way = speed * s.sim_time / s.sim_granularity
+    by_turn = abs(sample[2]) * s.sim_time / s.angular_sim_granularity
     n = math.ceil(max(by_way, by_turn))
     if n == 0:
         return none, np.zeros(3)
@@ -259,8 +259,9 @@ def oscillates(banned, velocity):
 def obstacle(points, velocity, outline, cells, frame, s):
     speed = math.hypot(velocity[0], velocity[1])
     scale = 1.0
-    if speed > s.scaling_speed and s.max_scaling != 0.0:
-        scale = s.max_scaling * (speed - s.scaling_speed) / (s.max_trans - s.scaling_speed) + 1.0
+    if speed > s.scaling_speed and s.max_scaling_factor != 0.0:
+        beyond = s.max_vel_trans - s.scaling_speed
+        scale = s.max_scaling_factor * (speed - s.scaling_speed) / beyond + 1.0
     worst, total = 0.0, 0.0
     for pose in points:
         cost = under(outline, scale, pose, cells, frame, not s.perimeter_only)
@@ -308,16 +309,16 @@ def costs(state, plan, front_end, aligned, s, cells, frame, outline, banned):
             continue
         terms = np.zeros(6)
         scales = np.zeros(6)
-        scales[0], scales[1], scales[2] = s.obstacle_scale, s.goal_scale, s.path_scale
+        scales[0], scales[1], scales[2] = s.occdist_scale, s.goal_scale, s.path_scale
         scales[3], scales[4], scales[5] = s.path_scale, s.goal_scale, s.twirling_scale
         if not aligned:
             scales[2] = 0.0
         if scales[0] != 0:
             terms[0] = obstacle(points, velocity, outline, cells, frame, s)
         if scales[1] != 0:
-            terms[1] = on_grid(points, front, cells, frame, s.forward, False)
+            terms[1] = on_grid(points, front, cells, frame, s.forward_point_distance, False)
         if scales[2] != 0:
-            terms[2] = on_grid(points, path, cells, frame, s.forward, False)
+            terms[2] = on_grid(points, path, cells, frame, s.forward_point_distance, False)
         if scales[3] != 0:
             terms[3] = on_grid(points, path, cells, frame, 0.0, True)
         if scales[4] != 0:

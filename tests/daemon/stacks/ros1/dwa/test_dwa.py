@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa.helpers import (

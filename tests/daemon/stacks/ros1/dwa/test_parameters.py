@@ -6,13 +6,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.dwa import (
-    DwaParameters,
-    contradictions,
-    doubts,
-    longest_trajectory,
-    settings_of,
-)
+from daemon.stacks.ros1.dwa import DwaParameters, contradictions, doubts
+from daemon.stacks.ros1.dwa._settings import longest_trajectory, settings_of
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, settings
 
@@ -138,17 +133,18 @@ def test_kernels_get_every_parameter_under_its_own_name():
     found = settings_of(given, FAST, 0.1, 0.05)._asdict()
     theta = float(np.float32(3.3))
     assert found == {
-        "max_trans": 0.61, "min_trans": 0.11, "max_x": 0.52, "min_x": -0.13, "max_y": 0.24,
-        "min_y": -0.15, "max_theta": 1.6, "min_theta": 0.7, "acc_x": 2.125, "acc_y": 1.375,
-        "acc_theta": theta, "period": 0.125, "sim_time": 1.9, "granularity": 0.03,
-        "angular_granularity": 0.07, "path_scale": 0.1 * 30.0, "goal_scale": 0.1 * 20.0,
-        "obstacle_scale": 0.05, "twirling_scale": 0.4, "forward": 0.3, "scaling_speed": 0.35,
-        "max_scaling": 0.25, "x_samples": 4, "y_samples": 1, "theta_samples": 9, "use_dwa": True,
-        "sum_scores": False, "strafe_leaks": True, "perimeter_only": True,
+        "max_vel_trans": 0.61, "min_vel_trans": 0.11, "max_vel_x": 0.52, "min_vel_x": -0.13,
+        "max_vel_y": 0.24, "min_vel_y": -0.15, "max_vel_theta": 1.6, "min_vel_theta": 0.7,
+        "acc_lim_x": 2.125, "acc_lim_y": 1.375, "acc_lim_theta": theta, "sim_time": 1.9,
+        "sim_granularity": 0.03, "angular_sim_granularity": 0.07, "occdist_scale": 0.05,
+        "twirling_scale": 0.4, "forward_point_distance": 0.3, "scaling_speed": 0.35,
+        "max_scaling_factor": 0.25, "vx_samples": 4, "vy_samples": 1, "vth_samples": 9,
+        "use_dwa": True, "sum_scores": False, "period": 0.125, "path_scale": 0.1 * 30.0,
+        "goal_scale": 0.1 * 20.0, "strafe_leaks": True, "perimeter_only": True,
     }  # fmt: skip
     none = replace(given, vx_samples=0, vth_samples=0, controller_frequency=None, sum_scores=True)
     other = settings_of(replace(none, use_dwa=False), FIXED, 0.1, 0.05)
-    assert (other.x_samples, other.theta_samples, other.period) == (1, 1, 0.05)
+    assert (other.vx_samples, other.vth_samples, other.period) == (1, 1, 0.05)
     assert (other.use_dwa, other.sum_scores) == (False, True)
     assert (other.strafe_leaks, other.perimeter_only) == (False, False)
 

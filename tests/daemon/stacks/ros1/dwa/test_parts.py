@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.stacks.ros1.base_local_planner import footprint_cost
-from daemon.stacks.ros1.base_local_planner.controller import transform_plan_window
+from daemon.stacks.ros1.base_local_planner.followed_plan import transform_plan_window
+from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import (
-    WITHOUT_EFFECT,
-    DwaParameters,
-    Oscillation,
-)
-from daemon.stacks.ros1.dwa.cycle import allocate_scoring_grid
+from daemon.stacks.ros1.dwa import WITHOUT_EFFECT, DwaParameters
+from daemon.stacks.ros1.dwa._distances import allocate_scoring_grid
+from daemon.stacks.ros1.dwa.controller import Oscillation
 from daemon.stacks.ros1.dwa.samples import (
     count_points,
     dynamic_window,

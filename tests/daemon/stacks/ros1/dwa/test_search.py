@@ -97,7 +97,7 @@ def assert_ends_hold(problem):
             assert len(points) == 0 or plain.oscillates(problem.banned, sample)
             continue
         x, y, yaw = points[-1].tolist()
-        ahead = problem.settings.forward
+        ahead = problem.settings.forward_point_distance
         spots = ((x, y), (x + ahead * np.cos(yaw), y + ahead * np.sin(yaw)))
         for end, spot in zip((centre, nose), spots, strict=True):
             row, column = plain.cell(*spot, local.cells, frame)

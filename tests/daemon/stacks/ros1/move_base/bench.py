@@ -9,7 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from daemon.stacks.ros1.base_local_planner import NO_POINTS, NO_VELOCITY, ControllerAnswer
+from daemon.stacks.ros1.base_local_planner.controller import (
+    NO_POINTS,
+    NO_VELOCITY,
+    ControllerAnswer,
+)
 from daemon.stacks.ros1.move_base import MoveBaseParameters
 from daemon.stacks.ros1.move_base.control import MoveBase, MoveBaseStatus, PlannerThread
 from daemon.stacks.ros1.move_base.recoveries import RecoveryStep

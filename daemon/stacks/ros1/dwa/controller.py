@@ -9,36 +9,36 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from daemon.stacks.kernels import Integers, machine_code
-from daemon.stacks.ros1.base_local_planner import (
+from daemon.stacks.ros1.base_local_planner.controller import (
     NO_POINTS,
     NO_VELOCITY,
     ControllerAnswer,
-    FollowedPlan,
     sim_period,
+    slow_down,
+    turn_towards,
 )
-from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
+from daemon.stacks.ros1.base_local_planner.followed_plan import FollowedPlan
+from daemon.stacks.ros1.base_local_planner.map_grid import Cells, passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa._parameters import (
-    DwaParameters,
-    DwaSettings,
-    longest_trajectory,
-    settings_of,
-)
-from daemon.stacks.ros1.dwa._scoring import ScoringGrid
-from daemon.stacks.ros1.dwa.cycle import (
+from daemon.stacks.ros1.dwa._distances import (
     UNKNOWN,
+    DistanceBuffers,
     LastCycleDistances,
-    SearchBuffers,
     allocate_buffers,
     allocate_scoring_grid,
-    choose_trajectory,
-    sample_cost,
+    allocate_sets,
+    fill_distances,
 )
+from daemon.stacks.ros1.dwa._parameters import DwaParameters
+from daemon.stacks.ros1.dwa._scoring import ScoringGrid, critic_weights, score_trajectory
+from daemon.stacks.ros1.dwa._search import SearchBuffers, find_best_sample
+from daemon.stacks.ros1.dwa._settings import DwaSettings, longest_trajectory, settings_of
+from daemon.stacks.ros1.dwa.samples import sample_speeds, simulate_trajectory
 from daemon.stacks.ros1.quirks import FAST, Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
@@ -103,12 +103,12 @@ class StopRotate:
     """
 
     def __init__(
-        self, parameters: DwaParameters, period: float, *, latch: bool, raise_to_minimum: bool
+        self, parameters: DwaParameters, period: float, *, latch: bool, raised: bool
     ) -> None:
         self._p = parameters
         self._period = period
         self._latch = latch
-        self._raise_to_minimum = raise_to_minimum
+        self._raised = raised
         self._latched = False
         self._rotating = False
 
@@ -135,41 +135,25 @@ class StopRotate:
         self, pose: Pose2, twist: Twist2, goal: Pose2, legal: Callable[[Twist2], bool]
     ) -> Twist2 | None:
         """Return the next command, ``None`` when it is not ``legal``."""
+        p = self._p
         error = wrap_angle(goal.yaw - pose.yaw)
-        if abs(error) <= self._p.yaw_goal_tolerance:
+        if abs(error) <= p.yaw_goal_tolerance:
             self._rotating = False
             return Twist2()
-        if self._rotating or self._stopped(twist):
-            self._rotating = True
-            command = Twist2(0.0, 0.0, self._turn(error, twist.wz))
+        self._rotating = self._rotating or self._stopped(twist)
+        if self._rotating:
+            speeds = (p.min_vel_theta, p.max_vel_theta)
+            command = turn_towards(
+                error, twist.wz, speeds, p.acc_lim_theta, self._period, raised=self._raised
+            )
         else:
-            command = self._slow_down(twist)
+            limits = (p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta)
+            command = slow_down(twist, limits, self._period)
         return command if legal(command) else None
 
     def _stopped(self, twist: Twist2) -> bool:
         still = max(abs(twist.vx), abs(twist.vy)) <= self._p.trans_stopped_vel
         return still and abs(twist.wz) <= self._p.theta_stopped_vel
-
-    def _slow_down(self, twist: Twist2) -> Twist2:
-        def slower(speed: float, limit: float) -> float:
-            return math.copysign(max(0.0, abs(speed) - limit * self._period), speed)
-
-        p = self._p
-        return Twist2(
-            slower(twist.vx, p.acc_lim_x),
-            slower(twist.vy, p.acc_lim_y),
-            slower(twist.wz, p.acc_lim_theta),
-        )
-
-    def _turn(self, error: float, wz: float) -> float:
-        p = self._p
-        change = p.acc_lim_theta * self._period
-        speed = min(p.max_vel_theta, max(p.min_vel_theta, abs(error)))
-        speed = min(max(speed, abs(wz) - change), abs(wz) + change)
-        speed = min(math.sqrt(2.0 * p.acc_lim_theta * abs(error)), speed)
-        if self._raise_to_minimum:
-            speed = max(p.min_vel_theta, speed)
-        return math.copysign(min(p.max_vel_theta, speed), error)
 
 
 class Dwa:
@@ -200,7 +184,7 @@ class Dwa:
             parameters,
             sim_period(parameters.controller_frequency, control_period_default),
             latch=latch_goal,
-            raise_to_minimum=quirks.rotation_raised_to_minimum,
+            raised=quirks.rotation_raised_to_minimum,
         )
         self._plan = FollowedPlan()
         self._front_end = np.zeros(2)
@@ -209,11 +193,14 @@ class Dwa:
         self._fastest = (0.0, 0.0, 0.0)
         self._settings: DwaSettings | None = None
         self._seen: int | None = None
+        self._snapshot: Cells
         self._last: LastCycleDistances | None = None
         self._field: ScoringGrid
+        self._sets: DistanceBuffers
         self._room: SearchBuffers
-        self._choose: Callable[..., int] | None = None
-        self._aligned = False
+        self._critics: tuple[Floats, Floats]
+        self._weights: Floats
+        self._machine: tuple[Callable[..., Any], ...] | None = None
 
     def set_plan(self, plan: Floats) -> None:
         """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
@@ -256,16 +243,18 @@ class Dwa:
         if settings is None or self._field.cells.shape != local.cells.shape:
             settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
             self._settings = settings
+            self._critics = critic_weights(settings, False), critic_weights(settings, True)
             self._field = allocate_scoring_grid(local, self._outline, self._oscillation.banned)
-            self._room = allocate_buffers(
-                local.cells.shape, settings, longest_trajectory(settings, 0.0, 0.0, 0.0)
-            )
+            self._sets = allocate_sets(local.cells.shape)
+            longest = longest_trajectory(settings, 0.0, 0.0, 0.0)
+            self._room = allocate_buffers(local.cells.shape, settings, longest)
             self._last, self._seen, self._fastest = None, None, (0.0, 0.0, 0.0)
         elif self._field.cells is not local.cells:
             self._field, self._seen = self._field._replace(cells=local.cells), None
         if local.version != self._seen:
-            if passable_cells(local.cells, self._room.passable):
-                self._room.sources[:] = UNKNOWN
+            if passable_cells(local.cells, self._sets.passable):
+                self._sets.sources[:] = UNKNOWN
+            self._snapshot = local.cells.copy()
             self._seen = local.version
         frame = self._field.frame
         frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
@@ -284,9 +273,7 @@ class Dwa:
         self._fastest = most = (max(vx, most[0]), max(vy, most[1]), max(wz, most[2]))
         needed = longest_trajectory(settings, *most)
         if needed > len(self._room.points):
-            passable = self._room.passable
             self._room = allocate_buffers(local.cells.shape, settings, needed)
-            self._room.passable[:] = passable
 
     def _aim(self, window: Floats, settings: DwaSettings) -> None:
         """Push the end of the window ahead and see whether the nose counts."""
@@ -298,17 +285,28 @@ class Dwa:
         end[0], end[1] = x + forward * math.cos(angle), y + forward * math.sin(angle)
         square = (at_x - x) * (at_x - x) + (at_y - y) * (at_y - y)
         far = square > forward * forward * self._p.cheat_factor
-        self._aligned = far and settings.path_scale != 0.0
+        self._weights = self._critics[far]
 
     def _sample(self, window: Floats, settings: DwaSettings) -> ControllerAnswer:
-        field, room = self._field, self._room
-        arguments = (
-            self._state, window, len(window), self._front_end, self._aligned, settings, field, room,
-        )  # fmt: skip
-        if self._choose is None:
-            self._choose = machine_code(choose_trajectory, *arguments)
-        n = self._choose(*arguments)
-        self._last = LastCycleDistances(window, field)
+        state, weights, field, room = self._state, self._weights, self._field, self._room
+        n, end, front_end, sets = len(window), window[-1], self._front_end, self._sets
+        if self._machine is None:
+            anywhere = (0.0, 0.0)
+            self._machine = (
+                machine_code(sample_speeds, state, end, settings, room.samples, room.counts),
+                machine_code(
+                    fill_distances, state, window, n, front_end, anywhere, weights, field, sets
+                ),
+                machine_code(find_best_sample, state, weights, settings, field, room),
+            )
+        sample, fill, find = self._machine
+        # Samples first: how fast they are says how far distances are needed, and filling those of
+        # the whole costmap would cost more than following every trajectory.
+        centre = sample(state, end, settings, room.samples, room.counts)
+        reach = (centre, centre + abs(settings.forward_point_distance))
+        fill(state, window, n, front_end, reach, weights, field, sets)
+        n = find(state, weights, settings, field, room)
+        self._last = LastCycleDistances(window, self._snapshot, field.frame)
         if n == 0:
             return NO_VELOCITY
         vx, vy, wz, _, _ = room.answer.tolist()
@@ -321,11 +319,15 @@ class Dwa:
         """Whether a trajectory is legal now, by the distances of the last sampling cycle."""
         # ``checkTrajectory`` forgets oscillation before it scores, also for later cycles.
         self._oscillation.reset()
-        settings, room = self._settings, self._room
-        assert settings is not None
-        sample = np.array((twist.vx, twist.vy, twist.wz), dtype=np.float32).astype(np.float64)
-        field = self._field if self._last is None else self._last.complete(self._field, room)
-        return bool(sample_cost(self._state, sample, self._aligned, settings, field, room) >= 0.0)
+        s, field, weights = self._settings, self._field, self._weights
+        assert s is not None
+        points, moving = self._room.points, self._room.moving
+        if self._last is not None:
+            field = self._last.complete(field, weights)
+        sample = np.array((twist.vx, twist.vy, twist.wz), dtype=np.float32)
+        vx, vy, wz = sample.tolist()
+        n = simulate_trajectory(self._state, vx, vy, wz, s, points, moving)
+        return bool(score_trajectory(points, n, moving, weights, math.inf, s, field) >= 0.0)
 
 
 def warm_up() -> None:
