@@ -1,16 +1,11 @@
 """GlobalPlanner written down plainly: the yardstick of the compiled version, for small grids."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-F = np.float32
-HIGH = F(1e10)
-Singles = npt.NDArray[np.float32]
-Point = tuple[float, float]
+from tests.daemon.stacks.ros1.navfn.plain import HIGH, F, blend, updated
+
 BUFFER = 10_000
 
 
@@ -56,12 +51,7 @@ class Map:
         """The potential that its neighbours give a cell."""
         left, right = self.potential(n - 1), self.potential(n + 1)
         up, down = self.potential(n - self.columns), self.potential(n + self.columns)
-        across, along, hf = min(left, right), min(up, down), F(cost)
-        low, difference = min(across, along), abs(F(across - along))
-        if difference >= hf:
-            return F(low + hf)
-        q = float(F(difference / hf))
-        return F(low + F(hf * F(-0.2301 * q * q + 0.5307 * q + 0.7040)))
+        return updated(left, right, up, down, cost)
 
 
 def dijkstra(area, start, goal, buffer=BUFFER):
@@ -140,10 +130,6 @@ def slope(area, n):
     if norm == 0:
         return F(0), F(0)
     return F(F(1 / norm) * dx), F(F(1 / norm) * dy)
-
-
-def blend(a, b, share):
-    return F((1.0 - float(share)) * float(a) + float(F(share * b)))
 
 
 def within(distance, point, start):

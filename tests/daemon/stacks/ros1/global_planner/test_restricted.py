@@ -10,7 +10,6 @@ from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, potential_field
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
-from tests.daemon.stacks.ros1.navfn import building
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
 
 
@@ -64,31 +63,6 @@ def test_plans_stay_the_same_while_costs_and_start_change(seed, old, quirks, cos
     assert waves(planners[1])[0] == 0
 
 
-def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c():
-    random = np.random.default_rng(1)
-    grid = building.costmap()
-    twin = CostGrid(grid.resolution, grid.x, grid.y, grid.cells)
-    parameters = GlobalPlannerParameters()
-    restricted = GlobalPlanner(parameters, FIXED)
-    whole = a_planner(twin, parameters, FIXED, margins=())
-    for start, goal in building.drive(0.04)[1100:1120]:
-        here = grid.cell(start.x, start.y)
-        assert here is not None
-        window = (here[0] - 60, here[1] - 60, here[0] + 60, here[1] + 60)
-        cells = grid.cells[window[1] : window[3], window[0] : window[2]]
-        inflated = (cells > 20) & (cells < 230) & (random.random(cells.shape) < 0.05)
-        cells[inflated] += random.integers(-20, 20, int(inflated.sum())).astype(np.uint8)
-        grid.touch(window)
-        twin.touch(window)
-        found = restricted.plan(grid, start, goal)
-        expected = whole.plan(twin, start, goal)
-        assert found is not None
-        assert expected is not None
-        assert np.array_equal(found, expected)
-    assert waves(restricted)[0] > 12
-    assert waves(whole) == (0, 20)
-
-
 @pytest.mark.parametrize(
     "given_parameters",
     [
@@ -103,26 +77,6 @@ def test_what_the_margins_are_not_made_for_is_planned_with_whole_waves(given_par
     for step in range(4):
         assert planner.plan(grid, Pose2(1.53, 1.53 + 0.05 * step), Pose2(5.03, 5.03)) is not None
     assert waves(planner) == (0, 4)
-
-
-def test_a_goal_walled_in_has_no_plan_until_the_wall_is_gone():
-    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
-    twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
-    parameters = GlobalPlannerParameters()
-    planner = GlobalPlanner(parameters, FAST)
-    whole = a_planner(twin, parameters, FAST, margins=())
-    goal, wall = Pose2(6.03, 3.78), (110, 65, 131, 86)
-    for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
-        grid.cells[65:86, 110:131] = value
-        grid.cells[66:85, 111:130] = 0
-        grid.touch(wall)
-        twin.touch(wall)
-        start = Pose2(1.03 + 0.05 * step, 3.78)
-        found = planner.plan(grid, start, goal)
-        expected = whole.plan(twin, start, goal)
-        assert (found is None) is (expected is None) is (value == 254)
-        assert found is None or expected is None or np.array_equal(found, expected)
-    assert waves(planner)[0] > 3
 
 
 def test_a_robot_between_two_areas_is_planned_for_with_whole_waves():

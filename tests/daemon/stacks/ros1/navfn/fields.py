@@ -1,10 +1,23 @@
-"""Fields and waves of navfn on small maps, addressed by flat cells."""
+"""Small maps; fields and waves of navfn on them, addressed by flat cells."""
 
 import numpy as np
 
+from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn.field import PotentialField
 from daemon.stacks.ros1.navfn.planner import navfn_rules
 from daemon.stacks.ros1.navfn.propagation import BUFFER, MARGIN, navfn_costs, new_wave
+from grammars.model.geometry import Pose2
+
+
+def a_grid(rows=20, columns=40):
+    """Return a free map of cells of 5 cm."""
+    return CostGrid(0.05, 0.0, 0.0, np.zeros((rows, columns), dtype=np.uint8))
+
+
+def centre(grid, column, row, yaw=0.0):
+    """Return the pose in the middle of a cell."""
+    r = grid.resolution
+    return Pose2(grid.x + (column + 0.5) * r, grid.y + (row + 0.5) * r, yaw)
 
 
 def a_field(grid, **given):

@@ -3,11 +3,9 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 F = np.float32
 HIGH = F(1e10)
-Singles = npt.NDArray[np.float32]
 
 
 def costs_of(cells, *, allow_unknown=True):
@@ -152,7 +150,7 @@ def path(pot, columns, goal):
     return []
 
 
-def plan(grid, start, goal):
+def plan(grid, start, goal, *, allow_unknown=True):
     """The plan of NavfnROS without tolerance; the grid is not touched."""
     here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
     if here is None or there is None:
@@ -161,7 +159,7 @@ def plan(grid, start, goal):
     cells[here[1], here[0]] = 0
     columns = cells.shape[1]
     begin, end = here[1] * columns + here[0], there[1] * columns + there[0]
-    pot = wave(costs_of(cells), columns, begin, end)
+    pot = wave(costs_of(cells, allow_unknown=allow_unknown), columns, begin, end)
     if pot[end] >= HIGH:
         return None
     points = path(pot, columns, end)

@@ -59,18 +59,18 @@ def disturb(random, grid):
     return window
 
 
-@given(seeds)
-def test_plans_are_those_of_the_plain_planner(seed):
+@given(seeds, st.booleans())
+def test_plans_are_those_of_the_plain_planner(seed, allow_unknown):
     random = np.random.default_rng(seed)
     cells = random_cells(random, 5, 36)
     grid = CostGrid(0.05, -1.0, 2.0, cells)
     rows, columns = cells.shape
-    planner = Navfn(NavfnParameters(), FAST)
+    planner = Navfn(NavfnParameters(allow_unknown=allow_unknown), FAST)
     x, y = random.random((2, 2)) * [[columns], [rows]] * 0.05 + [[-1.0], [2.0]]
     goal = Pose2(float(x[1]), float(y[1]), 1.0)
     for _ in range(3):
         start = Pose2(float(x[0]), float(y[0]))
-        expected = plain.plan(grid, start, goal)
+        expected = plain.plan(grid, start, goal, allow_unknown=allow_unknown)
         found = planner.plan(grid, start, goal)
         assert (found is None) == (expected is None)
         if found is not None and expected is not None:
