@@ -1,57 +1,317 @@
 """The one way numba kernels are declared, in simulator, stacks, oracles and analysis alike.
 
-And what happens when machine code for one is not on the disk yet: it is compiled at once, or not at
-all (:func:`loading_only`).
+Machine code is kept on the disk, in one folder for every process of an installation. A kernel that
+is missing there is compiled when it is called; processes that need it meanwhile wait for it.
+A short run (:func:`daemon.run.rehearse`) compiles what a system calls and writes down which kernels
+that are, so that later processes load just these before they fork.
 """
 
+# Much of numba has no annotations.
+# mypy: allow-untyped-calls
 from __future__ import annotations
 
+import fcntl
 import gc
 import hashlib
+import json
+import os
 import types
+import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, TypeVar, cast
+from typing import Any, ClassVar, Final, TypeAlias, TypeVar, cast
 
 import numpy as np
-from numba import njit
-from numba.core import event
+import platformdirs
+from numba import typeof
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
+
+from grammars.text.files import write_atomically
 
 F = TypeVar("F", bound=Callable[..., Any])
+KernelFile: TypeAlias = tuple[str, str, str]
+"""Module and name of a kernel, and the file with the machine code that was called."""
 
+CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
+_STATE_VARIABLE: Final = "SCENARIO_STATE"
 _CONSTANTS: Final = (bool, int, float, str, bytes, tuple, np.generic)
-_COMPILING: Final = "numba:compile"
-"""The event around compiling one function; there is none when machine code is loaded."""
 _COLLECT_RARELY: Final = 50_000
 """Objects made between two collections while numba compiles."""
-
-
-class NotCompiledError(Exception):
-    """There is no machine code on the disk for a kernel that was called."""
+_OURS: Final = "daemon."
+"""Modules that a list of kernels may name: it is read from a file."""
 
 
 def kernel(function: F) -> F:
     """Compile to machine code on the first call, cached on disk until a source of it changes."""
     # Never ``parallel``: workers fork from a warm parent, and OpenMP's threads do not survive a
     # fork; cores are for runs. Never ``fastmath``: traces must be equal byte for byte, and
-    # reordered sums are not. ``cache`` keeps the machine code next to the source, by its content
-    # and the CPU: loading a kernel takes 3 to 10 ms, compiling one 250 to 850 ms.
+    # reordered sums are not. Loading a kernel takes 3 to 10 ms, compiling one 250 to 850 ms.
     # The wrapper by which C would call a kernel is left out: nobody does, and it takes about 4 %
-    # of the time of compiling. (The option is missing in numba's annotations.)
-    compiled: Any = cast(Any, njit)(cache=True, no_cfunc_wrapper=True)(function)
-    file = compiled._cache._cache_file
-    # numba looks at the file of the kernel alone, at its size and time. What a kernel calls is
-    # compiled into it, and so are constants from elsewhere: without them in the stamp an upgraded
-    # installation, in whose folders old machine code stays, would run half of the old version. The
-    # time is left out: a copy, or an image of a container, has the same source and another time.
-    used = hashlib.sha256(_content(function.__code__.co_filename).encode())
-    for part in _compiled_in(function.__code__, function.__globals__):
-        used.update(part.encode())
-    file._source_stamp = used.hexdigest()
-    return cast(F, compiled)
+    # of the time of compiling.
+    return cast(F, _Kernel(function, targetoptions={"nopython": True, "no_cfunc_wrapper": True}))
+
+
+class _Kernel(CPUDispatcher):
+    """numba's dispatcher of a function, with machine code that processes share."""
+
+    def __init__(self, function: Callable[..., Any], targetoptions: dict[str, bool]) -> None:
+        super().__init__(function, targetoptions=targetoptions)
+        self._cache = _KernelCache(function)
+
+    @property
+    def stamp(self) -> str:
+        """The digest of what is compiled into the kernel."""
+        return str(self._cache._cache_file._source_stamp)
+
+    def compile(self, sig: Any) -> Any:
+        """Return machine code for a signature: from memory, from the disk, or compiled now."""
+        arguments, _ = normalize_signature(sig)
+        if arguments in self.overloads:
+            return super().compile(sig)
+        with _compiler.alone(self._cache.place):
+            code = super().compile(sig)
+        if _compiler.depth == 0 and _compiler.called is not None:
+            _compiler.called[self._entry(arguments)] = None
+        return code
+
+    def is_kept(self, signature: tuple[Any, ...]) -> bool:
+        """Whether machine code for arguments of these types is on the disk."""
+        return self._cache.file_of(signature, self.targetctx) != ""
+
+    def load_file(self, name: str) -> bool:
+        """Load the machine code in the file ``name``; return whether it is there and current."""
+        signature = self._cache.signature_in(name)
+        if signature is None or self._cache.file_of(signature, self.targetctx) != name:
+            return False
+        self.compile(signature)
+        return True
+
+    def _entry(self, arguments: tuple[Any, ...]) -> KernelFile:
+        function = self.py_func
+        file = self._cache.file_of(arguments, self.targetctx)
+        return function.__module__, function.__qualname__, file
+
+
+def machine_code(function: F, *arguments: Any) -> F:
+    """Return the machine code of a kernel for arguments of the types of ``arguments``.
+
+    To be called with such only: arrays that are contiguous must be so, a number must not become
+    an array. Worth it where many arrays come in named tuples, whose types numba asks for one by
+    one: of 100 us that a control cycle took, 10 went there. In :func:`compiling_ahead` another
+    process compiles it, and the first call waits for that.
+    """
+    dispatcher: Any = function
+    signature = tuple(cast(Any, typeof)(each) for each in arguments)
+    if _compiler.ahead is None or dispatcher.is_kept(signature):
+        return cast(F, dispatcher.compile(signature))
+    process = os.fork()
+    if not process:
+        status = 1
+        try:
+            dispatcher.compile(signature)
+            status = 0
+        finally:
+            os._exit(status)
+    _compiler.ahead.append(process)
+    return function
+
+
+def cache_folder() -> Path:
+    """Return the folder of machine code, the same for every process of an installation.
+
+    It is what ``NUMBA_CACHE_DIR`` names, else beside the sources, else in the user's cache, else in
+    the state directory: the first of these that can be written.
+    """
+    package = Path(__file__).parents[1]
+    place = hashlib.sha256(bytes(package)).hexdigest()[:8]
+    if asked := os.environ.get(CACHE_VARIABLE):
+        return Path(asked) / f"scenario-{place}"
+    folders = [package / "__pycache__" / "kernels"]
+    folders.append(platformdirs.user_cache_path("scenario") / f"kernels-{place}")
+    if state := os.environ.get(_STATE_VARIABLE):
+        folders.append(Path(state) / f"kernels-{place}")
+    return next((folder for folder in folders if _can_be_written(folder)), folders[0])
+
+
+def _can_be_written(folder: Path) -> bool:
+    existing = next(each for each in (folder, *folder.parents) if each.exists())
+    return os.access(existing, os.W_OK)
+
+
+def count_kernels() -> int:
+    """Return how many kernels the disk has machine code of."""
+    return sum(1 for _ in cache_folder().glob("*.nbi"))
+
+
+class _Locator:
+    """The place of a kernel's machine code, and the stamp of what was compiled into it."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], _: str) -> _Locator:
+        """Return the locator of a function, as numba asks for it."""
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(_folder())
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder; raises ``OSError``."""
+        _folder().mkdir(parents=True, exist_ok=True)
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name in two modules apart."""
+        module = f"{self._function.__module__}.{self._function.__code__.co_firstlineno}"
+        return module.removeprefix(_OURS)
+
+    def get_source_stamp(self) -> str:
+        """Return the digest of the function's file and of all that is compiled into it.
+
+        numba looks at that file alone, at its size and time. What a kernel calls is compiled into
+        it, and so are constants from elsewhere: without them in the stamp an upgraded installation,
+        in whose folders old machine code stays, would run half of the old version. The time is
+        left out: a copy, or an image of a container, has the same source and another time.
+        """
+        code, known = self._function.__code__, self._function.__globals__
+        used = hashlib.sha256(_content(code.co_filename).encode())
+        for part in _compiled_in(code, known):
+            used.update(part.encode())
+        return used.hexdigest()
+
+
+class _CacheImplementation(CompileResultCacheImpl):
+    _locator_classes: ClassVar[list[type[object]]] = [_Locator]
+
+
+class _KernelCache(FunctionCache):
+    """The machine code of one kernel on the disk, a file for each signature."""
+
+    _impl_class = _CacheImplementation
+
+    @property
+    def place(self) -> int:
+        """The byte of the lock that stands for this kernel."""
+        return zlib.crc32(self._impl.filename_base.encode())
+
+    def file_of(self, signature: tuple[Any, ...], context: Any) -> str:
+        """Return the name of the file with machine code for ``signature``, empty if none is."""
+        key = self._index_key(signature, context.codegen())
+        return str(self._cache_file._load_index().get(key, ""))
+
+    def signature_in(self, name: str) -> tuple[Any, ...] | None:
+        """Return the signature of the machine code in the file ``name``."""
+        index = self._cache_file._load_index()
+        return next((key[0] for key, file in index.items() if file == name), None)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep machine code; where the disk takes none, this process alone has it."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+        _compiler.tell()
+
+
+class _Compiler:
+    """Compiling in this process: locks, the garbage collector, and what is told of it.
+
+    ``depth`` counts the kernels that are being compiled, each of which the one before calls.
+    ``called`` collects the kernels that Python calls, ``ahead`` the processes that compile what is
+    called later; they are ``None`` unless somebody asks for it.
+    """
+
+    def __init__(self) -> None:
+        self.depth = 0
+        self.called: dict[KernelFile, None] | None = None
+        self.ahead: list[int] | None = None
+        self.tell: Callable[[], None] = _say_nothing
+        self._lock: int | None = None
+
+    @contextmanager
+    def alone(self, place: int) -> Iterator[None]:
+        """Wait until no other process compiles the same kernel, and keep others waiting."""
+        collected = gc.get_threshold()
+        # numba makes millions of small objects that live until a function is done. With Python's
+        # thresholds a quarter of the time goes into walking through them; with these a process is
+        # 10 MB larger at the end.
+        gc.set_threshold(max(_COLLECT_RARELY, collected[0]), *collected[1:])
+        self.depth += 1
+        self._set_lock(fcntl.LOCK_EX, place)
+        try:
+            yield
+        finally:
+            self._set_lock(fcntl.LOCK_UN, place)
+            self.depth -= 1
+            gc.set_threshold(*collected)
+
+    def _set_lock(self, operation: int, place: int) -> None:
+        # Where there is no lock, two processes may compile the same: a file system that has none,
+        # or one that cannot be written.
+        with suppress(OSError):
+            if self._lock is None:
+                _folder().mkdir(parents=True, exist_ok=True)
+                self._lock = os.open(_folder() / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+            fcntl.lockf(self._lock, operation, 1, place)
+
+
+def _say_nothing() -> None:
+    """Tell nobody that a kernel was compiled."""
+
+
+_compiler: Final = _Compiler()
+
+
+@cache
+def _folder() -> Path:
+    return cache_folder()
+
+
+@contextmanager
+def compiling_ahead(tell: Callable[[], None]) -> Iterator[Callable[[], tuple[KernelFile, ...]]]:
+    """Compile kernels in processes of their own as soon as :func:`machine_code` asks for one.
+
+    Calls ``tell`` after each kernel, in these processes too. Yields a function that returns which
+    kernels were called so far, for :func:`keep_list`. For a process without threads.
+    """
+    called: dict[KernelFile, None] = {}
+    _compiler.called, _compiler.ahead, _compiler.tell = called, [], tell
+    try:
+        yield lambda: tuple(called)
+    finally:
+        for process in _compiler.ahead:
+            os.waitpid(process, 0)
+        _compiler.called, _compiler.ahead, _compiler.tell = None, None, _say_nothing
+
+
+def keep_list(name: str, kernels: tuple[KernelFile, ...]) -> None:
+    """Write down which kernels a kind of system calls; raises ``OSError``."""
+    write_atomically(_folder() / f"{name}.json", json.dumps(kernels).encode())
+
+
+def load_list(name: str) -> bool:
+    """Load the kernels a kind of system calls, as far as they are listed and on the disk.
+
+    Returns whether that is all of them; otherwise a short run has to compile them.
+    """
+    try:
+        kernels = json.loads((_folder() / f"{name}.json").read_bytes())
+        missing = [entry for entry in kernels if not _load(*entry)]
+    except (OSError, ValueError, TypeError, AttributeError, ImportError):
+        return False  # there is no list, or it is one of another version
+    return not missing
+
+
+def _load(module: str, name: str, file: str) -> bool:
+    if not module.startswith(_OURS):
+        return False
+    function = getattr(import_module(module), name)
+    return isinstance(function, _Kernel) and function.load_file(file)
 
 
 @cache
@@ -63,8 +323,8 @@ def _content(file: str) -> str:
 def _compiled_in(code: types.CodeType, known: dict[str, Any]) -> Iterator[str]:
     """Yield the stamps of the kernels and the values of the constants that ``code`` names."""
     for name, value in _named(code, known):
-        if isinstance(value, CPUDispatcher):
-            yield f"{name} {cast(Any, value)._cache._cache_file._source_stamp}"
+        if isinstance(value, _Kernel):
+            yield f"{name} {value.stamp}"
         elif isinstance(value, np.ndarray):
             yield f"{name} {hashlib.sha256(value.tobytes()).hexdigest()}"
         elif isinstance(value, _CONSTANTS):
@@ -83,65 +343,3 @@ def _named(code: types.CodeType, known: dict[str, Any]) -> Iterator[tuple[str, A
             yield from ((part, inside[part]) for part in code.co_names if part in inside)
         else:
             yield name, value
-
-
-class _Listener(event.Listener):
-    """Calls ``began`` when the compilation of a function begins, ``ended`` when it has ended."""
-
-    def __init__(self, began: Callable[[Any], None], ended: Callable[[Any], None]) -> None:
-        self._began, self._ended = began, ended
-
-    def on_start(self, happened: Any) -> None:
-        """Take a beginning."""
-        self._began(happened.data["dispatcher"])
-
-    def on_end(self, happened: Any) -> None:
-        """Take an end."""
-        self._ended(happened.data["dispatcher"])
-
-
-def _ignore(_: Any) -> None:
-    """Do nothing about a beginning or an end."""
-
-
-@contextmanager
-def loading_only() -> Iterator[None]:
-    """Compile nothing meanwhile: raises :class:`NotCompiledError` where that would be needed."""
-
-    def refuse(dispatcher: Any) -> None:
-        raise NotCompiledError(f"{dispatcher.__module__}.{dispatcher.__name__}")
-
-    with event.install_listener(_COMPILING, _Listener(refuse, _ignore)):
-        yield
-
-
-class _RareCollections:
-    """Lets the garbage collector alone while something is compiled.
-
-    numba makes millions of small objects that live until a function is done. With Python's
-    thresholds a quarter of the time went into walking through them; with these a process is 10 MB
-    larger at the end.
-    """
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self._before = gc.get_threshold()
-
-    def begin(self, _: Any) -> None:
-        """Set the thresholds with the outermost function: one compiles those that it calls."""
-        if self._depth == 0:
-            self._before = gc.get_threshold()
-            gc.set_threshold(max(_COLLECT_RARELY, self._before[0]), *self._before[1:])
-        self._depth += 1
-
-    def end(self, _: Any) -> None:
-        """Set them back."""
-        self._depth -= 1
-        if self._depth == 0:
-            gc.set_threshold(*self._before)
-
-
-_collections: Final = _RareCollections()
-event.register(  # type: ignore[no-untyped-call]
-    _COMPILING, _Listener(_collections.begin, _collections.end)
-)
