@@ -9,19 +9,21 @@ from __future__ import annotations
 import gc
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
+from daemon.judging import oracles
 from daemon.judging.oracles import judge, judge_leading, overall_outcome
 from daemon.model.execution import machine_text
-from daemon.model.kernel_rooms import RUN_ROOMS, SYSTEM_ROOMS
+from daemon.model.kernels import compiling_ahead, keep_list, load_list
+from daemon.model.rehearsal import kernel_list, short_run
 from daemon.model.spec import (
     LeadingMargin,
     RunResult,
     RunSpec,
     Script,
+    Snapshot,
     Timing,
     package_versions,
 )
@@ -37,14 +39,9 @@ class SceneMismatchError(ValueError):
     """The scene at hand is not the one the specification names."""
 
 
-def warm_up(rooms: Iterable[str] = (*RUN_ROOMS, *SYSTEM_ROOMS)) -> None:
-    """Load every validator and the kernels of ``rooms``, so that forked children need not.
-
-    What is not on the disk is compiled (:func:`daemon.model.kernel_rooms.kernel_rooms` says which
-    rooms a run enters).
-    """
-    for room in rooms:
-        import_module(room).warm_up()
+def warm_up() -> None:
+    """Make what every run needs, so that forked children need not."""
+    oracles.warm_up()
     codec.warm_up(RunSpec, Script, Scene, RunResult)
     package_versions()
 
@@ -127,3 +124,32 @@ def prepare(spec: RunSpec, scene: Scene) -> None:
     first = replace(spec, limit=1.0 / TICK_RATE, oracles=())
     with tempfile.TemporaryDirectory(prefix="scenario-prepared-") as folder:
         execute(first, scene, trace_path=Path(folder, "trace.mcap"))
+
+
+def load_kernels(spec: RunSpec, scene: Scene) -> None:
+    """Load what runs like ``spec`` call; a short run compiles what the disk lacks."""
+    if not load_list(kernel_list(spec)):
+        rehearse(spec, scene, lambda: None, lambda: None)
+
+
+def rehearse(
+    spec: RunSpec, scene: Scene, tell: Callable[[], None], on_driven: Callable[[], None]
+) -> None:
+    """Compile and list the kernels that runs like ``spec`` call, in the order of need.
+
+    ``tell`` is called after each of them, ``on_driven`` when only those that judge are missing.
+    Raises as :func:`execute` does. For a process without threads.
+    """
+    name, short = kernel_list(spec), short_run(spec)
+
+    def look(snapshot: Snapshot) -> None:
+        if snapshot.time >= short.limit - 0.5:
+            keep_list(name, called())
+            on_driven()
+
+    with (
+        compiling_ahead(tell) as called,
+        tempfile.TemporaryDirectory(prefix="scenario-rehearsed-") as folder,
+    ):
+        execute(short, scene, trace_path=Path(folder, "trace.mcap"), on_progress=look)
+        keep_list(name, called())

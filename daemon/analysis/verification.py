@@ -24,10 +24,9 @@ from daemon.judging import oracles
 from daemon.model.attachments import FILES_VARIABLE, user_files_folder
 from daemon.model.deadline import spare_time, stopped_after, wall_clock_limit
 from daemon.model.execution import RunLimits
-from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.run import execute, warm_up
+from daemon.run import execute, load_kernels
 from daemon.supervision.guardian import end_guarded
 from daemon.trace import Trace, TraceDifference, TraceError, first_difference, read_trace
 from grammars.model.scene import Scene
@@ -157,7 +156,7 @@ def verify(
         raise TraceError(path, message, hint)
     oracles.warm_up()
     recorded, units = _measure(trace)
-    warm_up(kernel_rooms(spec.sut.kind, spec.sut.parameters))
+    load_kernels(spec, trace.scene)
     task = _Task(spec, trace.scene, wall, _files_folder(spec, places), execute_run, path)
     found = _executions(task, repeats)
     executions = tuple(found) if watch is None else tuple(watch(found, repeats))
@@ -193,7 +192,7 @@ def verify_spec(
     Otherwise as :func:`verify`. A first execution that leaves no trace is the only one. With one
     of ``repeats`` there are no executions beside the recording.
     """
-    warm_up(kernel_rooms(spec.sut.kind, spec.sut.parameters))
+    load_kernels(spec, scene)
     task = _Task(spec, scene, wall, _files_folder(spec, places), execute_run)
     with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
         first = _execute_in_child(task, Path(name))

@@ -34,6 +34,7 @@ from grammars.text.files import private_folder
 if TYPE_CHECKING:
     from daemon.model.status import DiskUsage
 
+STATE_VARIABLE: Final = "SCENARIO_STATE"
 INSECURE_VARIABLE: Final = "SCENARIO_INSECURE"
 """Set to speak plain TCP to other machines all the same."""
 _ENDPOINT: Final = re.compile(r"(?:tcp|tls)/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})\Z")
@@ -111,7 +112,7 @@ class StatePaths:
     @classmethod
     def find(cls, state: Path | None = None, environ: Mapping[str, str] = os.environ) -> StatePaths:
         """Choose the directory: the argument, ``SCENARIO_STATE``, else the user's state folder."""
-        chosen = state or environ.get("SCENARIO_STATE")
+        chosen = state or environ.get(STATE_VARIABLE)
         path = Path(chosen) if chosen else platformdirs.user_state_path("scenario")
         return cls(path.expanduser().absolute())
 

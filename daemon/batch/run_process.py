@@ -60,12 +60,14 @@ class Wanted(StrEnum):
 
 # Messages are whole or not there: each has a kind, its first byte. From the worker to a zygote:
 PREPARE: Final = b"P"
-"""Niceness, then the rooms whose kernels runs need."""
+"""A :class:`KernelTask` in JSON; a file with the specification of a run comes with it."""
 RUN: Final = b"R"
 """A :class:`RunTask` in JSON; the socket of the run comes with it."""
 # From a zygote to the worker:
-PREPARATION: Final = b"P"
+COMPILED: Final = b"P"
+"""How many kernels were compiled since the last such message."""
 READY: Final = b"R"
+"""The name of a list of kernels that are loaded; empty when the zygote itself is there."""
 # From the process of a run, or the zygote for it, to the worker:
 STARTED: Final = b"S"
 LIVE: Final = b"L"
@@ -110,6 +112,18 @@ class RunTask:
     nice: int
     wall: float
     likeness: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class KernelTask:
+    """The order to load the kernels in the list ``name``, and to compile those that are missing.
+
+    A run in the scene of this file calls them; ``nice`` as in :class:`RunTask`.
+    """
+
+    name: str
+    scene: Path
+    nice: int
 
 
 def read_output(folder: Path) -> bytes:

@@ -7,16 +7,15 @@ A fresh process costs a run 13 to 20 ms when it is forked from a process that ha
 to the next, and a crash that costs one run. Not a plain fork of the worker: that has an open Zenoh
 session and threads, and a child's first question hangs.
 
-The descriptor is a socket. By it the worker first asks for kernels: the zygote loads what the disk
-has, has a child compile the rest, once on a machine, and says how far that is. Then each request
-starts a run, with a socket of its own. Once a run has ended well, what it began with is done here
-for those like it. The zygote ends with its worker.
+The descriptor is a socket. By it the worker first asks for the kernels of a run: the zygote loads
+what the disk has, has a child compile the rest in a short run, once on a machine, and says how far
+that is. Then each request starts a run, with a socket of its own. Once a run has ended well, what
+it began with is done here for those like it. The zygote ends with its worker.
 """
 
 from __future__ import annotations
 
 import ctypes
-import fcntl
 import gc
 import os
 import signal
@@ -24,34 +23,32 @@ import socket
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
-from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
-from daemon.batch.numba_cache import numba_cache_folder
 from daemon.batch.run_process import (
+    COMPILED,
     DISK_FULL,
     ENDED,
     FAILED,
     LEASE,
     LONGEST_WORDS,
-    PREPARATION,
     PREPARE,
     READY,
     RESULT,
     RUN,
     STARTED,
+    KernelTask,
     RunTask,
     run_attempt,
 )
-from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, RunSpec, Script
-from daemon.model.status import LiveSnapshot, Preparation, PreparationPhase
+from daemon.model.status import LiveSnapshot
 from daemon.supervision.child import adopt_orphans, die_with_parent, lower_session
 from daemon.supervision.event_loop import HUNG_UP, EventLoop
 from daemon.supervision.remains import KILL_LIMIT, end_children
@@ -62,7 +59,6 @@ _LARGEST_REQUEST: Final = 2**16
 _SHORT_RUN: Final = 10.0
 """CPU seconds: a run that took longer may have begun with something that would keep the zygote from
 starting others for too long, and what it began with is little of it."""
-_LOOK_AT_LOCK: Final = 0.5
 _MMAP_THRESHOLD: Final = -3
 """Number of the parameter in malloc.h."""
 _LARGE: Final = 1 << 20
@@ -80,6 +76,8 @@ class Zygote(EventLoop):
         self._runs: dict[int, tuple[RunTask, socket.socket]] = {}
         self._kill_at: dict[int, float] = {}
         self._begun: set[str] = set()
+        # Lists of kernels by the process that compiles what is on them.
+        self._rehearsals: dict[int, str] = {}
         self.watch(wire.fileno(), self._take_request)
 
     def live(self) -> None:
@@ -99,8 +97,7 @@ class Zygote(EventLoop):
         if request[:1] == RUN:
             self._start(codec.from_json(RunTask, request[1:]), socket.socket(fileno=files[0]))
         elif request[:1] == PREPARE:
-            niceness, *rooms = request[1:].decode().split()
-            self._prepare(rooms, int(niceness))
+            self._prepare(codec.from_json(KernelTask, request[1:]), files[0])
         else:
             self.end()
 
@@ -137,6 +134,10 @@ class Zygote(EventLoop):
 
     def child_ended(self, process: int, code: int) -> None:
         """Report the end of a run when nothing of it is left."""
+        if process in self._rehearsals:
+            # It has told why, if it could not: a run that calls these kernels has the same trouble.
+            self._load(self._rehearsals.pop(process))
+            return
         if process not in self._runs:
             return  # a guardian that was killed has left it
         task, wire = self._runs.pop(process)
@@ -155,33 +156,50 @@ class Zygote(EventLoop):
 
     # Kernels
 
-    def _prepare(self, rooms: list[str], niceness: int) -> None:
-        lower_session(niceness)
-        missing = _load_kernels(rooms)
-        if missing and not self._compile(missing, niceness):
-            self.end()
-            return
-        _load_kernels(missing)
-        _keep_for_good()
-        self._wire.send(READY)
-
-    def _compile(self, rooms: list[str], niceness: int) -> bool:
-        """Have a child compile what the disk does not have; return whether it has done so.
+    def _prepare(self, task: KernelTask, file: int) -> None:
+        """Load kernels; where one is missing, have a child compile all in a short run.
 
         Its memory, which is that of a compiler, goes with it.
         """
-        zygote = os.getpid()
-        process = os.fork()
-        if not process:
-            signal.set_wakeup_fd(-1)
-            die_with_parent(zygote)
-            os.setpriority(os.PRIO_PROCESS, 0, max(niceness, os.getpriority(os.PRIO_PROCESS, 0)))
-            compile_kernels(rooms, self._wire)
-        _, status = os.waitpid(process, 0)
-        code = os.waitstatus_to_exitcode(status)
-        if code < 0:
-            self._wire.send(FAILED + f"compiling was ended by signal {-code}".encode())
-        return code == 0
+        # The compiler is nothing for executors that have no kernels: 70 MB.
+        from daemon.model.kernels import load_list
+
+        lower_session(task.nice)
+        with open(file, "rb") as specification:
+            if task.name in self._rehearsals.values():
+                return
+            if load_list(task.name):
+                self._load(task.name)
+                return
+            self._wire.send(COMPILED + b"0")
+            reading, writing = os.pipe()
+            zygote = os.getpid()
+            process = os.fork()
+            if not process:
+                self._become_child()
+                os.close(reading)
+                die_with_parent(zygote)
+                nice = max(task.nice, os.getpriority(os.PRIO_PROCESS, 0))
+                os.setpriority(os.PRIO_PROCESS, 0, nice)
+                rehearse_run(task, specification.read(), self._wire, writing)
+        os.close(writing)
+        self._rehearsals[process] = task.name
+        self.watch(reading, partial(self._take_progress, task.name, reading))
+
+    def _take_progress(self, name: str, reading: int) -> None:
+        """Let runs start when the short run has driven; kernels that judge come meanwhile."""
+        if os.read(reading, 1):
+            self._load(name)
+        else:
+            self.forget(reading)
+            os.close(reading)
+
+    def _load(self, name: str) -> None:
+        from daemon.model.kernels import load_list
+
+        load_list(name)
+        _keep_for_good()
+        self._wire.send(READY + name.encode())
 
 
 def read_example(task: RunTask) -> tuple[RunSpec, Scene] | None:
@@ -201,77 +219,39 @@ def read_example(task: RunTask) -> tuple[RunSpec, Scene] | None:
 
 def _begin_like(spec: RunSpec, scene: Scene) -> None:
     """Do what runs like ``spec`` in ``scene`` begin with, for those that come."""
-    from daemon.model.kernels import loading_only
     from daemon.run import prepare
 
     try:
-        with loading_only():
-            prepare(spec, scene)
+        prepare(spec, scene)
     except Exception:
         # The disk is full, say: runs begin with it themselves, as before.
         traceback.print_exc()
     _keep_for_good()
 
 
-def compile_kernels(rooms: list[str], wire: socket.socket) -> None:
-    """Compile the kernels of ``rooms``, tell ``wire`` how far that is or why not, and exit."""
+def rehearse_run(task: KernelTask, spec: bytes, wire: socket.socket, driven: int) -> NoReturn:
+    """Execute a short run, tell ``wire`` of each kernel that it compiles, and exit."""
     try:
-        with compiling_alone(numba_cache_folder(), wire):
-            for done, room in enumerate(rooms):
-                _tell(wire, Preparation(PreparationPhase.COMPILING, done, len(rooms)))
-                import_module(room).warm_up()
+        from daemon.run import rehearse
+
+        rehearse(
+            codec.from_json(RunSpec, spec),
+            codec.from_json(Scene, task.scene.read_bytes()),
+            lambda: _tell(wire),
+            lambda: _write(driven),
+        )
     except BaseException:
-        # Nothing a run could help: the worker gives back what needs these kernels.
-        wire.send(FAILED + traceback.format_exc()[-LONGEST_WORDS:].encode("utf-8", "replace"))
-        os._exit(1)
+        # The run itself fails like this, and says so: to whom, and of what, is known then.
+        traceback.print_exc()
     os._exit(0)
 
 
-@contextmanager
-def compiling_alone(folder: Path, wire: socket.socket) -> Iterator[None]:
-    """Wait until no other process compiles into ``folder``, and say so.
-
-    What it has left there is loaded afterwards, not compiled once more.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / "kernels.lock").open("ab")
-    except OSError:
-        yield  # nobody can be waited for: a file system that cannot be written
-        return
-    with lock:
-        while True:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                # Again and again: who says nothing for long is replaced.
-                _tell(wire, Preparation(PreparationPhase.WAITING))
-                time.sleep(_LOOK_AT_LOCK)
-                continue
-            except OSError:
-                pass  # a file system without locks
-            break
-        yield
+def _tell(wire: socket.socket) -> None:
+    wire.send(COMPILED + b"1")
 
 
-def _tell(wire: socket.socket, preparation: Preparation) -> None:
-    wire.send(PREPARATION + codec.to_json(preparation))
-
-
-def _load_kernels(rooms: list[str]) -> list[str]:
-    """Load the kernels of rooms as far as they are on the disk; return the other rooms."""
-    missing = []
-    for room in rooms:
-        # The compiler is nothing for executors that have no kernels: 70 MB.
-        from daemon.model.kernels import loading_only
-
-        try:
-            with loading_only():
-                import_module(room).warm_up()
-        except Exception:
-            # Not on the disk; or something is wrong, and the child that compiles it says what.
-            missing.append(room)
-    return missing
+def _write(descriptor: int) -> None:
+    os.write(descriptor, b"1")
 
 
 def _keep_for_good() -> None:
@@ -294,9 +274,7 @@ def return_freed_memory() -> None:
 def _load(name: str) -> Callable[..., Any]:
     module_name, _, function = name.partition(":")
     module = import_module(module_name)
-    if name == DEFAULT_EXECUTOR:
-        module.warm_up(rooms=())
-    elif warm_up := getattr(module, "warm_up", None):
+    if warm_up := getattr(module, "warm_up", None):
         warm_up()
     # Decoders and encoders are built once here, not once in every child; those of a specification
     # and of its script, which its digest asks for, take 15 ms.
@@ -322,6 +300,7 @@ def main() -> None:
         # Also of an executor that plugs in.
         wire.send(FAILED + traceback.format_exc()[-LONGEST_WORDS:].encode("utf-8", "replace"))
         return
+    wire.send(READY)
     Zygote(wire, execute).live()
 
 

@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Final, TypeAlias, TypeVar, cast
+from typing import Any, Final, TypeAlias, TypeVar, cast
 
 import numpy as np
 import platformdirs
@@ -38,7 +38,6 @@ KernelFile: TypeAlias = tuple[str, str, str]
 """Module and name of a kernel, and the file with the machine code that was called."""
 
 CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
-_STATE_VARIABLE: Final = "SCENARIO_STATE"
 _CONSTANTS: Final = (bool, int, float, str, bytes, tuple, np.generic)
 _COLLECT_RARELY: Final = 50_000
 """Objects made between two collections while numba compiles."""
@@ -133,7 +132,7 @@ def cache_folder() -> Path:
         return Path(asked) / f"scenario-{place}"
     folders = [package / "__pycache__" / "kernels"]
     folders.append(platformdirs.user_cache_path("scenario") / f"kernels-{place}")
-    if state := os.environ.get(_STATE_VARIABLE):
+    if state := os.environ.get("SCENARIO_STATE"):
         folders.append(Path(state) / f"kernels-{place}")
     return next((folder for folder in folders if _can_be_written(folder)), folders[0])
 
@@ -188,7 +187,7 @@ class _Locator:
 
 
 class _CacheImplementation(CompileResultCacheImpl):
-    _locator_classes: ClassVar[list[type[object]]] = [_Locator]
+    _locator_classes = [_Locator]  # noqa: RUF012 - so it is in numba
 
 
 class _KernelCache(FunctionCache):

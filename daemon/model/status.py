@@ -211,22 +211,20 @@ class RunDetail:
 class PreparationPhase(StrEnum):
     """Something that a worker does before runs can start there.
 
-    ``starting``: the worker itself is not there yet. ``compiling``: it compiles kernels.
-    ``waiting``: another process compiles them.
+    ``starting``: the worker itself is not there yet. ``compiling``: it compiles kernels, or waits
+    for another process that does.
     """
 
     STARTING = "starting"
     COMPILING = "compiling"
-    WAITING = "waiting"
 
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """The preparation of a worker for runs; ``done`` of ``total`` groups of kernels are there."""
+    """The preparation of a worker for runs; it has compiled ``done`` kernels so far."""
 
     phase: PreparationPhase
     done: int = 0
-    total: int = 0
 
     @property
     def words(self) -> str:
@@ -235,9 +233,7 @@ class Preparation:
             case PreparationPhase.STARTING:
                 return "starting the worker on this machine: loading the simulator"
             case PreparationPhase.COMPILING:
-                return f"compiling kernels {self.done}/{self.total} (once on this machine)"
-            case PreparationPhase.WAITING:
-                return "waiting for kernels that another process compiles (once on this machine)"
+                return f"compiling kernels, once on this machine: {self.done} so far"
 
 
 @dataclass(frozen=True, slots=True)

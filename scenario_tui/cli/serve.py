@@ -90,8 +90,7 @@ def serve(
     is for developing a stack before testing it. Ctrl-C or q ends it.
     """
     from daemon.live.simulation import LiveSimulation, check_speed
-    from daemon.model.kernel_rooms import kernel_rooms
-    from daemon.run import warm_up
+    from daemon.run import load_kernels
 
     with wrong_usage("--speed"):
         check_speed(speed)
@@ -104,8 +103,7 @@ def serve(
             param_hint="--sut",
         )
     # Before the clock counts: a world that stutters at its start would say it cannot keep up.
-    system = (spec.sut.kind, spec.sut.parameters) if sut and spec.sut.repeatable else ("", {})
-    warm_up(kernel_rooms(*system))
+    load_kernels(spec, scene)
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
     stay_small()
     with _served(simulation, foxglove, host, port, socket if ros2 else None) as services:

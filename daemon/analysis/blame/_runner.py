@@ -16,10 +16,9 @@ from daemon.analysis.blame._case import Candidate
 from daemon.analysis.blame._elements import TestOutcome
 from daemon.analysis.forked_child import prepare_child
 from daemon.model.execution import RunLimits
-from daemon.model.kernel_rooms import kernel_rooms
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from daemon.run import execute, warm_up
+from daemon.run import execute, load_kernels
 from daemon.supervision.guardian import end_guarded
 from grammars.text import codec
 from grammars.text.files import write_atomically
@@ -147,8 +146,8 @@ def run_forked(
     """
     # Forked from here and not from a worker's zygote: this process is warm already, has no
     # Zenoh session, and the candidate need not be written to a file and read again.
-    systems = [candidate.spec.sut for candidate in candidates]
-    warm_up({room for sut in systems for room in kernel_rooms(sut.kind, sut.parameters)})
+    for candidate in candidates:
+        load_kernels(candidate.spec, candidate.scene)
     with tempfile.TemporaryDirectory(prefix="scenario-blame-") as parent:
         folders = [Path(parent) / str(index) for index in range(len(candidates))]
         context = multiprocessing.get_context("fork")

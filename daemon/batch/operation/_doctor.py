@@ -14,9 +14,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-import platformdirs
-
-import daemon
 from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, KeysUnusable
@@ -77,7 +74,7 @@ def examine(
     checks: dict[str, Callable[[], Iterable[DoctorFinding]]] = {
         "versions": _versions,
         "slots": _slots,
-        "kernels": lambda: _kernels(paths),
+        "kernels": _kernels,
         "state": lambda: _state(paths),
         "ledger": lambda: check_ledger(paths, now, quick=quick, traces=traces, progress=progress),
         "clock": lambda: _clock(now),
@@ -100,14 +97,11 @@ def _versions() -> Iterator[DoctorFinding]:
     yield ok("versions", f"{own}, python {platform.python_version()}, {packages}")
 
 
-def _kernels(paths: StatePaths) -> Iterator[DoctorFinding]:
-    beside = Path(daemon.__file__).parent
-    asked = os.environ.get("NUMBA_CACHE_DIR")
-    folders = [Path(asked)] if asked else [beside, platformdirs.user_cache_path("numba")]
-    counts = [(sum(1 for _ in f.rglob("*.nbi")), f) for f in (*folders, paths.state / "kernels")]
-    count, folder = max(counts, key=lambda pair: pair[0])
-    if count:
-        yield ok("kernels", f"{count} compiled ones are kept below {folder}")
+def _kernels() -> Iterator[DoctorFinding]:
+    from daemon.model.kernels import cache_folder, count_kernels
+
+    if count := count_kernels():
+        yield ok("kernels", f"{count} compiled ones are kept in {cache_folder()}")
     else:
         yield warning("kernels", "none is compiled yet", "the first runs take longer, once")
 

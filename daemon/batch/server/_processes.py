@@ -12,8 +12,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import Final
 
-from daemon.batch.numba_cache import numba_cache_environment
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import STATE_VARIABLE, StatePaths
 from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
 from daemon.model.execution import RunLimits, python_command
@@ -58,7 +57,7 @@ class LocalWorker:
         self._command = python_command("-m", "daemon", "worker", json.dumps(order))
         self._output = paths.worker_log
         self._log = log
-        self._environment = numba_cache_environment(paths)
+        self._environment = os.environ | {STATE_VARIABLE: str(paths.state)}
         self._process: subprocess.Popen[bytes] | None = None
         self._started = 0.0
         self._pause = _FIRST_PAUSE

@@ -154,6 +154,10 @@ class InputCache:
         # shares a few scenes.
         self._verified: set[str] = set()
 
+    def scene(self, spec: RunSpec) -> Path:
+        """Return the path of a run's scene."""
+        return self._paths.state.scene(spec.scene)
+
     def lacks(self, spec: RunSpec) -> bool:
         """Whether something that a run needs has to come from the daemon first."""
         paths = () if self._paths.shared else self._needed(spec)
@@ -161,8 +165,7 @@ class InputCache:
 
     def _needed(self, spec: RunSpec) -> list[Path]:
         """Return the paths of what a run needs, the scene first; each is named by its digest."""
-        state = self._paths.state
-        return [state.scene(spec.scene), *(state.files / digest for digest in spec.files)]
+        return [self.scene(spec), *(self._paths.state.files / digest for digest in spec.files)]
 
     def fetch(self, spec: RunSpec) -> None:
         """Bring what a run needs; raises as :meth:`provide` does."""
@@ -178,7 +181,7 @@ class InputCache:
         self.fetch(attempt.lease.spec)
         if attempt.lease.spec.files:
             attempt.link_files(self._paths.state.files)
-        return self._paths.state.scene(attempt.lease.spec.scene)
+        return self.scene(attempt.lease.spec)
 
     def _ensure(self, path: Path) -> None:
         if path.stem not in self._verified or not path.exists():

@@ -25,7 +25,7 @@ from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.batch.worker._dask_task import execute_run
 from daemon.batch.worker._wakeups import WakeupSocket
 from daemon.model.execution import RunLimits
-from daemon.model.spec import RunResult, SutReference, install_hint, own_version
+from daemon.model.spec import RunResult, RunSpec, install_hint, own_version
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -152,7 +152,7 @@ class DaskPool:
         """Take the wake-ups: runs have ended, or ``slots`` have changed."""
         self._wakeup.take_wakeups()
 
-    def prepare(self, _: SutReference, __: RunLimits) -> bool:
+    def prepare(self, _: RunSpec, __: Path, ___: RunLimits) -> bool:
         """Whether a run can start: what it needs is compiled where it is executed."""
         return True
 

@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.numba_cache import numba_cache_environment
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import STATE_VARIABLE
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._zygotes import ZygotePool
@@ -129,7 +128,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    os.environ.update(numba_cache_environment(StatePaths(Path(directory))))
+    os.environ.setdefault(STATE_VARIABLE, directory)
     pool: ZygotePool | None = None
     while line := sys.stdin.buffer.readline():
         try:
@@ -146,7 +145,7 @@ def _execute(pool: ZygotePool, request: StartRequest) -> AttemptEnd:
     attempt = Attempt.read(Path(request.folder))
     # Nothing else is asked meanwhile: what comes there is the end.
     asked = sys.stdin.fileno()
-    while not pool.prepare(attempt.lease.spec.sut, request.limits):
+    while not pool.prepare(attempt.lease.spec, Path(request.scene), request.limits):
         if asked in wait([asked, *pool.waitables]):
             return AttemptEnd("stopped")
         pool.listen()

@@ -423,9 +423,9 @@ class WorkerLoop:
         """Start a run, or give it back; returns ``False`` while something it needs is not ready."""
         attempt: Attempt | None = None
         try:
-            if not self._backend.prepare(lease.spec.sut, self._limits):
-                return False
             if not self._has_inputs(lease):
+                return False
+            if not self._backend.prepare(lease.spec, self._inputs.scene(lease.spec), self._limits):
                 return False
             attempt = self._spool.open(lease)
             scene = self._inputs.provide(attempt)

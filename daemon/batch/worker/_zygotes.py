@@ -10,6 +10,7 @@ import os
 import signal
 import socket
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -20,13 +21,13 @@ from typing import Final
 
 from daemon.batch import run_process
 from daemon.batch.errors import WorkerBroken
-from daemon.batch.run_process import LARGEST_MESSAGE, RunTask
+from daemon.batch.run_process import LARGEST_MESSAGE, KernelTask, RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.model.deadline import spare_time, stopped_after
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, python_command
-from daemon.model.kernel_rooms import RUN_ROOMS, kernel_rooms
-from daemon.model.spec import RunSpec, SutReference
-from daemon.model.status import Preparation
+from daemon.model.rehearsal import WITH_KERNELS, kernel_list
+from daemon.model.spec import RunSpec
+from daemon.model.status import Preparation, PreparationPhase
 from grammars.text import codec
 
 _LONGEST_REASON: Final = 4000
@@ -41,12 +42,12 @@ _LAST_PATIENCE: Final = 5.0
 
 
 class ZygoteProcess:
-    """A zygote, as its worker sees it; ``ready`` once it has what its runs need.
+    """A zygote, as its worker sees it; ``ready`` are the lists of kernels that it has loaded.
 
-    ``failure`` says why it has ended, ``preparation`` how far compiling is while it compiles.
+    ``failure`` says why it has ended, ``compiled`` how many kernels it has compiled while it does.
     """
 
-    def __init__(self, executor: str, rooms: tuple[str, ...] = (), niceness: int = 0) -> None:
+    def __init__(self, executor: str) -> None:
         """Start it; raises ``OSError``."""
         self.wire, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.wire.setblocking(False)
@@ -58,16 +59,27 @@ class ZygoteProcess:
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,
             )
-        self.prepare(rooms, niceness)
-
-    def prepare(self, rooms: tuple[str, ...], niceness: int) -> None:
-        """Have it load the kernels of ``rooms``, and compile what the disk does not have."""
-        self.ready = False
+        self.ready: set[str] = set()
         self.failure = ""
-        self.preparation: Preparation | None = None
+        self.compiled: int | None = None
+        # Lists it was asked for, and none: its own start.
+        self._awaited = {""}
         self._answer_by = time.monotonic() + _PREPARING_LIMIT
-        with suppress(OSError):  # it has ended, as is noticed when it is listened to
-            self.wire.send(run_process.PREPARE + " ".join((str(niceness), *rooms)).encode())
+
+    def prepare(self, spec: RunSpec, scene: Path, niceness: int) -> bool:
+        """Whether the kernels of a run are loaded; has them loaded or compiled otherwise."""
+        name = kernel_list(spec)
+        if name in self.ready or name in self._awaited:
+            return name in self.ready
+        self._awaited.add(name)
+        self._answer_by = time.monotonic() + _PREPARING_LIMIT
+        order = run_process.PREPARE + codec.to_json(KernelTask(name, scene, niceness))
+        with tempfile.TemporaryFile() as file, suppress(OSError):
+            # Where it has ended, that is noticed when it is listened to.
+            file.write(codec.to_json(spec))
+            file.seek(0)
+            socket.send_fds(self.wire, [order], [file.fileno()])
+        return False
 
     def listen(self) -> None:
         """Take in what it has sent; end it when it has been silent for too long."""
@@ -76,15 +88,17 @@ class ZygoteProcess:
         try:
             for kind, content in _messages(self.wire):
                 self._answer_by = time.monotonic() + _PREPARING_LIMIT
-                if kind == run_process.PREPARATION:
-                    self.preparation = codec.from_json(Preparation, content)
+                if kind == run_process.COMPILED:
+                    self.compiled = (self.compiled or 0) + int(content)
                 elif kind == run_process.READY:
-                    self.ready, self.preparation = True, None
+                    self.ready.add(content.decode())
+                    self._awaited.discard(content.decode())
+                    self.compiled = None
                 elif kind == run_process.FAILED:
                     self.failure = content.decode("utf-8", "replace")
         except EOFError:
             self.end("the process that starts runs has ended")
-        if not self.ready and time.monotonic() > self._answer_by:
+        if self._awaited and time.monotonic() > self._answer_by:
             self.end(f"the process that starts runs was silent for {_PREPARING_LIMIT:g} s")
 
     def start(self, task: RunTask) -> socket.socket:
@@ -103,7 +117,7 @@ class ZygoteProcess:
 
     def end(self, why: str = "") -> None:
         """Kill it; its runs end with it."""
-        self.preparation = None
+        self.compiled = None
         self.failure = self.failure or why
         self._process.kill()
         with suppress(subprocess.TimeoutExpired):
@@ -246,8 +260,8 @@ class ZygotePool:
     def __init__(self, slots: int, executor: str = DEFAULT_EXECUTOR) -> None:
         self.slots = slots
         self._executor = executor
-        # By the rooms whose kernels they have.
-        self._zygotes: dict[tuple[str, ...], ZygoteProcess] = {}
+        # By the kind of system; the first one is of none yet.
+        self._zygotes: dict[str, ZygoteProcess] = {}
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
@@ -256,16 +270,16 @@ class ZygotePool:
 
     @property
     def preparation(self) -> Preparation | None:
-        """How far compiling is, while something is compiled: who compiles before who waits."""
-        known = [one.preparation for one in self._zygotes.values() if one.preparation]
-        return min(known, key=lambda preparation: preparation.phase, default=None)
+        """How far compiling is, while something is compiled."""
+        counts = [one.compiled for one in self._zygotes.values() if one.compiled is not None]
+        return Preparation(PreparationPhase.COMPILING, sum(counts)) if counts else None
 
     def listen(self) -> None:
         """Listen to the zygotes; runs are listened to one by one."""
-        for rooms, zygote in tuple(self._zygotes.items()):
+        for kind, zygote in tuple(self._zygotes.items()):
             zygote.listen()
             if zygote.ready and zygote.failure:
-                del self._zygotes[rooms]  # the next run has another one started
+                del self._zygotes[kind]  # the next run has another one started
 
     def warm_up(self) -> None:
         """Start a zygote and wait until it is there, without a kernel yet.
@@ -273,7 +287,7 @@ class ZygotePool:
         Raises :class:`WorkerBroken` with the reason when it cannot execute runs.
         """
         try:
-            zygote = self._zygotes[()] = ZygoteProcess(self._executor)
+            zygote = self._zygotes[""] = ZygoteProcess(self._executor)
         except OSError as error:
             raise WorkerBroken(f"this worker cannot execute runs:\n{error}") from error
         while not zygote.ready:
@@ -283,25 +297,24 @@ class ZygotePool:
                 zygote.end()
                 raise WorkerBroken(f"this worker cannot execute runs:\n{zygote.failure}")
 
-    def prepare(self, sut: SutReference, limits: RunLimits) -> bool:
-        """Whether a run of ``sut`` can start with its kernels loaded; sees to it otherwise.
+    def prepare(self, spec: RunSpec, scene: Path, limits: RunLimits) -> bool:
+        """Whether a run in the scene of this file can start with its kernels loaded.
 
-        Raises ``OSError`` when there is no process to be had, and :class:`WorkerBroken` when the
-        kernels cannot be compiled.
+        Sees to it otherwise. Raises ``OSError`` when there is no process to be had, and
+        :class:`WorkerBroken` when the one that starts runs has ended.
         """
-        rooms = self._rooms(sut)
-        zygote = self._zygotes.get(rooms)
+        kind = self._kind(spec)
+        zygote = self._zygotes.get(kind)
         if zygote is None:
-            if zygote := self._zygotes.pop((), None):
-                zygote.prepare(rooms, limits.nice)
-            else:
-                zygote = ZygoteProcess(self._executor, rooms, limits.nice)
-            self._zygotes[rooms] = zygote
+            zygote = self._zygotes.pop("", None) or ZygoteProcess(self._executor)
+            self._zygotes[kind] = zygote
         if zygote.failure:
             zygote.end()
-            del self._zygotes[rooms]
-            raise WorkerBroken(f"this worker has no machine code for runs:\n{zygote.failure}")
-        return zygote.ready
+            del self._zygotes[kind]
+            raise WorkerBroken(f"this worker cannot start runs:\n{zygote.failure}")
+        if self._executor != DEFAULT_EXECUTOR:
+            return "" in zygote.ready  # it loads what it needs by itself
+        return zygote.prepare(spec, scene, limits.nice)
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> ForkedExecution:
         """Start the process of an attempt that was prepared for.
@@ -309,17 +322,16 @@ class ZygotePool:
         Raises ``OSError`` when there is none to be had.
         """
         spec = attempt.lease.spec
-        zygote = self._zygotes[self._rooms(spec.sut)]
+        zygote = self._zygotes[self._kind(spec)]
         limit = limits.wall_of(spec.limit)
         task = RunTask(
             attempt.folder, scene, limits.memory, limits.nice, limit, self._likeness(spec)
         )
         return ForkedExecution(attempt, zygote, zygote.start(task), limit)
 
-    def _rooms(self, sut: SutReference) -> tuple[str, ...]:
-        # An executor that plugs in loads what it needs by itself.
-        ours = self._executor == DEFAULT_EXECUTOR
-        return kernel_rooms(sut.kind, sut.parameters) if ours else ()
+    def _kind(self, spec: RunSpec) -> str:
+        # All that plug in are served by one: they have no kernels of ours.
+        return spec.sut.kind if spec.sut.kind in WITH_KERNELS else "idle"
 
     def _likeness(self, spec: RunSpec) -> str:
         """Return what runs have in common that begin alike, of systems that ship here.
@@ -327,7 +339,8 @@ class ZygotePool:
         What others do is for processes of their own, and files are within the reach of their run
         alone.
         """
-        if self._rooms(spec.sut) in ((), RUN_ROOMS) or spec.files:
+        is_ours = self._executor == DEFAULT_EXECUTOR and spec.sut.kind in WITH_KERNELS
+        if not is_ours or spec.files:
             return ""
         return repr((spec.scene, spec.map, spec.robot, spec.sut.kind))
 

@@ -11,12 +11,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from daemon import trace
-from daemon.judging.oracles._clearance import box_clearance
 from daemon.judging.oracles._leading_kind import leading_unit
-from daemon.judging.oracles._obstacles import cos_sin
 from daemon.judging.oracles._operators import (
     judge_amount,
     judge_reached,
@@ -176,21 +172,8 @@ def _error_verdict(oracle: OracleText, note: str) -> Verdict:
 
 
 def warm_up() -> None:
-    """Compile or load what judging a trace takes, so that forked children do not."""
+    """Load what judging a trace takes, so that forked children need not."""
     trace.warm_up()
     custom_signal_names()  # looks through all that is installed
     # A limit with a unit loads the registry of units.
     parse_oracle("warm-up", "always(clearance >= 0.1 m)", Where("warm-up"))
-    cos_sin(np.zeros(1))
-    # A triangle before the robot, in arrays of the types that traces give: a kernel is compiled for
-    # each combination of types.
-    box_clearance(
-        np.zeros((1, 3)),
-        np.zeros(2),
-        np.ones(2),
-        np.array([(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]),
-        np.array([0, 3]),
-        np.array([-1]),
-        np.array([(2.5, 0.5, 1.0)]),
-        np.empty((1, 0, 3)),
-    )

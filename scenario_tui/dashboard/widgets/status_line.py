@@ -164,10 +164,7 @@ def _brief_preparation(preparation: Preparation) -> tuple[str, str]:
         case PreparationPhase.STARTING:
             return "loading the simulator", "… starting"
         case PreparationPhase.COMPILING:
-            far = f"{preparation.done}/{preparation.total}"
-            return f"compiling kernels {far}", f"… {far} kernels"
-        case PreparationPhase.WAITING:
-            return "waiting for kernels that another process compiles", "… waiting"
+            return f"compiling kernels: {preparation.done}", f"… {preparation.done} kernels"
 
 
 def _counted(word: str, count: int) -> tuple[str, ...]:
