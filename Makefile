@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock
 # For tests machine code is made once here, and not by each of their processes. The demo makes what
 # it needs, and says how far it is.
-WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
+WARM := $(BIN)/python -m tests.kernels
 # What pytest makes of the tests when it reads them for the first time, for the same reason.
 READ_ONCE := $(BIN)/pytest --ignore tests/ros2 --collect-only -qq > /dev/null
 # Each of the test processes reads every test; without bytecode of the last time that takes twice as

@@ -187,7 +187,7 @@ class _Locator:
 
 
 class _CacheImplementation(CompileResultCacheImpl):
-    _locator_classes = [_Locator]  # noqa: RUF012 - so it is in numba
+    _locator_classes: Any = (_Locator,)
 
 
 class _KernelCache(FunctionCache):

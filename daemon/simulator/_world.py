@@ -26,10 +26,10 @@ from daemon.simulator._mobile_base import make_base
 from daemon.simulator._physics import ROBOT_COLLISION_TYPE
 from daemon.simulator._scheduler import BehaviourScheduler
 from daemon.simulator._sensors import LaserPlane, LaserScanner, OdometrySensor
-from grammars.model.behaviour import Behaviour, Servo, Trigger, Walk
+from grammars.model.behaviour import Behaviour, Walk
 from grammars.model.geometry import Floats, Pose2, Ring, Twist2
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
 
 
 class World:
@@ -254,23 +254,3 @@ def _stream(seed: np.random.SeedSequence, name: str) -> np.random.Generator:
 
 
 _SQUARE: Ring = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
-
-
-def warm_up() -> None:
-    """Load every kernel once by running a tiny world, so that forked workers start hot."""
-    leaf = Link("leaf", (_SQUARE,), 1.0, 0.0, 2.0)
-    hinge = Joint("hinge", "revolute", "world", "leaf", (-0.2, -0.2), (0.0, 0.0), 0.0, 1.0)
-    door = SceneObject("door", "door", Pose2(2.0, 0.0, 0.0), (leaf,), (hinge,), (0.0,))
-    wall = Solid("wall", "wall", tuple((x - 2.0, y) for x, y in _SQUARE), 0.0, 2.0)
-    robot = Robot(
-        "warm-up", _SQUARE, 0.5, 10.0,
-        Drive("omnidirectional", 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 0.0),
-        Laser(Pose2(), 0.2, -1.0, 1.0, 3, 0.1, 5.0, 10.0, 0.01, 0.01),
-        OdometryNoise(20.0, 0.01, 0.01, 0.01),
-    )  # fmt: skip
-    near = Trigger("door.hinge", 0.0, 0.5, 5.0, Servo(), of="leaf", to="footprint")
-    scene = Scene("warm-up", (), (), (wall,), (door,))
-    world = World(scene, robot, Pose2(), (near,), np.random.SeedSequence(0))
-    world.advance(2)
-    world.scan()
-    world.joint_positions()

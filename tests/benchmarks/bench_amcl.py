@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.amcl.distance_field import distance_field
 from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.quirks import FAST
@@ -20,6 +19,7 @@ from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.amcl.plain import PlainAmcl
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, see
+from tests.kernels import load_all
 
 UPDATES = 120
 BLOCK = 20
@@ -46,7 +46,7 @@ def _timed(work):
 
 def measure():
     """Yield an update and the building of a filter."""
-    warm_up()
+    load_all()
     grid, walls = corridor()
     poses = [Pose2(STEP * k, 0.9, 0.0) for k in range(UPDATES)]
     scans = [see(walls, pose) for pose in poses]

@@ -14,7 +14,6 @@ import numpy as np
 
 from daemon.campaign import expand, load_campaign
 from daemon.simulator import World
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.costmap import (
     InflationLayer,
     LayeredCostmap,
@@ -30,6 +29,7 @@ from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from templates.occupancy import occupancy_grid
 from tests.benchmarks.measurement import Measurement, Reference
+from tests.kernels import load_all
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 BEGIN, END, SPEED = (-12.86, 12.46), (20.76, 60.46), 0.22
@@ -132,7 +132,7 @@ def compare_layers(steps, world):
 
 def measure():
     """Yield building, updates of both costmaps, and what more layers cost."""
-    warm_up()
+    load_all()
     scene, robot, world_map = load()
     start = Pose2(BEGIN[0], BEGIN[1], 0.0)
     steps = drive(World(scene, robot, start, (), np.random.SeedSequence(1)), robot)

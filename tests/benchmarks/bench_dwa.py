@@ -11,13 +11,13 @@ import time
 
 import numpy as np
 
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
+from tests.kernels import load_all
 
 PROBLEMS = 24
 REPEATS = 5
@@ -68,7 +68,7 @@ def _whole(p, parameters):
 
 def measure():
     """Yield a cycle and a whole call for each configuration."""
-    warm_up()
+    load_all()
     for name, parameters, outline in (
         ("a2s", A2S, SMALL),
         ("fro-diff", A2S, LARGE),

@@ -7,10 +7,8 @@ import time
 
 import numpy as np
 
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner import warm_up as warm_up_global_planner
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.navfn.planner import Navfn
@@ -18,6 +16,7 @@ from daemon.stacks.ros1.quirks import FIXED
 from tests.benchmarks.bench_navfn import STEP, disturb
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
+from tests.kernels import load_all
 
 KINDS = {
     "navfn": None,
@@ -29,8 +28,7 @@ KINDS = {
 
 def measure():
     """Yield the mean time of a plan of each kind."""
-    warm_up()
-    warm_up_global_planner()
+    load_all()
     random = np.random.default_rng(0)
     original = building.costmap()
     trips = building.drive(STEP)

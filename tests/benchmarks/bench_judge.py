@@ -22,6 +22,7 @@ from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.oracle import load_oracles
 from tests.benchmarks.measurement import Measurement, Reference
+from tests.kernels import load_all
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
 SECONDS = 700.0
@@ -40,7 +41,7 @@ def measure():
     paper = expand(load_campaign(PAPER / "first.yaml"))
     scenes = {scene.digest: scene for scene in paper.scenes}
     run = next(r for r in paper.specs if r.scenario == "S2")
-    oracles.warm_up()
+    load_all()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         yield from _one_long_run(_longer(run), scenes[run.scene], written, folder / "long.mcap")

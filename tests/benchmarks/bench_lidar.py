@@ -13,11 +13,12 @@ import time
 import numpy as np
 import pymunk
 
-from daemon.simulator import World, warm_up
+from daemon.simulator import World
 from grammars.model.geometry import Pose2
 from tests.benchmarks.corridor import LENGTH, build_world, robot, robot_with_two_lasers, scene
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
+from tests.kernels import load_all
 
 POSES = 40
 REPEATS = 5
@@ -71,7 +72,7 @@ def _timed_cold(work, where):
 
 def measure():
     """Yield each way to scan, the kernel being the reference."""
-    warm_up()
+    load_all()
     world = build_world()
     laser, bodies = robot().laser, world._bodies.at(0)
     # Another one each time: a scanner keeps what it found when nothing has moved.

@@ -24,7 +24,7 @@ TIMES = 20
 MOST_GROWTH = 1.05
 """Of the memory after two runs: malloc may keep some more for later."""
 ROOT = Path(__file__).parents[2]
-ROOMS = "BENCH_MEMORY_ROOMS"
+CASE = "SCENARIO_BENCH_CASE"
 """The variable that tells the zygote which rooms the run enters."""
 FOUND = "memory.json"
 """Lies in the folder of an attempt when the run is over."""
@@ -57,9 +57,11 @@ def peak():
 
 def warm_up():
     """Load what the run needs; called by the zygote alone."""
-    from daemon.run import warm_up as warm_up_runs
+    from daemon.run import load_kernels, warm_up
+    from tests.benchmarks.case_process import load
 
-    warm_up_runs(os.environ[ROOMS].split())
+    warm_up()
+    load_kernels(*load(os.environ[CASE]))
 
 
 def execute(spec, scene, *, trace_path, on_progress, interest):
@@ -83,13 +85,12 @@ def tell_of_child(name):
     from daemon.batch.worker._attempts import Attempt
     from daemon.batch.worker._zygotes import ZygotePool
     from daemon.model.execution import RunLimits
-    from daemon.model.kernel_rooms import kernel_rooms
     from daemon.model.messages import Lease
     from grammars.text import codec
     from tests.benchmarks.case_process import load
 
     spec, scene = load(name)
-    os.environ[ROOMS] = " ".join(kernel_rooms(spec.sut.kind, spec.sut.parameters))
+    os.environ[CASE] = name
     with tempfile.TemporaryDirectory(prefix="bench-memory-") as folder:
         file = Path(folder) / "scene.json"
         file.write_bytes(codec.to_json(scene))
@@ -109,11 +110,12 @@ def tell_of_child(name):
 def tell(name, times):
     """Print as JSON what memory a child of a warm process has: before runs, and after each."""
     from daemon.batch.zygote import return_freed_memory
-    from daemon.run import execute, warm_up
+    from daemon.run import execute, load_kernels, warm_up
     from tests.benchmarks.case_process import load
 
     warm_up()
     spec, scene = load(name)
+    load_kernels(spec, scene)
     gc.collect()
     gc.freeze()
     if os.fork():

@@ -9,11 +9,11 @@ import time
 
 import numpy as np
 
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.navfn import building
 from tests.daemon.stacks.ros1.navfn.fields import a_field, path
+from tests.kernels import load_all
 
 STEP = 0.04
 """Metres between two plans: 136 m in about 3400 plans."""
@@ -35,7 +35,7 @@ def disturb(random, grid, original, at):  # fmt: skip
 
 def measure():
     """Yield the mean time of a plan, whole waves being the reference."""
-    warm_up()
+    load_all()
     original = building.costmap()
     trips = building.drive(STEP)
     for title, noisy in (("costs at rest", False), ("costs change", True)):

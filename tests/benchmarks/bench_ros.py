@@ -13,7 +13,7 @@ from pathlib import Path
 from unittest import mock
 
 from daemon.campaign import expand, load_campaign
-from daemon.run import execute, warm_up
+from daemon.run import execute
 from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.dwa.controller import Dwa
@@ -21,6 +21,7 @@ from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.stack import RosStack
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
+from tests.kernels import load_all
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "campaign.yaml"
 SUT = "a2s"
@@ -75,7 +76,7 @@ def _timed(method, total):
 
 def measure():
     """Whole runs, then where the time of another one goes."""
-    warm_up()
+    load_all()
     spec, scene = case()
     runs = []
     with tempfile.TemporaryDirectory() as folder:

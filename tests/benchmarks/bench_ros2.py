@@ -15,10 +15,11 @@ import numpy as np
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.spec import SutReference
-from daemon.run import execute, warm_up
+from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.mission import Waypoint
 from tests.benchmarks.measurement import Measurement, Reference
+from tests.kernels import load_all
 from tests.ros2.environment import DISTRIBUTIONS, environment_python
 from tests.ros2.test_runs import specified
 
@@ -34,7 +35,7 @@ LIMIT = 120.0
 
 def measure():
     """Yield a line for every run; the pilot in the same run is the reference."""
-    warm_up()
+    load_all()
     demo = expand(load_campaign(CAMPAIGN))
     pilot = replace(
         specified(demo, Path("python3"), "", ERRAND, LIMIT, {}),

@@ -11,12 +11,13 @@ from pathlib import Path
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.spec import MapSettings, RunSpec, SutReference
-from daemon.run import execute, warm_up
+from daemon.run import execute
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from tests.benchmarks import corridor, progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least
+from tests.kernels import load_all
 
 SECONDS = 300.0
 TIMES = 4
@@ -54,7 +55,7 @@ def cases():
 
 def measure():
     """Each run several times, all of them in turns; the corridor at rest is the reference."""
-    warm_up()
+    load_all()
     found = cases()
     best = {}
     with tempfile.TemporaryDirectory() as folder:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.run import execute, warm_up
+from daemon.run import execute
 from daemon.simulator import World
 from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.costmap.costmap import Costmap
@@ -28,6 +28,7 @@ from tests.benchmarks import bench_amcl, bench_costmap, corridor
 from tests.benchmarks.bench_run import idle
 from tests.benchmarks.measurement import Measurement, Reference, at_most, in_turns
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
+from tests.kernels import load_all
 
 TIMES = 5
 SECONDS = 30
@@ -51,7 +52,7 @@ class Growth:
 
 def measure():
     """Yield the exponent of every case."""
-    warm_up()
+    load_all()
     for growth in (*rays(), particles(), *doors(), *walls(), *people()):
         yield exponent(growth)
 

@@ -10,13 +10,14 @@ import time
 import numpy as np
 
 from daemon.stacks.ros1.quirks import FAST
-from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, warm_up
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around
 from tests.daemon.stacks.ros1.trajectory_planner.plain import PlainPlanner
+from tests.kernels import load_all
 
 CYCLES = 6
 REPEATS = 5
@@ -54,7 +55,7 @@ def _cycle(robot, k):
 
 def measure():
     """Yield a command of each robot."""
-    warm_up()
+    load_all()
     for name, robot in ROBOTS.items():
         cycles = [_cycle(robot, k) for k in range(CYCLES)]
         fast = statistics.median(

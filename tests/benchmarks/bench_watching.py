@@ -18,8 +18,9 @@ from daemon.batch.run_process import (
     Wanted,
 )
 from daemon.campaign import expand, load_campaign
-from daemon.run import execute, warm_up
+from daemon.run import execute
 from tests.benchmarks.measurement import Measurement, Reference, at_most
+from tests.kernels import load_all
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "campaign.yaml"
 LABEL = "S3.2/a2s/0"
@@ -37,7 +38,7 @@ WAYS = {
 
 def measure():
     """Execute the same run several ways in turn; the least of each."""
-    warm_up()
+    load_all()
     campaign = expand(load_campaign(CAMPAIGN))
     spec = next(run for run in campaign.specs if run.label == LABEL)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)

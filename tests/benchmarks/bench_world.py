@@ -9,10 +9,10 @@ import time
 
 import numpy as np
 
-from daemon.simulator import warm_up
 from tests.benchmarks.corridor import build_world, steer
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.simulator.reference import world_segments
+from tests.kernels import load_all
 
 SECONDS = 60
 REPEATS = 7
@@ -60,7 +60,7 @@ def gaussians():
 
 def measure():
     """Yield each configuration, the world in which nothing moves being the reference."""
-    warm_up()
+    load_all()
     rows = {}
     for _ in range(REPEATS):
         for name, value in (

@@ -45,9 +45,10 @@ def load(name):
 
 def tell_cpu(name):
     """Print CPU and simulated seconds of a case in a process that has everything loaded."""
-    from daemon.run import execute, warm_up
+    from daemon.run import execute
+    from tests.kernels import load_all
 
-    warm_up()
+    load_all()
     spec, scene = load(name)
     with tempfile.TemporaryDirectory(prefix="bench-case-") as folder:
         start = time.process_time()
@@ -57,9 +58,10 @@ def tell_cpu(name):
 
 def main(folder):
     import daemon
-    from daemon.run import execute, warm_up
+    from daemon.run import execute
+    from tests.kernels import load_all
 
-    warm_up()
+    load_all()
     print(json.dumps(str(Path(daemon.__file__).parents[1])), flush=True)
     loaded = {}
     for line in sys.stdin:

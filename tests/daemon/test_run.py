@@ -287,7 +287,7 @@ def test_the_pilot_visits_every_room_when_the_doors_are_open(demo, scene, tmp_pa
 WARMED = """
 import sys
 from pathlib import Path
-from daemon.run import execute, warm_up
+from daemon.run import execute, load_kernels, warm_up
 from daemon.model.spec import RunSpec
 from grammars.text import codec
 from grammars.model.scene import Scene
@@ -296,6 +296,7 @@ folder = Path(sys.argv[1])
 spec = codec.from_json(RunSpec, (folder / "spec.json").read_bytes())
 scene = codec.from_json(Scene, (folder / "scene.json").read_bytes())
 warm_up()
+load_kernels(spec, scene)
 before = set(sys.modules)
 execute(spec, scene, trace_path=folder / "trace.mcap", leads=True)
 print(*sorted(name for name in set(sys.modules) - before))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
     from grammars.model.robot import Robot
 
-__all__ = ["IDLE", "PILOT", "PilotParameters", "warm_up"]
+__all__ = ["IDLE", "PILOT", "PilotParameters"]
 
 
 class _PilotKind(StackKind[PilotParameters]):
@@ -54,10 +54,3 @@ class _IdleKind(StackKind[None]):
 
 PILOT: Final = _PilotKind()
 IDLE: Final = _IdleKind()
-
-
-def warm_up() -> None:
-    """Compile or load every kernel once, so that forked children start without compiling."""
-    from daemon.stacks.pilot._pilot import warm_up as run
-
-    run()

@@ -72,7 +72,7 @@ from daemon.stacks.ros1.telemetry import (
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
 from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Floats
 
 
 class Navigation:
@@ -303,13 +303,3 @@ def common_step(*frequencies: float) -> float:
     if any(abs(tick - round(tick)) > 1e-6 for tick in ticks):
         return 1.0 / TICK_RATE
     return math.gcd(*(round(tick) for tick in ticks)) / TICK_RATE
-
-
-def warm_up() -> None:
-    """Warm up what is recorded; the components are rooms of their own, of which a stack has some
-    (:mod:`daemon.model.kernel_rooms`).
-    """
-    log = PlanRecorder()
-    log.take(0.0, np.zeros((2, 3)))
-    log.take(9.0, np.zeros((2, 3)))
-    LocalPlanRecorder().take(0.0, np.zeros((2, 2)), Pose2())

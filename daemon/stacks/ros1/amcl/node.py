@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,9 +12,9 @@ from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.laser_model import LaserModel
 from daemon.stacks.ros1.amcl.motion_model import motion_between
 from daemon.stacks.ros1.amcl.particle_filter import ParticleFilter
-from daemon.stacks.ros1.quirks import FAST, FIXED, Quirks
+from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2, wrap_angle
-from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Laser
 
 
@@ -129,18 +128,3 @@ class Amcl:
         summary = self._filter.summary
         self._map_to_odom = summary.pose @ odom.inverse()
         return AmclPose(time, summary.pose, summary.covariance, summary.mean, self._filter.count)
-
-
-def warm_up() -> None:
-    """Update a few small filters with a scan of nothing but walls, then of nothing at all."""
-    cells = np.full((20, 20), FREE, dtype=np.int8)
-    cells[0], cells[-1] = OCCUPIED, OCCUPIED
-    grid = OccupancyGrid(0.1, 0.0, 0.0, cells)
-    laser = Laser(Pose2(), 0.3, -math.pi / 2, math.pi / 2, 7, 0.05, 5.0, 10.0, 0.01, 0.0)
-    few = AmclParameters(min_particles=4, max_particles=8, resample_interval=1)
-    omni = replace(few, odom_model_type="omni-corrected")
-    for parameters, quirks in ((few, FAST), (omni, FAST), (few, FIXED)):
-        seed = np.random.SeedSequence(0)
-        amcl = Amcl(parameters, quirks, grid, (laser,), Pose2(1.0, 1.0), seed)
-        for k, r in enumerate((0.8, math.inf)):
-            amcl.scan(0.1 * k, np.full(7, r, dtype=np.float32), Pose2(0.3 * k))

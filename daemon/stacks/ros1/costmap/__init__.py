@@ -26,12 +26,4 @@ __all__ = [
     "hears_height",
     "point_height",
     "radii",
-    "warm_up",
 ]
-
-
-def warm_up() -> None:
-    """Update, clear and reset small costmaps of every sort."""
-    from daemon.stacks.ros1.costmap import costmap
-
-    costmap.warm_up()

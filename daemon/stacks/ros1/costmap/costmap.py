@@ -27,10 +27,8 @@ from daemon.stacks.ros1.costmap._voxel_layer import UNKNOWN_COLUMN
 from daemon.stacks.ros1.costmap.layers import (
     InflationLayer,
     LayeredCostmap,
-    ObservationSource,
     ObstacleLayer,
     StaticLayer,
-    VoxelLayer,
     radii,
 )
 from daemon.stacks.ros1.costmap.master_grid import (
@@ -40,7 +38,7 @@ from daemon.stacks.ros1.costmap.master_grid import (
     merge_window,
     update_changed_cells,
 )
-from daemon.stacks.ros1.quirks import FAST, Quirks
+from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
 
@@ -370,28 +368,3 @@ def _table(layer: InflationLayer, inscribed: float, resolution: float) -> Inflat
 
 def _no_inflation() -> InflationTable:
     return inflation_table(0.0, 1.0, 0.0, 1.0, over_unknown=False)
-
-
-def warm_up() -> None:
-    """Update, clear and reset small costmaps of every sort."""
-    source = ObservationSource("scan", "/scan", clearing=True)
-    map_below, inflation = StaticLayer(), InflationLayer()
-    seen = ObstacleLayer(sources=(source,))
-    voxels = VoxelLayer("voxel_layer", sources=(source,))
-    still = LayeredCostmap((map_below, seen, voxels, inflation))
-    moving = LayeredCostmap(
-        (map_below, seen, voxels, inflation), rolling_window=True, width=2.0, height=2.0
-    )
-    cells = np.zeros((40, 40), dtype=np.int8)
-    cells[30] = 100
-    world = OccupancyGrid(0.05, 0.0, 0.0, cells)
-    angles = np.array([-0.1, 0.0, 0.1])
-    scan = SensedScan(Pose2(1.0, 1.0), np.ones(3, dtype=np.float32), angles, 0.05, 5.6)
-    for parameters in (still, moving):
-        costmap = Costmap(parameters, parameters.padded_footprint(), FAST, world)
-        for scans in ((), (scan,)):
-            costmap.update(Pose2(1.0, 1.0), scans)
-        costmap.clear_square(Pose2(1.0, 1.0), 0.2)
-        costmap.update(Pose2(1.0, 1.0), (scan,))
-        costmap.clear_layers(Pose2(1.0, 1.0), 0.5, None)
-        costmap.update(Pose2(1.0, 1.0), (scan,))

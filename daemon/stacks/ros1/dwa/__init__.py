@@ -18,13 +18,4 @@ __all__ = [
     "DwaParameters",
     "contradictions",
     "doubts",
-    "warm_up",
 ]
-
-
-def warm_up() -> None:
-    """Take one step along a short plan, then turn at its end."""
-    # Who only reads parameters needs no compiler.
-    from daemon.stacks.ros1.dwa import controller
-
-    controller.warm_up()

@@ -39,7 +39,7 @@ from daemon.stacks.ros1.dwa._scoring import ScoringGrid, critic_weights, score_t
 from daemon.stacks.ros1.dwa._search import SearchBuffers, find_best_sample
 from daemon.stacks.ros1.dwa._settings import DwaSettings, longest_trajectory, settings_of
 from daemon.stacks.ros1.dwa.samples import sample_speeds, simulate_trajectory
-from daemon.stacks.ros1.quirks import FAST, Quirks
+from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _VX, _VY, _WZ = 0, 2, 4
@@ -328,13 +328,3 @@ class Dwa:
         vx, vy, wz = sample.tolist()
         n = simulate_trajectory(self._state, vx, vy, wz, s, points, moving)
         return bool(score_trajectory(points, n, moving, weights, math.inf, s, field) >= 0.0)
-
-
-def warm_up() -> None:
-    """Take one step along a short plan, then turn at its end."""
-    outline = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    dwa = Dwa(DwaParameters(), FAST, outline, 0.1)
-    local = CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), dtype=np.uint8))
-    dwa.set_plan(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 1.5]]))
-    dwa.command(Pose2(), Twist2(), Pose2(), local)
-    dwa.command(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(), local)

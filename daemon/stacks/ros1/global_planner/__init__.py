@@ -11,11 +11,4 @@ Field, waves and descent are those of :mod:`daemon.stacks.ros1.navfn`, with othe
 
 from daemon.stacks.ros1.global_planner._parameters import WITHOUT_EFFECT, GlobalPlannerParameters
 
-__all__ = ["WITHOUT_EFFECT", "GlobalPlannerParameters", "warm_up"]
-
-
-def warm_up() -> None:
-    """Plan across a small costmap, and restricted while its costs change."""
-    from daemon.stacks.ros1.global_planner.planner import warm_up as run
-
-    run()
+__all__ = ["WITHOUT_EFFECT", "GlobalPlannerParameters"]

@@ -22,7 +22,7 @@ from daemon.stacks.ros1.navfn.field import (
     free_cell,
 )
 from daemon.stacks.ros1.navfn.propagation import PENDING, CellCosts, cell_costs
-from daemon.stacks.ros1.quirks import FAST, Quirks
+from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2
 
 _NEUTRAL_COSTS: Final = range(30, 101)
@@ -144,18 +144,3 @@ def look_forward(poses: Floats, window: int) -> None:
         a, b = max(0, i - window), min(last, i + window)
         dx, dy = poses[b, 0] - poses[a, 0], poses[b, 1] - poses[a, 1]
         poses[i, 2] = _through_quaternion(math.atan2(dy, dx))
-
-
-def warm_up() -> None:
-    """Plan across a small costmap, and restricted while its costs change."""
-    cells = np.zeros((80, 80), dtype=np.uint8)
-    for old in (False, True):
-        parameters = GlobalPlannerParameters(old_navfn_behavior=old)
-        grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
-        GlobalPlanner(parameters, FAST).plan(grid, Pose2(0.28, 0.28), Pose2(1.28, 0.78))
-    grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
-    field = potential_field(grid, GlobalPlannerParameters(), FAST, worthwhile=1)
-    for step in range(4):
-        grid.cells[15, 15] = 254 - step
-        grid.touch((15, 15, 16, 16))
-        field.path((5.3, 20.3 + step), (35.3, 20.3), (35, 20), None)

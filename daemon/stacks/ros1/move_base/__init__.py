@@ -25,12 +25,4 @@ __all__ = [
     "DispatcherParameters",
     "MoveBaseParameters",
     "RotateRecoveryParameters",
-    "warm_up",
 ]
-
-
-def warm_up() -> None:
-    """Turn a square on an empty costmap."""
-    from daemon.stacks.ros1.move_base import recoveries
-
-    recoveries.warm_up()

@@ -216,10 +216,3 @@ def _default_behaviors(*, turning: bool) -> tuple[RecoveryBehavior, ...]:
     first = RecoveryBehavior("conservative_reset", CLEAR)
     last = RecoveryBehavior("aggressive_reset", CLEAR)
     return (first, *turn, last, *turn)
-
-
-def warm_up() -> None:
-    """Turn a square on an empty costmap."""
-    ring = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
-    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((20, 20), np.uint8))
-    turn_is_free(grid, ring, Pose2(0.5, 0.5, 0.5), 0.1, 0.017)

@@ -25,11 +25,4 @@ by reading a log of the wave backward; the tests hold what the wave passes on to
 
 from daemon.stacks.ros1.navfn._parameters import WITHOUT_EFFECT, NavfnParameters
 
-__all__ = ["WITHOUT_EFFECT", "NavfnParameters", "warm_up"]
-
-
-def warm_up() -> None:
-    """Plan across a small costmap, whole and restricted, while its costs change."""
-    from daemon.stacks.ros1.navfn.planner import warm_up as run
-
-    run()
+__all__ = ["WITHOUT_EFFECT", "NavfnParameters"]

@@ -12,7 +12,7 @@ from daemon.stacks.ros1.navfn._parameters import NavfnParameters
 from daemon.stacks.ros1.navfn.descent import path_to_poses
 from daemon.stacks.ros1.navfn.field import FieldRules, PotentialField, free_cell
 from daemon.stacks.ros1.navfn.propagation import BLOCKED, navfn_costs
-from daemon.stacks.ros1.quirks import FAST, Quirks
+from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2
 
 
@@ -88,15 +88,3 @@ class Navfn:
         path_to_poses(path, shift, grid.resolution, grid.x, grid.y, poses)
         poses[count] = end.x, end.y, end.yaw
         return poses
-
-
-def warm_up() -> None:
-    """Plan across a small costmap, whole and restricted, while its costs change."""
-    # So large that the limit of cycles, which grows with it, leaves room for a restricted wave.
-    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((80, 80), dtype=np.uint8))
-    field = PotentialField(grid, navfn_rules(allow_unknown=True), worthwhile=1)
-    for step in range(4):
-        grid.cells[15, 15] = 254 - step
-        grid.touch((15, 15, 16, 16))
-        field.path((float(step), 20.0), (10.0, 20.0), (10, 20))
-    Navfn(NavfnParameters(), FAST).plan(grid, Pose2(0.2, 0.2), Pose2(1.2, 0.7))

@@ -10,7 +10,7 @@ from daemon.stacks.ros1.trajectory_planner._parameters import (
     contradictions,
     doubts,
 )
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner, warm_up
+from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
 
 __all__ = [
     "WITHOUT_EFFECT",
@@ -18,5 +18,4 @@ __all__ = [
     "TrajectoryPlannerParameters",
     "contradictions",
     "doubts",
-    "warm_up",
 ]

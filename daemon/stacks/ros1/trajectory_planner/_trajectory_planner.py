@@ -21,7 +21,7 @@ from daemon.stacks.ros1.base_local_planner.controller import (
 from daemon.stacks.ros1.base_local_planner.followed_plan import FollowedPlan
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.quirks import FAST, Quirks
+from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.trajectory_planner._cycle import (
     allocate_buffers,
     allocate_grid,
@@ -333,16 +333,3 @@ class TrajectoryPlanner:
             room.points, n, window, len(window), math.inf, s, self._grid, room.terms
         )
         return bool(cost >= 0.0)
-
-
-def warm_up() -> None:
-    """Take a step along a short plan, one out of a blocked place, and turn at the end."""
-    outline = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    planner = TrajectoryPlanner(TrajectoryPlannerParameters(), FAST, outline, 0.1)
-    local = CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), dtype=np.uint8))
-    planner.set_plan(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 1.5]]))
-    planner.command(Pose2(), Twist2(), Pose2(), local)
-    planner.command(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(), local)
-    local.cells[:] = 254
-    local.touch((0, 0, 60, 60))
-    planner.command(Pose2(), Twist2(), Pose2(), local)

@@ -1,17 +1,12 @@
 """What of the stack's inside is recorded, and how often."""
 
-import importlib
 import math
-import pkgutil
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numba.core.dispatcher import Dispatcher
 
-import daemon.stacks.ros1
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.amcl.node import AmclPose
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.telemetry import (
@@ -22,8 +17,6 @@ from daemon.stacks.ros1.telemetry import (
     thin_plan,
 )
 from grammars.model.geometry import Pose2
-from grammars.model.mission import Waypoint
-from tests.daemon.stacks.ros1.scenes import DOORWAY, room, run
 
 
 def line(start, end=10.0, y=0.0):
@@ -124,24 +117,3 @@ def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_a
         log = CostmapRecorder(rate)
         shown = [log.take(0.1 * k, grid) for k in range(50)]
         assert len(shown) - shown.count(None) == count
-
-
-def compiled():
-    """How many versions of each kernel of the room are compiled."""
-    found = {}
-    package = daemon.stacks.ros1
-    for info in pkgutil.walk_packages(package.__path__, "daemon.stacks.ros1."):
-        for name, value in vars(importlib.import_module(info.name)).items():
-            if isinstance(value, Dispatcher):
-                found[f"{info.name}.{name}"] = len(value.signatures)
-    return found
-
-
-@pytest.mark.timeout(600)  # where nothing is compiled yet, everything is compiled here
-def test_after_warming_up_a_run_compiles_nothing(tmp_path):
-    warm_up()
-    before = compiled()
-    assert len(before) > 20
-    _, trace = run(tmp_path, room(*DOORWAY), (Waypoint("across", 5.0, 2.0, 3.0),))
-    assert trace.progress[-1].state == "succeeded"
-    assert compiled() == before

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.stacks.ros1.global_planner import WITHOUT_EFFECT, GlobalPlannerParameters, warm_up
+from daemon.stacks.ros1.global_planner import WITHOUT_EFFECT, GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, look_forward
-from daemon.stacks.ros1.navfn.descent import descend_gradient, fill_around_goal
 from daemon.stacks.ros1.navfn.propagation import propagate_wave
-from daemon.stacks.ros1.navfn.restricted import any_is_doubtful, spread_towards
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.navfn.fields import a_grid, centre
@@ -131,17 +129,6 @@ def test_parameters_are_those_of_noetic_and_checked():
 def test_a_way_of_planning_that_is_not_built_in_is_refused(refused, words):
     with pytest.raises(ValidationError, match=words):
         GlobalPlannerParameters(**refused)
-
-
-def test_everything_is_compiled_by_the_warm_up_and_only_once():
-    warm_up()
-    kernels = (
-        propagate_wave, spread_towards, any_is_doubtful, fill_around_goal, descend_gradient,
-        look_forward,
-    )  # fmt: skip
-    grid = a_grid()
-    plan(grid, centre(grid, 5, 10), centre(grid, 30, 10))
-    assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
 
 
 def test_points_look_along_the_path():

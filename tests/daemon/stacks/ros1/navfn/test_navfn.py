@@ -4,21 +4,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.stacks import warm_up
 from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, NavfnParameters
-from daemon.stacks.ros1.navfn.descent import descend_gradient, path_to_poses
 from daemon.stacks.ros1.navfn.planner import Navfn
-from daemon.stacks.ros1.navfn.propagation import (
-    copy_window,
-    propagate_wave,
-    reset_potentials,
-)
-from daemon.stacks.ros1.navfn.restricted import (
-    clear_doubts,
-    descent_is_doubtful,
-    relax_lowered_costs,
-    spread_towards,
-)
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.navfn.fields import a_grid, centre
 
@@ -91,14 +78,3 @@ def test_parameters_are_those_of_noetic_and_checked():
     assert set(WITHOUT_EFFECT) <= set(NavfnParameters.__dataclass_fields__)
     with pytest.raises(ValidationError):
         NavfnParameters(default_tolerance=-0.1)
-
-
-def test_everything_is_compiled_by_the_warm_up_and_only_once():
-    warm_up()
-    kernels = (
-        copy_window, propagate_wave, spread_towards, descent_is_doubtful, clear_doubts,
-        descend_gradient, reset_potentials, path_to_poses, relax_lowered_costs,
-    )  # fmt: skip
-    grid = a_grid()
-    plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
-    assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)
