@@ -22,6 +22,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, Final, TypeAlias, TypeVar, cast
 
 import numpy as np
@@ -203,18 +204,27 @@ class _KernelCache(FunctionCache):
     def file_of(self, signature: tuple[Any, ...], context: Any) -> str:
         """Return the name of the file with machine code for ``signature``, empty if none is."""
         key = self._index_key(signature, context.codegen())
-        return str(self._cache_file._load_index().get(key, ""))
+        return str(self._index().get(key, ""))
 
     def signature_in(self, name: str) -> tuple[Any, ...] | None:
         """Return the signature of the machine code in the file ``name``."""
-        index = self._cache_file._load_index()
-        return next((key[0] for key, file in index.items() if file == name), None)
+        return next((key[0] for key, file in self._index().items() if file == name), None)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code; where the disk takes none, this process alone has it."""
-        with suppress(OSError):
-            super().save_overload(sig, data)
+        """Keep machine code, and say that there is some more."""
+        super().save_overload(sig, data)
         _compiler.tell()
+
+    def _index(self) -> dict[Any, str]:
+        with self._guard_against_spurious_io_errors():
+            return dict(self._cache_file._load_index())
+        return {}
+
+    @contextmanager
+    def _guard_against_spurious_io_errors(self) -> Iterator[None]:
+        # Where the disk takes nothing, or holds half a file, this process has what it compiles.
+        with suppress(OSError, EOFError, UnpicklingError):
+            yield
 
 
 class _Compiler:

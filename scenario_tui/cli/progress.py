@@ -57,6 +57,8 @@ _LOOK: Final = 2.0
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
 WAITING: Final = "waiting for a free slot"
+_SAY_AGAIN: Final = 5.0
+"""Seconds between two lines about what a worker prepares, where there is no terminal."""
 _NO_WORKER: Final = "waiting for a worker: none is connected"
 
 
@@ -209,6 +211,7 @@ class _TroubleReporter:
     look_at: float = 0.0
     preparing: str = ""
     phase: PreparationPhase | None = None
+    say_at: float = 0.0
 
     def look(self, daemon: DaemonClient, now: float) -> None:
         """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
@@ -218,8 +221,10 @@ class _TroubleReporter:
         overview = daemon.overview()
         words = overview.trouble.strip()
         phase = overview.preparation.phase if overview.preparation else None
-        if phase not in (None, self.phase) and not self.shown.on_screen:
+        is_due = phase != self.phase or now >= self.say_at
+        if phase is not None and is_due and not self.shown.on_screen:
             self.shown.note(overview.preparing)  # a screen shows it as it goes on
+            self.say_at = now + _SAY_AGAIN
         self.phase = phase
         waits = overview.queued and not overview.workers and not overview.trouble
         self.preparing = overview.preparing or (_NO_WORKER if waits else "")

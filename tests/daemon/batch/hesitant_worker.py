@@ -25,9 +25,9 @@ class HesitantPool(ZygotePool):
     def preparation(self):
         return Preparation(PreparationPhase.COMPILING, next(self._steps))
 
-    def prepare(self, sut, limits):
-        self._looks[sut.name] += 1
-        return self._looks[sut.name] > LOOKS and super().prepare(sut, limits)
+    def prepare(self, spec, scene, limits):
+        self._looks[spec.sut.name] += 1
+        return self._looks[spec.sut.name] > LOOKS and super().prepare(spec, scene, limits)
 
 
 if __name__ == "__main__":

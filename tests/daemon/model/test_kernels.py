@@ -5,6 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from daemon.model import kernels
+from daemon.model.kernels import cache_folder
+
 CALLEE = """
 from daemon.model.kernels import kernel
 
@@ -36,9 +41,7 @@ for total in (by_name, by_module):
 def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(tmp_path):
     callee, caller = tmp_path / "callee.py", tmp_path / "caller.py"
     caller.write_text(CALLER)
-    root = str(Path(__file__).parents[3])
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([root, str(tmp_path)])}
-    environment.pop("NUMBA_CACHE_DIR", None)
+    environment = environment_of(tmp_path)
 
     def run(factor, limit):
         callee.write_text(CALLEE.format(factor=factor, limit=limit))
@@ -52,3 +55,77 @@ def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(tmp_
     assert run(2, 1) == [21, 1, 21, 1]
     assert run(3, 1) == [31, 0, 31, 0]
     assert run(3, 5) == [35, 0, 35, 0]
+
+
+SLOW = """
+import sys
+from daemon.model.kernels import kernel
+
+@kernel
+def total(x):
+    result = 0.0
+    for k in range(x):
+        result += k
+    return result
+
+print(total(4), len(total.stats.cache_hits))
+"""
+
+
+def environment_of(folder):
+    """What a process needs that keeps machine code in a folder of its own."""
+    paths = os.pathsep.join([str(Path(__file__).parents[3]), str(folder)])
+    return os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache")}
+
+
+def test_processes_that_call_one_kernel_compile_it_once(tmp_path):
+    script = tmp_path / "slow.py"
+    script.write_text(SLOW)
+    command = [sys.executable, "-B", str(script)]
+    both = [
+        subprocess.Popen(command, env=environment_of(tmp_path), stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    said = sorted(process.communicate(timeout=120)[0].split() for process in both)
+    assert said == [["6.0", "0"], ["6.0", "1"]]
+    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
+
+
+def test_a_kernel_is_compiled_where_nothing_can_be_kept(tmp_path):
+    script = tmp_path / "slow.py"
+    script.write_text(SLOW)
+    (tmp_path / "cache").write_text("no folder")
+    command = [sys.executable, "-B", str(script)]
+    said = subprocess.check_output(command, env=environment_of(tmp_path), text=True, timeout=120)
+    assert said.split() == ["6.0", "0"]
+
+
+@pytest.fixture
+def read_only(monkeypatch, tmp_path):
+    """Folders below this one cannot be written, the installation among them."""
+    real = os.access
+    folders = (Path(kernels.__file__).parents[1], tmp_path / "home")
+    monkeypatch.setattr(
+        os,
+        "access",
+        lambda path, mode: (
+            not any(Path(path).is_relative_to(f) for f in folders) and real(path, mode)
+        ),
+    )
+    (tmp_path / "home").mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+
+
+def test_machine_code_lies_beside_the_sources_unless_another_folder_is_named(monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert cache_folder().is_relative_to(Path(kernels.__file__).parents[1])
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert cache_folder().parent == tmp_path
+
+
+def test_a_read_only_installation_without_a_home_uses_the_state_directory(
+    monkeypatch, tmp_path, read_only
+):
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    assert cache_folder().parent == tmp_path / "state"

@@ -128,23 +128,27 @@ def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width):
     assert "simulated" not in run
 
 
-def test_what_a_worker_prepares_is_said_once_however_far_it_is(fake, capsys, monkeypatch):
+@pytest.mark.parametrize("pause", [1000.0, 0.0])
+def test_what_a_worker_prepares_is_said_again_after_a_while(fake, capsys, monkeypatch, pause):
     monkeypatch.setattr(progress, "_LOOK", 0.0)
+    monkeypatch.setattr(progress, "_SAY_AGAIN", pause)
     monkeypatch.setattr(Preparation, "words", property(lambda step: f"{step.done} {step.phase}"))
     looks = 0
 
     def later(daemon):
         nonlocal looks
         looks += 1
-        phase = PreparationPhase.WAITING if looks < 20 else PreparationPhase.COMPILING
-        daemon.preparation = Preparation(phase, looks, 1000)
+        phase = PreparationPhase.STARTING if looks < 20 else PreparationPhase.COMPILING
+        daemon.preparation = Preparation(phase, looks)
         if looks == 40:
             _finish(daemon)
 
     fake.before = later
     assert watch(fake.open, CAMPAIGN).finished
     said = capsys.readouterr().err.splitlines()
-    assert [line.partition(" ")[2] for line in said] == ["waiting", "compiling"]
+    phases = [line.partition(" ")[2] for line in said]
+    assert list(dict.fromkeys(phases)) == ["starting", "compiling"]
+    assert (len(said) == 2) == (pause > 0.0)
 
 
 def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, capsys, monkeypatch):

@@ -114,7 +114,7 @@ def begin(pool, folder, **what):
     (folder / "scene.json").write_bytes(codec.to_json(SCENE))
     spec = make_spec(leaves=str(folder / "left"), sleep=600.0, **what)
     attempt = Attempt.prepare(folder / "attempt-1", Lease("c.0", "c", 1, 7, "c/0.mcap", spec))
-    eventually(lambda: pool.listen() or pool.prepare(spec.sut, RunLimits()))
+    eventually(lambda: pool.listen() or pool.prepare(spec, folder / "scene.json", RunLimits()))
     execution = pool.start(attempt, folder / "scene.json", RunLimits())
     file = folder / "left"
     numbers = eventually(lambda: file.exists() and len(n := file.read_text().split()) == 2 and n)

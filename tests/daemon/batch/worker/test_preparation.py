@@ -71,7 +71,7 @@ def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path):
     (tmp_path / "scene.json").write_bytes(codec.to_json(SCENE))
     with closing(ZygotePool(1)) as pool:
         seen = []
-        while not pool.prepare(spec.sut, RunLimits()):
+        while not pool.prepare(spec, tmp_path / "scene.json", RunLimits()):
             wait(pool.waitables)
             pool.listen()
             seen.append(pool.preparation)

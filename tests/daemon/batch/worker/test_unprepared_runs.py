@@ -20,7 +20,7 @@ class Compiling:
     slots = 2
     waitables = ()
     trouble = ""
-    preparation = Preparation(PreparationPhase.COMPILING, 1, 2)
+    preparation = Preparation(PreparationPhase.COMPILING, 1)
 
     def __init__(self):
         self.started = []
@@ -28,8 +28,8 @@ class Compiling:
 
     def listen(self): ...
 
-    def prepare(self, sut, _):
-        if sut.kind == "pilot":
+    def prepare(self, spec, *_):
+        if spec.sut.kind == "pilot":
             return True
         self._looks += 1
         if self._looks == LOOKS:
@@ -63,7 +63,7 @@ class Counting(Compiling):
     @property
     def preparation(self):
         self._looks += 1
-        return Preparation(PreparationPhase.COMPILING, self._looks, 1000)
+        return Preparation(PreparationPhase.COMPILING, self._looks)
 
     def prepare(self, *_):
         self.busy = sum(row.busy for row in self.client.workers())
