@@ -330,7 +330,9 @@ class ZygotePool:
         return ForkedExecution(attempt, zygote, zygote.start(task), limit)
 
     def _kind(self, spec: RunSpec) -> str:
-        # All that plug in are served by one: they have no kernels of ours.
+        if self._executor != DEFAULT_EXECUTOR:
+            return ""
+        # Systems that plug in are served by one: they have no kernels of ours.
         return spec.sut.kind if spec.sut.kind in WITH_KERNELS else "idle"
 
     def _likeness(self, spec: RunSpec) -> str:
