@@ -103,9 +103,7 @@ class Navigation:
         self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
         self._costmaps = CostmapRecorder(p.local_costmap.publish_frequency, p.local_costmap.frame)
         self._estimates = EstimateRecorder(_start_covariance(p.amcl))
-        self._events: list[str] = []
-        self._idle: Decision | None = None
-        """The answer when there is nothing new."""
+        self._events = self._status.log
 
     def _observed(
         self,
@@ -176,11 +174,7 @@ class Navigation:
         return latest
 
     def _dispatch(self, now: float) -> None:
-        self._collect_log()
-        result = self._move_base.take_result()
-        if result is None and self._dispatcher.is_waiting:
-            return
-        before = self._dispatcher.progress
+        before, result = self._dispatcher.progress, self._move_base.take_result()
         goal = self._dispatcher.step(now, result, self._pose)
         after = self._dispatcher.progress
         if result == "succeeded":
@@ -192,12 +186,6 @@ class Navigation:
             self._events.append(f"goal {number} sent: {goal.x:.2f}, {goal.y:.2f}, {goal.yaw:.2f}")
             # In odom the goal is put where it is now, and stays there (``goalToGlobalFrame``).
             self._move_base.accept(now, self._global.frame.take(goal))
-            self._collect_log()
-
-    def _collect_log(self) -> None:
-        if self._status.log:
-            self._events += self._status.log
-            self._status.log.clear()
 
     def _decide(self, now: float, published: AmclPose | None) -> Decision:
         estimate: Estimate | None
@@ -218,14 +206,8 @@ class Navigation:
         )
         costmap = self._costmaps.take(now, self._local.costmap.grid)
         command, progress = self._move_base.take_command(), self._dispatcher.progress
-        # Cloud and particles come with an estimate.
-        news = (command, estimate, plan, local_plan, costmap)
-        if not self._events and all(each is None for each in news):
-            # Between two control cycles, mostly.
-            if self._idle is None or self._idle.progress is not progress:
-                self._idle = Decision(None, progress)
-            return self._idle
-        events, self._events = tuple(self._events), []
+        events = tuple(self._events)
+        self._events.clear()
         return Decision(
             command, progress, estimate, cloud, plan, local_plan, events, particles, costmap
         )
@@ -266,31 +248,22 @@ def _start_covariance(parameters: AmclParameters) -> Floats:
 class RosStack:
     """The ROS navigation stack; fulfils ``daemon.model.sut.SystemUnderTest``."""
 
+    needs_ground_truth = False
+
     def __init__(self, parameters: RosParameters) -> None:
         self.parameters = parameters
-        self._period = common_step(
+        self.period = common_step(
             parameters.move_base.controller_frequency, parameters.rotate_recovery.frequency
         )
-        self._navigation: Navigation | None = None
-
-    @property
-    def period(self) -> float:
         """Seconds of simulated time between two updates."""
-        return self._period
-
-    @property
-    def needs_ground_truth(self) -> bool:
-        """It localises itself."""
-        return False
+        self._navigation: Navigation
 
     def start(self, briefing: Briefing) -> None:
         """Bring the nodes up; raises ``ValueError`` for parameters that do not fit the map."""
         self._navigation = Navigation(briefing, self.parameters)
 
     def update(self, observation: Observation) -> Decision:
-        """Decide; raises ``RuntimeError`` before ``start``."""
-        if self._navigation is None:
-            raise RuntimeError("the ROS stack was not started")
+        """Let the nodes work, and decide."""
         return self._navigation.update(observation)
 
 

@@ -159,14 +159,6 @@ class PlannerThread:
 STILL: Final = Twist2()
 
 
-@dataclass(slots=True)
-class _Timers:
-    """When things last were well, all reset by a new goal [s]."""
-
-    control: float = 0.0
-    oscillation: float = 0.0
-
-
 class MoveBase:
     """The control loop; ``step`` runs it when it is due.
 
@@ -191,7 +183,7 @@ class MoveBase:
         self._clears_square = quirks.dispatcher_clears_square and parameters.make_plan_clear_costmap
         self._period = 1.0 / parameters.controller_frequency
         self._control_survives = quirks.control_patience_survives_recovery
-        self._timers = _Timers()
+        self._last_valid_control = self._last_oscillation_reset = 0.0
         self._anchor = (0.0, 0.0)
         """Where the robot was when it last had moved far enough (``oscillation_pose_``)."""
         self._index = 0
@@ -202,11 +194,6 @@ class MoveBase:
         self._failing_since: float | None = None
         self.command: Twist2 | None = None
         self._trajectory: Floats | None = None
-
-    @property
-    def active(self) -> bool:
-        """Whether it has a goal."""
-        return self._status.goal is not None
 
     def take_command(self) -> Twist2 | None:
         """Return what was published last since the previous call, ``None`` for nothing."""
@@ -231,7 +218,7 @@ class MoveBase:
         self._planner.wake()
         status.last_valid_plan = now
         status.planning_retries = 0
-        self._timers = _Timers(now, now)
+        self._last_valid_control = self._last_oscillation_reset = now
         self._failing_since = None
         self._rate = LoopRate(self._period, now)
         self.step(now)
@@ -256,7 +243,7 @@ class MoveBase:
             self.command, status.planner_stopped_robot = STILL, False
         if self._recovery is not None and self._recovery_rate.is_over(now):
             self._step_recovery(now, self._recovery)
-        while self.active and self._recovery is None and self._rate.is_over(now):
+        while status.goal is not None and self._recovery is None and self._rate.is_over(now):
             self._cycle(now)
             # A recovery that takes its time is part of the cycle, and so late for the next one.
             if self._recovery is None:
@@ -282,7 +269,7 @@ class MoveBase:
         pose = self._global.frame.base
         away = math.hypot(pose.x - self._anchor[0], pose.y - self._anchor[1])
         if away >= self._parameters.oscillation_distance:
-            self._timers.oscillation = now
+            self._last_oscillation_reset = now
             self._anchor = (pose.x, pose.y)
             if self._status.trigger is RecoveryTrigger.OSCILLATION:
                 self._index = 0
@@ -294,7 +281,7 @@ class MoveBase:
         if self._controller.goal_reached(frame.base, twist, in_plan):
             self._end("succeeded")
             return
-        if timeout > 0.0 and is_after(now, self._timers.oscillation + timeout):
+        if timeout > 0.0 and is_after(now, self._last_oscillation_reset + timeout):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.OSCILLATION)
         # The original computes and sends one more command here, oscillating or not.
@@ -302,7 +289,7 @@ class MoveBase:
         self._trajectory = answer.local_plan
         if answer.ok:
             self._publish(now, answer.twist)
-        elif is_after(now, self._timers.control + self._parameters.controller_patience):
+        elif is_after(now, self._last_valid_control + self._parameters.controller_patience):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.CONTROLLING)
         else:
@@ -314,7 +301,7 @@ class MoveBase:
             self._planner.wake()
 
     def _publish(self, now: float, command: Twist2) -> None:
-        self._timers.control = now
+        self._last_valid_control = now
         self.command = command
         if self._status.trigger is RecoveryTrigger.CONTROLLING:
             self._index = 0
@@ -362,9 +349,9 @@ class MoveBase:
             self._recovery_rate.sleep(now)
             return
         self._recovery = None
-        self._timers.oscillation = now
+        self._last_oscillation_reset = now
         if not self._control_survives:
-            self._timers.control = now
+            self._last_valid_control = now
         status = self._status
         status.last_valid_plan, status.planning_retries = now, 0
         status.state = MoveBaseState.PLANNING

@@ -39,11 +39,6 @@ class WaypointDispatcher:
         self.progress = Progress(0, 0, "active")
         """Where the mission stands."""
 
-    @property
-    def is_waiting(self) -> bool:
-        """Whether a goal is on its way: nothing to do before there is a result."""
-        return self._waiting
-
     def step(self, now: float, result: Outcome | None, pose: Pose2) -> Pose2 | None:
         """Return a goal to send now, if there is one.
 
