@@ -72,11 +72,11 @@ def _gradient(
 
 @kernel
 def _gradients(
-    potentials: Singles, n: int, columns: int, as_navfn: bool
+    potentials: Singles, n: int, m: int, columns: int, as_navfn: bool
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Return the gradient of a cell, then that of the one above it."""
+    """Return the gradients of two cells."""
     ax, ay = _gradient(potentials, n, columns, as_navfn)
-    bx, by = _gradient(potentials, n + columns, columns, as_navfn)
+    bx, by = _gradient(potentials, m, columns, as_navfn)
     return ax, ay, bx, by
 
 
@@ -175,14 +175,25 @@ def descend_gradient(
             # The gradients of two cells are known where it has just gone one to the side.
             step = 0 if edge else n - before
             before, edge = n, at_edge(potentials, n - columns - 1, columns)
-            if step == 1:
+            if edge:
+                pass
+            elif step == 1:
                 ax, ay, cx, cy = bx, by, ex, ey
+                bx, by, ex, ey = _gradients(potentials, n + 1, n + columns + 1, columns, as_navfn)
             elif step == -1:
                 bx, by, ex, ey = ax, ay, cx, cy
-            if not edge and step != 1:
-                ax, ay, cx, cy = _gradients(potentials, n, columns, as_navfn)
-            if not edge and step != -1:
-                bx, by, ex, ey = _gradients(potentials, n + 1, columns, as_navfn)
+                ax, ay, cx, cy = _gradients(potentials, n, n + columns, columns, as_navfn)
+            elif step == columns:
+                ax, ay, bx, by = cx, cy, ex, ey
+                cx, cy, ex, ey = _gradients(
+                    potentials, n + columns, n + columns + 1, columns, as_navfn
+                )
+            elif step == -columns:
+                cx, cy, ex, ey = ax, ay, bx, by
+                ax, ay, bx, by = _gradients(potentials, n, n + 1, columns, as_navfn)
+            else:
+                ax, ay, cx, cy = _gradients(potentials, n, n + columns, columns, as_navfn)
+                bx, by, ex, ey = _gradients(potentials, n + 1, n + columns + 1, columns, as_navfn)
         if swinging or edge:
             n = _lowest_around(potentials, n, columns)
             dx, dy = np.float32(0.0), np.float32(0.0)
