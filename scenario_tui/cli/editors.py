@@ -7,7 +7,6 @@ parameters of the ROS stack.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -132,7 +131,7 @@ def ros_definitions() -> dict[str, Schema]:
     from daemon.stacks.ros1.wiring import TopicParameters
 
     found: dict[str, Schema] = {}
-    _add_section(found, "amcl", amcl.AmclParameters, amcl.WITHOUT_EFFECT)
+    _add_section(found, "amcl", amcl.AmclParameters)
     sections: dict[str, type[Any]] = {
         "costmap": layers.LayeredCostmap,
         "source": layers.ObservationSource,
@@ -141,17 +140,15 @@ def ros_definitions() -> dict[str, Schema]:
         "inflation_layer": layers.InflationLayer,
     }
     for name, model in sections.items():
-        _add_section(found, name, model, layers.WITHOUT_EFFECT[model])
+        _add_section(found, name, model)
     planners = {namespace_of(plugin): entry for plugin, entry in {**GLOBAL, **LOCAL}.items()}
     for name, planner in planners.items():
-        _add_section(found, name, planner.model, planner.without_effect)
-    _add_section(
-        found, "move_base", move_base.MoveBaseParameters, move_base.MOVE_BASE_WITHOUT_EFFECT
-    )
-    _add_section(found, "rotation", move_base.RotateRecoveryParameters, {})
-    _add_section(found, "dispatcher", move_base.DispatcherParameters, None)
-    _add_section(found, "topics", TopicParameters, None)
-    _add_section(found, "quirks", Quirks, None)
+        _add_section(found, name, planner)
+    _add_section(found, "move_base", move_base.MoveBaseParameters)
+    _add_section(found, "rotation", move_base.RotateRecoveryParameters)
+    _add_section(found, "dispatcher", move_base.DispatcherParameters)
+    _add_section(found, "topics", TopicParameters)
+    _add_section(found, "quirks", Quirks)
     found["quirks"]["properties"]["like"] = {
         "description": "The profile the switches change.",
         "enum": list(PROFILES),
@@ -171,13 +168,8 @@ def ros_definitions() -> dict[str, Schema]:
     return found | {"ros": _ros_tree()}
 
 
-def _add_section(
-    found: dict[str, Schema],
-    name: str,
-    model: type[Any],
-    without_effect: Mapping[str, str] | None,
-) -> None:
-    """Add a section; ``None`` for one that no ROS node reads, where every name must be known."""
+def _add_section(found: dict[str, Schema], name: str, model: type[Any]) -> None:
+    from daemon.stacks.ros1.parameters import Section
     from grammars.editor import editor_schema
 
     schema = editor_schema(model, name)
@@ -186,9 +178,10 @@ def _add_section(
     for nested, body in schema.pop("$defs", {}).items():
         found.setdefault(nested, body)
     # A ROS node ignores names it does not know, so other names are no errors in its section.
-    schema["additionalProperties"] = without_effect is not None
+    is_section = issubclass(model, Section)
+    schema["additionalProperties"] = is_section and not model.strict
     schema["properties"] = {key: _nullable(body) for key, body in schema["properties"].items()}
-    for idle, reason in (without_effect or {}).items():
+    for idle, reason in (model.without_effect if is_section else {}).items():
         schema["properties"].setdefault(idle, {})["description"] = f"Without effect here: {reason}."
     found[name] = schema
 

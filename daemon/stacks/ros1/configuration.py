@@ -12,13 +12,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterFindings
-from daemon.stacks.ros1 import amcl
-from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.amcl import AmclParameters, usual_frames
 from daemon.stacks.ros1.costmap.layers import LayeredCostmap
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.move_base import (
     CLEAR,
-    MOVE_BASE_WITHOUT_EFFECT,
     OTHER_NAMES,
     ROTATE,
     ClearCostmapParameters,
@@ -86,13 +84,13 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     local_planner = read_local_planner(
         tree, move_base.base_local_planner, move_base.controller_frequency
     )
-    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
+    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report)
     localisation = read_section(
         AmclParameters,
         tree.at("amcl"),
         ("amcl",),
         report,
-        without_effect=amcl.without_effect(tree.at("amcl")),
+        without_effect=usual_frames(tree.at("amcl")),
     )
     costmaps, topics = read_costmaps(tree, given, localisation)
     resets = {name: _read_reset(tree, name) for name in _resets(move_base)}
@@ -110,7 +108,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
         rotate_recovery=_read_rotation(tree, move_base, local_planner, quirks),
         resets=resets,
         dispatcher=read_section(
-            DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report, strict=True
+            DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report
         ),
         topics=topics,
         quirks=quirks,
@@ -122,7 +120,7 @@ def _check_sections(parameters: Mapping[str, Any], report: FindingCollector) -> 
     for name in parameters:
         if name == "planner":
             message = "plans are always made as navfn and GlobalPlanner make them"
-            report.fatal.append(ParameterFinding((name,), message, "leave planner out"))
+            report.refuse((name,), message, "leave planner out")
         elif name not in _SECTIONS:
             hint = did_you_mean(name, _SECTIONS)
             report.problems.append(
@@ -137,19 +135,16 @@ def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
     if "DWAPlannerROS" in given and "base_local_planner" not in given:
         message = f"base_local_planner is not given: ROS takes {TRAJECTORY}, and nobody reads this"
         hint = f"write base_local_planner: {DWA}"
-        place = ("move_base", "DWAPlannerROS")
-        tree.report.problems.append(ParameterFinding(place, message, hint))
+        tree.report.warn(("move_base", "DWAPlannerROS"), message, hint)
     if "footprint_padding" in given:
         message = "costmap_2d looks for it in the namespaces of the costmaps only"
         hint = "write it under global_costmap and local_costmap"
-        place = ("move_base", "footprint_padding")
-        tree.report.problems.append(ParameterFinding(place, message, hint))
+        tree.report.warn(("move_base", "footprint_padding"), message, hint)
     return read_section(
         MoveBaseParameters,
         given,
         ("move_base",),
         tree.report,
-        without_effect=MOVE_BASE_WITHOUT_EFFECT,
         elsewhere=frozenset({*COSTMAPS, *NAMESPACES, *recoveries, *_BODY, "footprint_padding"}),
     )
 
@@ -186,8 +181,7 @@ def _check_layer_names(
     if "layer_names" in tree.at("move_base", name) and not there & set(reset.layer_names):
         message = f"no costmap has a layer of these names, so {name} clears nothing"
         hint = f"their layers are {', '.join(sorted(there))}"
-        place = ("move_base", name, "layer_names")
-        tree.report.problems.append(ParameterFinding(place, message, hint))
+        tree.report.warn(("move_base", name, "layer_names"), message, hint)
 
 
 def _read_rotation(
@@ -239,7 +233,7 @@ def _read_part(
         if shared or name in mine.values():
             continue
         if unread is not None:
-            tree.report.without_effect.append(ParameterFinding((*path, name), unread))
+            tree.report.ignore((*path, name), unread)
         elif OTHER_NAMES.get(name) not in names:
             hint = did_you_mean(name, names)
             message = f'nothing reads a parameter "{name}"'

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Final, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
 from pydantic.json_schema import SkipJsonSchema
-from pydantic_core import PydanticCustomError
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
 from grammars.text.diagnostics import closest, did_you_mean
@@ -25,10 +24,9 @@ from grammars.text.documents import plain_message
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-M = TypeVar("M")
+M = TypeVar("M", bound="Section")
 ALTERNATIVE: Final = "(either)"
 """How tags of alternatives begin (:class:`pydantic.Tag`); they are no part of a value's place."""
-_AT_ODDS: Final = "at_odds"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,55 +43,81 @@ class ParameterTree:
             below = node.get(name, {})
             if not isinstance(below, Mapping):
                 place = path[: depth + 1]
-                self.report.fatal.append(ParameterFinding(place, "must be keys with values"))
+                self.report.refuse(place, "must be keys with values")
                 return {}
             node = below
         return node
 
 
+class Objection(NamedTuple):
+    """Words against values that contradict each other: the ``names`` they stand under, the reason.
+
+    What is not ``fatal`` will probably not do what its user wants.
+    """
+
+    names: tuple[str, ...]
+    text: str
+    fatal: bool = True
+
+
+class Section:
+    """A namespace of parameters; each field of a subclass has the name and default of ROS."""
+
+    __slots__ = ()
+    without_effect: ClassVar[Mapping[str, str]] = {}
+    """Names that change nothing here, with the reason."""
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Names that older releases of ROS read, with those of Noetic."""
+    strict: ClassVar[bool] = False
+    """No ROS node reads this section, so that an unknown name is an error."""
+
+    def rules(self) -> Iterator[Objection]:
+        """Yield what is wrong with the values together."""
+        yield from ()
+
+
 def read_section(
     model: type[M],
-    given: Mapping[str, Any],
+    entries: Mapping[str, Any],
     path: ParameterLocation,
     report: FindingCollector,
     *,
+    inherited: Mapping[str, Any] | None = None,
     without_effect: Mapping[str, str] | None = None,
     elsewhere: frozenset[str] = frozenset(),
-    renamed: Mapping[str, str] | None = None,
     places: Mapping[str, ParameterLocation] | None = None,
-    strict: bool = False,
 ) -> M:
-    """Return ``model`` (a pydantic dataclass with ROS names) with the values ``given`` at ``path``.
+    """Return ``model`` (a pydantic dataclass) with the values of the ``entries`` at ``path``.
 
-    ``without_effect`` holds names that change nothing here, with the reason; names in
-    ``elsewhere`` are read by somebody else; ``renamed`` are names the original once read, with
-    those it reads now. ``places`` says where values stand that are not at ``path``. ``strict``
-    makes unknown names fatal, for sections that no ROS node reads. What is wrong goes to
+    ``inherited`` are values of names without an entry; ``without_effect`` holds more names that
+    change nothing here, with the reason; names in ``elsewhere`` belong to other readers.
+    ``places`` says where values stand that are not at ``path``. Errors and warnings go to
     ``report``; the model then has defaults there, which are not held against the other values.
     """
     kind: Any = model
     adapters = _adapters(kind)
-    idle, old, moved = without_effect or {}, renamed or {}, places or {}
+    idle, moved = {**model.without_effect, **(without_effect or {})}, places or {}
     values: dict[str, Any] = {}
     errors = len(report.fatal)
-    for name, value in given.items():
+    for name, value in entries.items():
         place = moved.get(name, (*path, name))
         if name in idle:
-            report.without_effect.append(ParameterFinding(place, idle[name]))
+            report.ignore(place, idle[name])
         if name in adapters:
             _take(name, adapters[name], value, place, values, report)
-        elif name in old:
-            _say_renamed(place, name, old[name], given, idle, report)
+        elif name in model.renamed:
+            _say_renamed(place, name, model.renamed[name], entries, idle, report)
         elif name not in elsewhere and name not in idle:
-            where = report.fatal if strict else report.problems
+            where = report.fatal if model.strict else report.problems
             where.append(_unknown_name(place, value, (*adapters, *idle), elsewhere))
-    try:
-        return model(**values)
-    except ValidationError as error:
-        # What is at odds with a default in the place of a bad value is nobody's fault.
-        if len(report.fatal) == errors:
-            report.fatal += [_at_odds(issue, path, values, moved) for issue in error.errors()]
-    return model()
+    section = model(**{**(inherited or {}), **values})
+    # A default in the place of a bad value contradicts nothing that anybody wrote.
+    objections = list(section.rules()) if len(report.fatal) == errors else []
+    for each in [one for one in objections if one.fatal] or objections:
+        written = next((name for name in each.names if name in values), None)
+        place = path if written is None else moved.get(written, (*path, written))
+        (report.refuse if each.fatal else report.warn)(place, each.text)
+    return section
 
 
 def refuse(values: Collection[Any], message: str) -> BeforeValidator:
@@ -107,44 +131,22 @@ def refuse(values: Collection[Any], message: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-def at_odds(names: Iterable[str], text: str) -> PydanticCustomError:
-    """Return the error of a model whose fields ``names`` contradict each other, as in ``text``."""
-    # Braces would be taken for placeholders.
-    context = {"names": tuple(names), "text": text}
-    return PydanticCustomError(_AT_ODDS, "{text}", context)
-
-
-def _at_odds(
-    issue: Any,
-    path: ParameterLocation,
-    values: Mapping[str, Any],
-    places: Mapping[str, ParameterLocation],
-) -> ParameterFinding:
-    """Return the finding at the first of the parameters at odds that somebody wrote."""
-    if issue["type"] != _AT_ODDS:
-        return _finding(issue, path)
-    written = [name for name in issue["ctx"]["names"] if name in values]
-    place = places.get(written[0], (*path, written[0])) if written else path
-    return ParameterFinding(place, issue["ctx"]["text"])
-
-
 def _say_renamed(
     place: ParameterLocation,
     name: str,
     new: str,
-    given: Mapping[str, Any],
+    entries: Mapping[str, Any],
     idle: Mapping[str, str],
     report: FindingCollector,
 ) -> None:
     """Say what ROS Noetic calls a name that it ignores."""
     message = f"ROS Noetic calls it {new} and ignores {name}"
     if new in idle:
-        report.without_effect.append(ParameterFinding(place, f"{message}; {idle[new]}"))
-    elif new in given:
-        report.without_effect.append(ParameterFinding(place, f"{message}; {new} is there as well"))
+        report.ignore(place, f"{message}; {idle[new]}")
+    elif new in entries:
+        report.ignore(place, f"{message}; {new} is there as well")
     else:
-        finding = ParameterFinding(place, f"{message}: {new} has its default", f"write {new}")
-        report.problems.append(finding)
+        report.warn(place, f"{message}: {new} has its default", f"write {new}")
 
 
 def _unknown_name(
@@ -190,14 +192,14 @@ def _take(
 ) -> None:
     """Keep ``value`` under its name when it fits; JSON is strict about types, not about tuples."""
     if isinstance(value, float) and not math.isfinite(value):
-        report.fatal.append(ParameterFinding(place, f"must be a finite number (given: {value})"))
+        report.refuse(place, f"must be a finite number (given: {value})")
         return
     try:
         values[name] = adapter.validate_json(json.dumps(_integral_as_int(value)), strict=True)
     except ValidationError as error:
         report.fatal += [_finding(issue, place) for issue in error.errors()]
     except TypeError:
-        report.fatal.append(ParameterFinding(place, f"cannot be a {type(value).__name__}"))
+        report.refuse(place, f"cannot be a {type(value).__name__}")
 
 
 def _integral_as_int(value: Any) -> Any:

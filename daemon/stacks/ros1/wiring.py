@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass as checked
@@ -28,7 +28,7 @@ from daemon.stacks.ros1.costmap.layers import (
     VoxelLayer,
 )
 from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
-from daemon.stacks.ros1.parameters import ALTERNATIVE, ParameterTree
+from daemon.stacks.ros1.parameters import ALTERNATIVE, ParameterTree, Section
 from grammars.model.robot import Laser, Robot
 
 _Name: TypeAlias = Annotated[str, Field(pattern=r"^[~/]?[A-Za-z][A-Za-z0-9_/]*$", max_length=200)]
@@ -61,8 +61,10 @@ class NodeNames:
 
 
 @checked(frozen=True, slots=True)
-class TopicParameters:
+class TopicParameters(Section):
     """Where the scan comes from and what the launch file makes of names."""
+
+    strict: ClassVar[bool] = True
 
     scan: _Scan | None = None
     """Topic the laser is published on, before any remap; for a robot with several lasers a topic

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, Self, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import NotNegative, Positive, at_odds, refuse
+from daemon.stacks.ros1.parameters import NotNegative, Objection, Positive, Section, refuse
 
 _Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 _Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
@@ -17,8 +17,17 @@ _Reach: TypeAlias = Annotated[float, Field(gt=0.0, le=20.0, allow_inf_nan=False)
 _Range: TypeAlias = Annotated[float, Field(ge=-1.0, le=1000.0, allow_inf_nan=False)]
 
 
+_FRAME = "there is one robot, with one base frame"
+_START = "the start pose of the mission is the initial pose, as the launch files pass it on"
+_RVIZ = "nothing is drawn while running: look at the trace"
+_RECONFIGURE = "parameters hold for the whole run"
+_ONE_MAP = "there is one map, known from the start"
+_BEAM = "only the sensor model beam reads it"
+_BEAM_SKIPPING = "only the sensor model likelihood_field_prob reads it"
+
+
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
-class AmclParameters:
+class AmclParameters(Section):
     """What can be set on amcl. Defaults are those of the node's source, which where they differ
     (the recovery rates) are not those of its wiki page and of its dynamic_reconfigure file."""
 
@@ -94,64 +103,53 @@ class AmclParameters:
     odom_frame_id: str = "odom"
     """What costmaps call the frame of odometry."""
 
-    @model_validator(mode="after")
-    def _check_particles(self) -> Self:
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "base_frame_id": _FRAME,
+        "initial_pose_x": _START,
+        "initial_pose_y": _START,
+        "initial_pose_a": _START,
+        "always_reset_initial_pose": _START,
+        "force_update_after_initialpose": "nobody publishes initialpose during a run",
+        "force_update_after_set_map": _ONE_MAP,
+        "use_map_topic": _ONE_MAP,
+        "first_map_only": _ONE_MAP,
+        "gui_publish_rate": _RVIZ,
+        "save_pose_rate": (
+            "every run starts at its mission's start pose, not where another one ended"
+        ),
+        "tf_broadcast": "the navigation stack needs map->odom, so it is always there",
+        "bag_scan_period": "scans come from the simulator, not from a bag",
+        "restore_defaults": _RECONFIGURE,
+        "laser_z_short": _BEAM,
+        "laser_z_max": _BEAM,
+        "laser_lambda_short": _BEAM,
+        "do_beamskip": _BEAM_SKIPPING,
+        "beam_skip_distance": _BEAM_SKIPPING,
+        "beam_skip_threshold": _BEAM_SKIPPING,
+        "beam_skip_error_threshold": _BEAM_SKIPPING,
+        "beam_skip_error_threshold_": _BEAM_SKIPPING,
+        "std_warn_level_x": "only for the node's diagnostics",
+        "std_warn_level_y": "only for the node's diagnostics",
+        "std_warn_level_yaw": "only for the node's diagnostics",
+    }
+
+    def rules(self) -> Iterator[Objection]:
+        """Yield a word against more particles at least than at most."""
         if self.min_particles > self.max_particles:
-            raise at_odds(
+            yield Objection(
                 ("min_particles", "max_particles"),
                 f"min_particles ({self.min_particles}) is more than max_particles "
                 f"({self.max_particles}): raise max_particles or lower min_particles",
             )
-        return self
 
-
-_FRAME = "there is one robot, with one base frame"
-_START = "the start pose of the mission is the initial pose, as the launch files pass it on"
-_RVIZ = "nothing is drawn while running: look at the trace"
-_RECONFIGURE = "parameters hold for the whole run"
-_ONE_MAP = "there is one map, known from the start"
-_BEAM = "only the sensor model beam reads it"
-_BEAM_SKIPPING = "only the sensor model likelihood_field_prob reads it"
-
-WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "base_frame_id": _FRAME,
-    "initial_pose_x": _START,
-    "initial_pose_y": _START,
-    "initial_pose_a": _START,
-    "always_reset_initial_pose": _START,
-    "force_update_after_initialpose": "nobody publishes initialpose during a run",
-    "force_update_after_set_map": _ONE_MAP,
-    "use_map_topic": _ONE_MAP,
-    "first_map_only": _ONE_MAP,
-    "gui_publish_rate": _RVIZ,
-    "save_pose_rate": "every run starts at its mission's start pose, not where another one ended",
-    "tf_broadcast": "the navigation stack needs map->odom, so it is always there",
-    "bag_scan_period": "scans come from the simulator, not from a bag",
-    "restore_defaults": _RECONFIGURE,
-    "laser_z_short": _BEAM,
-    "laser_z_max": _BEAM,
-    "laser_lambda_short": _BEAM,
-    "do_beamskip": _BEAM_SKIPPING,
-    "beam_skip_distance": _BEAM_SKIPPING,
-    "beam_skip_threshold": _BEAM_SKIPPING,
-    "beam_skip_error_threshold": _BEAM_SKIPPING,
-    "beam_skip_error_threshold_": _BEAM_SKIPPING,
-    "std_warn_level_x": "only for the node's diagnostics",
-    "std_warn_level_y": "only for the node's diagnostics",
-    "std_warn_level_yaw": "only for the node's diagnostics",
-}
-"""Parameters of the original that change nothing here, each with the reason."""
 
 _USUAL_NAMES: Final = {"global_frame_id": "map", "odom_frame_id": "odom"}
 
 
-def without_effect(given: Mapping[str, Any]) -> dict[str, str]:
-    """Return the names that change nothing in what is ``given``, each with the reason.
-
-    Names of frames belong to them where they are the usual ones.
-    """
-    found = dict(WITHOUT_EFFECT)
-    for name, usual in _USUAL_NAMES.items():
-        if str(given.get(name)).strip("/") == usual:
-            found[name] = f"costmaps call this frame {usual} anyway"
-    return found
+def usual_frames(entries: Mapping[str, Any]) -> dict[str, str]:
+    """Return the names of frames in ``entries`` that change nothing, each with the reason."""
+    return {
+        name: f"costmaps call this frame {usual} anyway"
+        for name, usual in _USUAL_NAMES.items()
+        if str(entries.get(name)).strip("/") == usual
+    }

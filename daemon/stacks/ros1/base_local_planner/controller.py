@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -27,13 +27,6 @@ class ControllerAnswer:
 
 
 NO_VELOCITY: Final = ControllerAnswer(False, Twist2(), NO_POINTS)
-
-
-class Objection(NamedTuple):
-    """Words against values of parameters: the ``names`` they stand under, and the reason."""
-
-    names: tuple[str, ...]
-    text: str
 
 
 def sim_period(frequency: float | None, default: float) -> float:

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 from pydantic.json_schema import SkipJsonSchema
 
-from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive, Section
 from grammars.model.geometry import Floats, Point2
 
 _CONFIG = ConfigDict(extra="forbid")
@@ -28,11 +28,21 @@ _Voxels: TypeAlias = Annotated[int, Field(ge=0, le=16)]
 _CORNERS: Final = 16
 """Corners of the polygon that stands for ``robot_radius``."""
 
+_DISPLAY: Final = "only for display"
+_NO_OTHER_MAP: Final = "the map never changes"
+_NEVER_LATE: Final = "transforms are never late here"
+THREE_VALUES: Final = "maps are read as free, occupied and unknown only"
+_BUTTON: Final = {"restore_defaults": "it is a button of rqt_reconfigure"}
+_OBSTACLES: Final = {"transform_tolerance": _NEVER_LATE, **_BUTTON}
+
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class ObservationSource:
+class ObservationSource(Section):
     """Namespace of one of the ``observation_sources``."""
 
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "sensor_frame": "the scan says where the laser is"
+    }
     name: SkipJsonSchema[str] = ""
     topic: str = ""
     """The source's own name when there is none."""
@@ -59,9 +69,15 @@ class ObservationSource:
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class StaticLayer:
+class StaticLayer(Section):
     """Namespace of a ``costmap_2d::StaticLayer``."""
 
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "first_map_only": _NO_OTHER_MAP,
+        "subscribe_to_updates": _NO_OTHER_MAP,
+        "trinary_costmap": THREE_VALUES,
+        **_BUTTON,
+    }
     name: SkipJsonSchema[str] = "static_layer"
     enabled: bool = True
     """Whether there is the layer."""
@@ -78,9 +94,10 @@ class StaticLayer:
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class ObstacleLayer:
+class ObstacleLayer(Section):
     """Namespace of a ``costmap_2d::ObstacleLayer``; ``sources`` are its lasers."""
 
+    without_effect: ClassVar[Mapping[str, str]] = _OBSTACLES
     name: SkipJsonSchema[str] = "obstacle_layer"
     sources: SkipJsonSchema[tuple[ObservationSource, ...]] = ()
     enabled: bool = True
@@ -105,6 +122,7 @@ class ObstacleLayer:
 class VoxelLayer(ObstacleLayer):
     """Namespace of a ``costmap_2d::VoxelLayer``."""
 
+    without_effect: ClassVar[Mapping[str, str]] = {**_OBSTACLES, "publish_voxel_map": _DISPLAY}
     origin_z: _Height = 0.0
     """[m] Height of the lowest voxel's lower face, not below zero (dynamic reconfigure)."""
     z_resolution: Annotated[float, Field(gt=0.0, le=50.0, allow_inf_nan=False)] = 0.2
@@ -123,9 +141,10 @@ class VoxelLayer(ObstacleLayer):
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class InflationLayer:
+class InflationLayer(Section):
     """Namespace of a ``costmap_2d::InflationLayer``."""
 
+    without_effect: ClassVar[Mapping[str, str]] = _BUTTON
     name: SkipJsonSchema[str] = "inflation_layer"
     enabled: bool = True
     """Whether there is the layer."""
@@ -141,9 +160,18 @@ Layer: TypeAlias = StaticLayer | ObstacleLayer | InflationLayer
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class LayeredCostmap:
+class LayeredCostmap(Section):
     """The costmap's own namespace, ``move_base/global_costmap`` or ``move_base/local_costmap``."""
 
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "always_send_full_costmap": _DISPLAY,
+        "transform_tolerance": _NEVER_LATE,
+        "robot_base_frame": "there is one robot, with one base frame",
+        "footprint_topic": "nobody publishes another footprint during a run",
+        "published_footprint_topic": _DISPLAY,
+        **_BUTTON,
+        "save_debug_pgm": "Noetic does not read it any more",
+    }
     # Layers that are off are not here.
     layers: SkipJsonSchema[tuple[Layer, ...]] = ()
     frame: SkipJsonSchema[Literal["map", "odom"]] = "map"
@@ -196,36 +224,6 @@ class LayeredCostmap:
 
 SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
 """Names that a costmap finds in the namespace of move_base as well (``footprint.cpp``)."""
-
-_DISPLAY: Final = "only for display"
-_NO_OTHER_MAP: Final = "the map never changes"
-_NEVER_LATE: Final = "transforms are never late here"
-THREE_VALUES: Final = "maps are read as free, occupied and unknown only"
-_BUTTON: Final = {"restore_defaults": "it is a button of rqt_reconfigure"}
-_OBSTACLES: Final = {"transform_tolerance": _NEVER_LATE, **_BUTTON}
-
-WITHOUT_EFFECT: Final[Mapping[type[Any], Mapping[str, str]]] = {
-    LayeredCostmap: {
-        "always_send_full_costmap": _DISPLAY,
-        "transform_tolerance": _NEVER_LATE,
-        "robot_base_frame": "there is one robot, with one base frame",
-        "footprint_topic": "nobody publishes another footprint during a run",
-        "published_footprint_topic": _DISPLAY,
-        **_BUTTON,
-        "save_debug_pgm": "Noetic does not read it any more",
-    },
-    ObservationSource: {"sensor_frame": "the scan says where the laser is"},
-    StaticLayer: {
-        "first_map_only": _NO_OTHER_MAP,
-        "subscribe_to_updates": _NO_OTHER_MAP,
-        "trinary_costmap": THREE_VALUES,
-        **_BUTTON,
-    },
-    ObstacleLayer: _OBSTACLES,
-    VoxelLayer: {**_OBSTACLES, "publish_voxel_map": _DISPLAY},
-    InflationLayer: _BUTTON,
-}
-"""Names in each namespace that change nothing here, with the reason."""
 
 
 def radii(points: Floats | Sequence[Point2]) -> tuple[float, float]:

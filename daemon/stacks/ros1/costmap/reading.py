@@ -17,7 +17,6 @@ from daemon.stacks.findings import FindingCollector, ParameterLocation
 from daemon.stacks.ros1.costmap.layers import (
     SEARCHED_UPWARDS,
     THREE_VALUES,
-    WITHOUT_EFFECT,
     InflationLayer,
     Layer,
     LayeredCostmap,
@@ -38,9 +37,9 @@ from daemon.stacks.ros1.costmap.namespaces import (
     Written,
     plan_layers,
 )
-from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.parameters import Section, read_section
 
-M = TypeVar("M")
+M = TypeVar("M", bound=Section)
 Frame: TypeAlias = Literal["map", "odom"]
 _FETCH: Final = "costmap_2d::FetchDepthLayer"
 _LAYERS: Final[Mapping[str, type[Layer]]] = {
@@ -135,7 +134,7 @@ class CostmapReader:
             {name: written.value for name, written in space.entries.items()},
             space.path,
             self._report,
-            without_effect={**WITHOUT_EFFECT[model], **(idle or {})},
+            without_effect=idle,
             elsewhere=frozenset(elsewhere),
             places={name: written.place for name, written in space.entries.items()},
         )

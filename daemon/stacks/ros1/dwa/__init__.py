@@ -4,18 +4,8 @@ Samples velocities the robot can reach within one control period, follows each f
 and takes the one whose trajectory costs least, by distances on the local costmap.
 """
 
-from daemon.stacks.ros1.dwa._parameters import (
-    RENAMED,
-    WITHOUT_EFFECT,
-    DwaParameters,
-    contradictions,
-    doubts,
-)
+from daemon.stacks.ros1.dwa._parameters import DwaParameters
 
 __all__ = [
-    "RENAMED",
-    "WITHOUT_EFFECT",
     "DwaParameters",
-    "contradictions",
-    "doubts",
 ]

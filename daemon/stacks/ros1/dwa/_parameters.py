@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Final, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, TypeAlias
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner.controller import Objection, sim_period
-from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
+from daemon.stacks.ros1.base_local_planner.controller import sim_period
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Objection, Positive, Section
 
 _Acceleration: TypeAlias = Annotated[float, Field(ge=0.0, le=20.0, allow_inf_nan=False)]
 _Samples: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
-class DwaParameters:
+class DwaParameters(Section):
     """What can be set on the controller (section ``DWAPlannerROS``).
 
     Source: dynamic reconfigure descriptions of dwa_local_planner and base_local_planner, Noetic.
@@ -97,122 +97,120 @@ class DwaParameters:
     controller_frequency: Annotated[float | None, Field(allow_inf_nan=False)] = None
     """[Hz] Of the dynamic window only; without it that of move_base counts."""
 
-
-WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "acc_lim_trans": "dwa_local_planner stores it and never reads it",
-    "global_frame_id": "it only names the frame of a debug point cloud",
-    "holonomic_robot": "dwa_local_planner does not know it; the limits of y decide about strafing",
-    "latch_xy_goal_tolerance": "dwa_local_planner reads it in the namespace of move_base",
-    "publish_cost_grid_pc": "it only publishes a debug point cloud",
-    "publish_traj_pc": "it only publishes a debug point cloud",
-    "restore_defaults": "it is a button of rqt_reconfigure",
-    "stop_time_buffer": "dwa_local_planner stores it and never reads it",
-}
-"""Names that change nothing here, with the reason."""
-
-
-RENAMED: Final[Mapping[str, str]] = {
-    "max_trans_vel": "max_vel_trans",
-    "min_trans_vel": "min_vel_trans",
-    "max_rot_vel": "max_vel_theta",
-    "min_rot_vel": "min_vel_theta",
-    "acc_limit_trans": "acc_lim_trans",
-    "rot_stopped_vel": "theta_stopped_vel",
-    "acc_lim_th": "acc_lim_theta",
-    "vtheta_samples": "vth_samples",
-}
-"""Names that older releases read, with those of Noetic, which warns of the first six
-(``DWAPlannerROS::initialize``)."""
-
-
-def contradictions(parameters: DwaParameters) -> tuple[Objection, ...]:
-    """Return what in ``parameters`` keeps the robot from moving as asked."""
-    return tuple(Objection(names, text) for names, wrong, text in _rules(parameters) if wrong)
-
-
-def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
-    # A table, one rule an entry.
-    resting = p.min_vel_trans > 1e-4 and p.min_vel_theta > p.max_vel_theta
-    # 1e-4 m/s is the slack of the original's test of samples (``generateTrajectory``), on both
-    # sides of the first rule.
-    return (
-        (
-            ("min_vel_trans", "max_vel_trans"),
-            p.min_vel_trans > p.max_vel_trans + 2e-4,
-            f"min_vel_trans {p.min_vel_trans} is above max_vel_trans {p.max_vel_trans}: no motion "
-            "is legal but fast turns, so the robot cannot drive",
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "acc_lim_trans": "dwa_local_planner stores it and never reads it",
+        "global_frame_id": "it only names the frame of a debug point cloud",
+        "holonomic_robot": (
+            "dwa_local_planner does not know it; the limits of y decide about strafing"
         ),
-        (
-            ("max_vel_trans",),
-            p.max_vel_trans == 0.0,
-            "max_vel_trans is 0: the robot can never drive",
-        ),
-        (
-            ("min_vel_x", "max_vel_x"),
-            p.min_vel_x > p.max_vel_x,
-            f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no speed between",
-        ),
-        (
-            ("min_vel_y", "max_vel_y"),
-            p.min_vel_y > p.max_vel_y,
-            f"min_vel_y {p.min_vel_y} is above max_vel_y {p.max_vel_y}: there is no speed between",
-        ),
-        (
-            ("min_vel_x", "max_vel_x", "max_vel_trans"),
+        "latch_xy_goal_tolerance": "dwa_local_planner reads it in the namespace of move_base",
+        "publish_cost_grid_pc": "it only publishes a debug point cloud",
+        "publish_traj_pc": "it only publishes a debug point cloud",
+        "restore_defaults": "it is a button of rqt_reconfigure",
+        "stop_time_buffer": "dwa_local_planner stores it and never reads it",
+    }
+
+    # Noetic warns of the first six (``DWAPlannerROS::initialize``).
+    renamed: ClassVar[Mapping[str, str]] = {
+        "max_trans_vel": "max_vel_trans",
+        "min_trans_vel": "min_vel_trans",
+        "max_rot_vel": "max_vel_theta",
+        "min_rot_vel": "min_vel_theta",
+        "acc_limit_trans": "acc_lim_trans",
+        "rot_stopped_vel": "theta_stopped_vel",
+        "acc_lim_th": "acc_lim_theta",
+        "vtheta_samples": "vth_samples",
+    }
+
+    def rules(self) -> Iterator[Objection]:
+        """Yield what keeps the robot from moving as asked, and a doubt that it ever starts.
+
+        A standing robot is sampled up to what it reaches within a control period (``sim_time``
+        without ``use_dwa``), and samples slower than both minimum speeds are illegal.
+        """
+        p = self
+        # 1e-4 m/s is the slack of the original's test of samples (``generateTrajectory``), on both
+        # sides of the first rule.
+        if p.min_vel_trans > p.max_vel_trans + 2e-4:
+            yield Objection(
+                ("min_vel_trans", "max_vel_trans"),
+                f"min_vel_trans {p.min_vel_trans} is above max_vel_trans {p.max_vel_trans}: no "
+                "motion is legal but fast turns, so the robot cannot drive",
+            )
+        if p.max_vel_trans == 0.0:
+            yield Objection(("max_vel_trans",), "max_vel_trans is 0: the robot can never drive")
+        if p.min_vel_x > p.max_vel_x:
+            yield Objection(
+                ("min_vel_x", "max_vel_x"),
+                f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no "
+                "speed between",
+            )
+        if p.min_vel_y > p.max_vel_y:
+            yield Objection(
+                ("min_vel_y", "max_vel_y"),
+                f"min_vel_y {p.min_vel_y} is above max_vel_y {p.max_vel_y}: there is no "
+                "speed between",
+            )
+        if (
             min(abs(p.min_vel_x), abs(p.max_vel_x)) > p.max_vel_trans + 1e-4
-            and p.min_vel_x * p.max_vel_x > 0.0,
-            f"every speed between min_vel_x {p.min_vel_x} and max_vel_x {p.max_vel_x} is beyond "
-            f"max_vel_trans {p.max_vel_trans}: no motion is legal",
-        ),
-        (
-            ("min_vel_theta", "max_vel_theta"),
-            p.min_vel_theta > p.max_vel_theta,
-            f"min_vel_theta {p.min_vel_theta} is above max_vel_theta {p.max_vel_theta}: "
-            + ("slow motions never turn fast enough to be legal" if resting else "set it lower"),
-        ),
-        (
-            ("sim_time",),
-            p.sim_time == 0.0,
-            "sim_time is 0: trajectories have no points, so none is ever chosen",
-        ),
-        (
-            ("acc_lim_x", "acc_lim_y"),
-            p.acc_lim_x == 0.0 and p.acc_lim_y == 0.0 and p.use_dwa,
-            "acc_lim_x and acc_lim_y are 0: no other speed than the present one can be reached",
-        ),
-        (
-            ("acc_lim_theta",),
-            p.acc_lim_theta == 0.0,
-            "acc_lim_theta is 0: no other turning speed than the present one can be reached",
-        ),
-        (
-            ("scaling_speed", "max_vel_trans", "max_scaling_factor"),
-            p.scaling_speed == p.max_vel_trans and p.max_scaling_factor > 0.0,
-            f"scaling_speed equals max_vel_trans {p.max_vel_trans}: the footprint of samples "
-            "faster by rounding grows without bound; set it apart or max_scaling_factor to 0",
-        ),
-    )
-
-
-def doubts(parameters: DwaParameters) -> tuple[Objection, ...]:
-    """Return what will probably not do what its user wants: a robot that can never start.
-
-    A standing robot is sampled up to what it reaches within a control period (``sim_time``
-    without ``use_dwa``), and samples slower than both minimum speeds are illegal.
-    """
-    p = parameters
-    reach = sim_period(p.controller_frequency, 0.05) if p.use_dwa else p.sim_time
-    # The ends of the window of a standing robot, as ``SimpleTrajectoryGenerator::initialise``.
-    ahead = max(abs(max(p.min_vel_x, -p.acc_lim_x * reach)), min(p.max_vel_x, p.acc_lim_x * reach))
-    aside = max(abs(max(p.min_vel_y, -p.acc_lim_y * reach)), min(p.max_vel_y, p.acc_lim_y * reach))
-    turning = min(p.max_vel_theta, p.acc_lim_theta * reach)
-    fastest = math.hypot(ahead, aside)
-    if fastest + 1e-4 >= p.min_vel_trans or turning + 1e-4 >= p.min_vel_theta:
-        return ()
-    text = (
-        f"a standing robot never starts: within {reach:g} s it reaches {fastest:g} m/s and "
-        f"{turning:g} rad/s (acc_lim_x {p.acc_lim_x:g}, acc_lim_theta {p.acc_lim_theta:g}), below "
-        f"both min_vel_trans {p.min_vel_trans:g} and min_vel_theta {p.min_vel_theta:g}"
-    )
-    names = ("acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency")
-    return (Objection(names, text),)
+            and p.min_vel_x * p.max_vel_x > 0.0
+        ):
+            yield Objection(
+                ("min_vel_x", "max_vel_x", "max_vel_trans"),
+                f"every speed between min_vel_x {p.min_vel_x} and max_vel_x {p.max_vel_x} is "
+                f"beyond max_vel_trans {p.max_vel_trans}: no motion is legal",
+            )
+        if p.min_vel_theta > p.max_vel_theta:
+            remedy = "set it lower"
+            if p.min_vel_trans > 1e-4:
+                remedy = "slow motions never turn fast enough to be legal"
+            yield Objection(
+                ("min_vel_theta", "max_vel_theta"),
+                f"min_vel_theta {p.min_vel_theta} is above max_vel_theta {p.max_vel_theta}: "
+                + remedy,
+            )
+        if p.sim_time == 0.0:
+            yield Objection(
+                ("sim_time",), "sim_time is 0: trajectories have no points, so none is ever chosen"
+            )
+        if p.acc_lim_x == 0.0 and p.acc_lim_y == 0.0 and p.use_dwa:
+            yield Objection(
+                ("acc_lim_x", "acc_lim_y"),
+                "acc_lim_x and acc_lim_y are 0: no other speed than the present one can be reached",
+            )
+        if p.acc_lim_theta == 0.0:
+            yield Objection(
+                ("acc_lim_theta",),
+                "acc_lim_theta is 0: no other turning speed than the present one can be reached",
+            )
+        if p.scaling_speed == p.max_vel_trans and p.max_scaling_factor > 0.0:
+            yield Objection(
+                ("scaling_speed", "max_vel_trans", "max_scaling_factor"),
+                f"scaling_speed equals max_vel_trans {p.max_vel_trans}: the footprint of samples "
+                "faster by rounding grows without bound; set it apart or max_scaling_factor to 0",
+            )
+        reach = sim_period(p.controller_frequency, 0.05) if p.use_dwa else p.sim_time
+        # The ends of the window of a standing robot, as ``SimpleTrajectoryGenerator::initialise``.
+        ahead = max(
+            abs(max(p.min_vel_x, -p.acc_lim_x * reach)), min(p.max_vel_x, p.acc_lim_x * reach)
+        )
+        aside = max(
+            abs(max(p.min_vel_y, -p.acc_lim_y * reach)), min(p.max_vel_y, p.acc_lim_y * reach)
+        )
+        turning = min(p.max_vel_theta, p.acc_lim_theta * reach)
+        fastest = math.hypot(ahead, aside)
+        if fastest + 1e-4 < p.min_vel_trans and turning + 1e-4 < p.min_vel_theta:
+            yield Objection(
+                (
+                    "acc_lim_x",
+                    "min_vel_trans",
+                    "acc_lim_theta",
+                    "min_vel_theta",
+                    "controller_frequency",
+                ),
+                f"a standing robot never starts: within {reach:g} s it reaches {fastest:g} m/s "
+                f"and {turning:g} rad/s (acc_lim_x {p.acc_lim_x:g}, acc_lim_theta "
+                f"{p.acc_lim_theta:g}), below both min_vel_trans {p.min_vel_trans:g} and "
+                f"min_vel_theta {p.min_vel_theta:g}",
+                fatal=False,
+            )

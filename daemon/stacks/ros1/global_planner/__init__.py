@@ -9,6 +9,6 @@ are refused.
 Field, waves and descent are those of :mod:`daemon.stacks.ros1.navfn`, with other costs and ends.
 """
 
-from daemon.stacks.ros1.global_planner._parameters import WITHOUT_EFFECT, GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner._parameters import GlobalPlannerParameters
 
-__all__ = ["WITHOUT_EFFECT", "GlobalPlannerParameters"]
+__all__ = ["GlobalPlannerParameters"]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import Finite, refuse
+from daemon.stacks.ros1.parameters import Finite, Section, refuse
 
 _Byte: TypeAlias = Annotated[int, Field(ge=1, le=255)]
 
@@ -17,7 +17,7 @@ FORWARD: Final = 1
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
-class GlobalPlannerParameters:
+class GlobalPlannerParameters(Section):
     """What can be set under ``GlobalPlanner``.
 
     Source: ``planner_core.cpp`` and ``GlobalPlanner.cfg`` of global_planner, Noetic.
@@ -65,16 +65,15 @@ class GlobalPlannerParameters:
     planner_window_y: Finite = 0.0
     """[m] The same in y."""
 
-
-WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "default_tolerance": (
-        "GlobalPlanner reads it and never uses it: the cell of the goal itself must be reachable"
-    ),
-    "planner_costmap_publish_frequency": "GlobalPlanner of Noetic does not read it any more",
-    "planner_window_x": "GlobalPlanner reads it and never uses it",
-    "planner_window_y": "GlobalPlanner reads it and never uses it",
-    "publish_potential": "nothing is published while a run lasts",
-    "publish_scale": "nothing is published while a run lasts",
-    "visualize_potential": "GlobalPlanner does not know it; navfn does",
-}
-"""Names that change nothing here, with the reason."""
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "default_tolerance": (
+            "GlobalPlanner reads it and never uses it: the cell of the goal itself must be "
+            "reachable"
+        ),
+        "planner_costmap_publish_frequency": "GlobalPlanner of Noetic does not read it any more",
+        "planner_window_x": "GlobalPlanner reads it and never uses it",
+        "planner_window_y": "GlobalPlanner reads it and never uses it",
+        "publish_potential": "nothing is published while a run lasts",
+        "publish_scale": "nothing is published while a run lasts",
+        "visualize_potential": "GlobalPlanner does not know it; navfn does",
+    }

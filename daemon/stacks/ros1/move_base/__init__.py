@@ -7,7 +7,6 @@ instant. Parameters are here, so that checking them loads no compiler.
 
 from daemon.stacks.ros1.move_base._parameters import (
     CLEAR,
-    MOVE_BASE_WITHOUT_EFFECT,
     OTHER_NAMES,
     ROTATE,
     ClearCostmapParameters,
@@ -18,7 +17,6 @@ from daemon.stacks.ros1.move_base._parameters import (
 
 __all__ = [
     "CLEAR",
-    "MOVE_BASE_WITHOUT_EFFECT",
     "OTHER_NAMES",
     "ROTATE",
     "ClearCostmapParameters",

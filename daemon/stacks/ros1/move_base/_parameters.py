@@ -7,12 +7,12 @@ Names and defaults as in ROS 1 Noetic (``move_base``, ``rotate_recovery``,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import NotNegative, Positive
+from daemon.stacks.ros1.parameters import NotNegative, Positive, Section
 
 _Rate: TypeAlias = Annotated[float, Field(gt=0.0, le=100.0, allow_inf_nan=False)]
 
@@ -42,7 +42,7 @@ class RecoveryBehavior:
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class MoveBaseParameters:
+class MoveBaseParameters(Section):
     """Namespace ``move_base``."""
 
     base_global_planner: str = "navfn/NavfnROS"
@@ -82,16 +82,17 @@ class MoveBaseParameters:
     """What is tried, in this order; none given: a conservative reset, a turn, an aggressive
     reset, a turn."""
 
-
-MOVE_BASE_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "make_plan_add_unreachable_goal": "it only changes the answer of make_plan, which nobody reads",
-    "restore_defaults": "only dynamic_reconfigure reads it",
-    "shutdown_costmaps": "costmaps would only rest between two goals, which is no time here",
-}
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "make_plan_add_unreachable_goal": (
+            "it only changes the answer of make_plan, which nobody reads"
+        ),
+        "restore_defaults": "only dynamic_reconfigure reads it",
+        "shutdown_costmaps": "costmaps would only rest between two goals, which is no time here",
+    }
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class ClearCostmapParameters:
+class ClearCostmapParameters(Section):
     """Namespace of one reset, ``move_base/conservative_reset`` for example.
 
     The default behaviours get ``reset_distance`` from move_base (``conservative_reset_dist``, and
@@ -111,7 +112,7 @@ class ClearCostmapParameters:
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class RotateRecoveryParameters:
+class RotateRecoveryParameters(Section):
     """Namespace ``move_base/rotate_recovery``, and what it reads from ``TrajectoryPlannerROS``."""
 
     sim_granularity: Positive = 0.017
@@ -137,8 +138,10 @@ OTHER_NAMES: Final[Mapping[str, str]] = {
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class DispatcherParameters:
+class DispatcherParameters(Section):
     """The node that sends the waypoints of a mission one by one (argenos/waypoint_dispatcher)."""
+
+    strict: ClassVar[bool] = True
 
     rate: _Rate = 1.0
     """[Hz] Goals are at least this period apart."""

@@ -23,6 +23,6 @@ in a whole run of S1. Paths were counted when doubt was found
 by reading a log of the wave backward; the tests hold what the wave passes on to that.
 """
 
-from daemon.stacks.ros1.navfn._parameters import WITHOUT_EFFECT, NavfnParameters
+from daemon.stacks.ros1.navfn._parameters import NavfnParameters
 
-__all__ = ["WITHOUT_EFFECT", "NavfnParameters"]
+__all__ = ["NavfnParameters"]

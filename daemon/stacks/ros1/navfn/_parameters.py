@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final
+from typing import ClassVar
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
+
+from daemon.stacks.ros1.parameters import NotNegative, Section
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
-class NavfnParameters:
+class NavfnParameters(Section):
     """Parameters under ``NavfnROS``."""
 
     allow_unknown: bool = True
     """Whether a path may lead through cells that are unknown in the global costmap."""
-    default_tolerance: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    default_tolerance: NotNegative = 0.0
     """[m] A path may end this far from the goal in x and in y; 0 demands the goal's own cell."""
     visualize_potential: bool = False
     """Publish the potential as a point cloud."""
@@ -24,9 +26,8 @@ class NavfnParameters:
     planner_window_y: float = 0.0
     """[m] The same in y."""
 
-
-WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "visualize_potential": "nothing is published while a run lasts",
-    "planner_window_x": "NavfnROS reads it and never uses it",
-    "planner_window_y": "NavfnROS reads it and never uses it",
-}
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "visualize_potential": "nothing is published while a run lasts",
+        "planner_window_x": "NavfnROS reads it and never uses it",
+        "planner_window_y": "NavfnROS reads it and never uses it",
+    }

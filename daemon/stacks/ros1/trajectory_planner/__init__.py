@@ -5,17 +5,11 @@ is legal; the cheapest wins, by distances on the local costmap.
 """
 
 from daemon.stacks.ros1.trajectory_planner._parameters import (
-    WITHOUT_EFFECT,
     TrajectoryPlannerParameters,
-    contradictions,
-    doubts,
 )
 from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
 
 __all__ = [
-    "WITHOUT_EFFECT",
     "TrajectoryPlanner",
     "TrajectoryPlannerParameters",
-    "contradictions",
-    "doubts",
 ]

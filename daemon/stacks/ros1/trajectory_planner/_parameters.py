@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from typing import Annotated, Final, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner.controller import Objection
-from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Objection, Positive, Section, refuse
 
 _Optional: TypeAlias = Annotated[float | None, Field(allow_inf_nan=False)]
 
@@ -23,8 +22,13 @@ _STRAFE_SPEEDS: Final = "-0.3,-0.1,0.1,-0.3"
 _NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
+_RENAMED: Final = "TrajectoryPlannerROS reads {} instead"
+_NO_STRAFE_LIMITS: Final = "TrajectoryPlannerROS knows no limits of strafing, only y_vels"
+_DEBUG: Final = "it only publishes a debug point cloud"
+
+
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
-class TrajectoryPlannerParameters:
+class TrajectoryPlannerParameters(Section):
     """What can be set on the controller (section ``TrajectoryPlannerROS``).
 
     Source: base_local_planner of Noetic, ``TrajectoryPlannerROS::initialize`` and its dynamic
@@ -101,8 +105,10 @@ class TrajectoryPlannerParameters:
     """[s] Which instant."""
     dwa: bool = False
     """Sample what is reachable in one control period; otherwise in ``sim_time``."""
-    simple_attractor: bool = False
-    """Instead of distances on the grid, take the square of that from the end of the local plan."""
+    simple_attractor: Annotated[
+        Literal[False], refuse((True,), "the simple attractor is not built in: write false")
+    ] = False
+    """Score trajectories by distances on the grid."""
     oscillation_reset_dist: Finite = 0.05
     """[m] Moved this far, the robot may turn or strafe the other way again."""
     escape_reset_dist: Finite = 0.10
@@ -112,29 +118,86 @@ class TrajectoryPlannerParameters:
     controller_frequency: _Optional = None
     """[Hz] Of the dynamic window only; without it that of move_base counts."""
 
+    without_effect: ClassVar[Mapping[str, str]] = {
+        "acc_lim_th": _RENAMED.format("acc_lim_theta"),
+        "acc_limit_th": _RENAMED.format("acc_lim_theta"),
+        "acc_limit_x": _RENAMED.format("acc_lim_x"),
+        "acc_limit_y": _RENAMED.format("acc_lim_y"),
+        "backup_vel": "TrajectoryPlannerROS reads it and puts escape_vel in its place at once",
+        "global_frame_id": "it only names the frame of a debug point cloud",
+        "max_vel_y": _NO_STRAFE_LIMITS,
+        "min_vel_y": _NO_STRAFE_LIMITS,
+        "point_grid": "it belongs to another world model than the costmap",
+        "publish_cost_grid": _DEBUG,
+        "publish_cost_grid_pc": _DEBUG,
+        "restore_defaults": "it is a button of rqt_reconfigure",
+        "stop_time_buffer": "TrajectoryPlannerROS stores it and never reads it",
+        "vy_samples": _NO_STRAFE_LIMITS,
+        "world_model": "the costmap is the only world model there is",
+    }
 
-_RENAMED: Final = "TrajectoryPlannerROS reads {} instead"
-_NO_STRAFE_LIMITS: Final = "TrajectoryPlannerROS knows no limits of strafing, only y_vels"
-_DEBUG: Final = "it only publishes a debug point cloud"
+    def rules(self) -> Iterator[Objection]:
+        """Yield what keeps the robot from moving as asked, then what is not taken as written."""
+        p = self
+        slowest = in_range(p, "min_vel_x")
+        sim_time, instant = in_range(p, "sim_time"), in_range(p, "heading_scoring_timestep")
+        steps = max(1, int(sim_time / p.sim_granularity + 0.5))
+        if in_range(p, "max_vel_x") == 0.0:
+            yield Objection(("max_vel_x",), "max_vel_x is 0: the robot can never drive")
+        if slowest > p.max_vel_x:
+            yield Objection(
+                ("min_vel_x", "max_vel_x"),
+                f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no "
+                "speed between",
+            )
+        if sim_time == 0.0:
+            yield Objection(
+                ("sim_time",), "sim_time is 0: trajectories lead nowhere, so all are the same"
+            )
+        if p.vx_samples <= 1 and slowest == 0.0:
+            yield Objection(
+                ("vx_samples", "min_vel_x"),
+                f"vx_samples is {p.vx_samples}: only min_vel_x is tried, which is 0",
+            )
+        if p.vtheta_samples <= 1:
+            yield Objection(
+                ("vtheta_samples",),
+                f"vtheta_samples is {p.vtheta_samples}: only straight on is tried, the robot "
+                "cannot turn",
+            )
+        if p.acc_lim_x == 0.0 and slowest == 0.0:
+            yield Objection(
+                ("acc_lim_x",), "acc_lim_x is 0: no other speed than the present one can be reached"
+            )
+        if p.acc_lim_theta == 0.0:
+            yield Objection(
+                ("acc_lim_theta",),
+                "acc_lim_theta is 0: no other turning speed than the present one can be reached",
+            )
+        # A hair to spare, as the controller sums the time up step by step.
+        if p.heading_scoring and instant > sim_time * (1.0 - 1.0 / steps) + 1e-9:
+            yield Objection(
+                ("heading_scoring_timestep", "sim_time"),
+                f"heading_scoring_timestep {instant:g} is beyond the last point of a trajectory of "
+                f"{sim_time:g} s: neither path nor goal would count",
+            )
+        for name, (low, high) in _RANGES.items():
+            value = getattr(p, name)
+            if value is not None and not low <= value <= high:
+                used = in_range(p, name)
+                text = f"{name} {value} is beyond what the controller takes: {used:g} counts"
+                yield Objection((name,), text, fatal=False)
+        if not isinstance(p.y_vels, str):
+            text = (
+                'y_vels is a list, which is not heard: write text, such as "-0.3, -0.1, 0.1, 0.3"'
+            )
+            yield Objection(("y_vels",), text, fatal=False)
+        elif any(speed == 0.0 for speed in strafe_speeds(p)):
+            text = f'y_vels "{p.y_vels}" is not all numbers: the rest is never tried'
+            yield Objection(("y_vels",), text, fatal=False)
+        if p.meter_scoring:
+            yield Objection(("meter_scoring",), _METER_SCORING, fatal=False)
 
-WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "acc_lim_th": _RENAMED.format("acc_lim_theta"),
-    "acc_limit_th": _RENAMED.format("acc_lim_theta"),
-    "acc_limit_x": _RENAMED.format("acc_lim_x"),
-    "acc_limit_y": _RENAMED.format("acc_lim_y"),
-    "backup_vel": "TrajectoryPlannerROS reads it and puts escape_vel in its place at once",
-    "global_frame_id": "it only names the frame of a debug point cloud",
-    "max_vel_y": _NO_STRAFE_LIMITS,
-    "min_vel_y": _NO_STRAFE_LIMITS,
-    "point_grid": "it belongs to another world model than the costmap",
-    "publish_cost_grid": _DEBUG,
-    "publish_cost_grid_pc": _DEBUG,
-    "restore_defaults": "it is a button of rqt_reconfigure",
-    "stop_time_buffer": "TrajectoryPlannerROS stores it and never reads it",
-    "vy_samples": _NO_STRAFE_LIMITS,
-    "world_model": "the costmap is the only world model there is",
-}
-"""Names that change nothing here, with the reason."""
 
 _METER_SCORING: Final = (
     "whether weights count per metre is up to memory that ROS never writes; here they do, and with "
@@ -213,80 +276,3 @@ def strafe_speeds(parameters: TrajectoryPlannerParameters) -> tuple[float, ...]:
         text = _STRAFE_SPEEDS
     found = (_NUMBER.match(part) for part in re.split("[, ]+", text))
     return tuple(float(number.group()) if number else 0.0 for number in found)
-
-
-def doubts(parameters: TrajectoryPlannerParameters) -> tuple[Objection, ...]:
-    """Return what the original takes, or may take, differently from how it is written."""
-    found = []
-    for name, (low, high) in _RANGES.items():
-        value = getattr(parameters, name)
-        if value is not None and not low <= value <= high:
-            used = in_range(parameters, name)
-            text = f"{name} {value} is beyond what the controller takes: {used:g} counts"
-            found.append(Objection((name,), text))
-    if not isinstance(parameters.y_vels, str):
-        text = 'y_vels is a list, which is not heard: write text, such as "-0.3, -0.1, 0.1, 0.3"'
-        found.append(Objection(("y_vels",), text))
-    elif any(speed == 0.0 for speed in strafe_speeds(parameters)):
-        text = f'y_vels "{parameters.y_vels}" is not all numbers: the rest is never tried'
-        found.append(Objection(("y_vels",), text))
-    if parameters.meter_scoring:
-        found.append(Objection(("meter_scoring",), _METER_SCORING))
-    return tuple(found)
-
-
-def contradictions(parameters: TrajectoryPlannerParameters) -> tuple[Objection, ...]:
-    """Return what in ``parameters`` keeps the robot from moving as asked."""
-    return tuple(Objection(names, text) for names, wrong, text in _rules(parameters) if wrong)
-
-
-def _rules(p: TrajectoryPlannerParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
-    # A table, one rule an entry.
-    slowest = in_range(p, "min_vel_x")
-    sim_time, instant = in_range(p, "sim_time"), in_range(p, "heading_scoring_timestep")
-    steps = max(1, int(sim_time / p.sim_granularity + 0.5))
-    return (
-        (
-            ("max_vel_x",),
-            in_range(p, "max_vel_x") == 0.0,
-            "max_vel_x is 0: the robot can never drive",
-        ),
-        (
-            ("min_vel_x", "max_vel_x"),
-            slowest > p.max_vel_x,
-            f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no speed between",
-        ),
-        (
-            ("sim_time",),
-            sim_time == 0.0,
-            "sim_time is 0: trajectories lead nowhere, so all are the same",
-        ),
-        (
-            ("vx_samples", "min_vel_x"),
-            p.vx_samples <= 1 and slowest == 0.0,
-            f"vx_samples is {p.vx_samples}: only min_vel_x is tried, which is 0",
-        ),
-        (
-            ("vtheta_samples",),
-            p.vtheta_samples <= 1,
-            f"vtheta_samples is {p.vtheta_samples}: only straight on is tried, the robot cannot "
-            "turn",
-        ),
-        (
-            ("acc_lim_x",),
-            p.acc_lim_x == 0.0 and slowest == 0.0,
-            "acc_lim_x is 0: no other speed than the present one can be reached",
-        ),
-        (
-            ("acc_lim_theta",),
-            p.acc_lim_theta == 0.0,
-            "acc_lim_theta is 0: no other turning speed than the present one can be reached",
-        ),
-        (
-            ("heading_scoring_timestep", "sim_time"),
-            # A hair to spare, as the controller sums the time up step by step.
-            p.heading_scoring and instant > sim_time * (1.0 - 1.0 / steps) + 1e-9,
-            f"heading_scoring_timestep {instant:g} is beyond the last point of a trajectory of "
-            f"{sim_time:g} s: neither path nor goal would count",
-        ),
-    )

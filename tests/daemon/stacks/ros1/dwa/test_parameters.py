@@ -6,10 +6,18 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.dwa import DwaParameters, contradictions, doubts
+from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.dwa._settings import longest_trajectory, settings_of
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, settings
+
+
+def contradictions(parameters):
+    return tuple(each for each in parameters.rules() if each.fatal)
+
+
+def doubts(parameters):
+    return tuple(each for each in parameters.rules() if not each.fatal)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from daemon.stacks.ros1.base_local_planner.followed_plan import transform_plan_window
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import WITHOUT_EFFECT, DwaParameters
+from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.dwa._distances import allocate_scoring_grid
 from daemon.stacks.ros1.dwa.controller import Oscillation
 from daemon.stacks.ros1.dwa.samples import (
@@ -234,5 +234,5 @@ def test_values_out_of_range_and_unknown_names_are_refused():
     for wrong in ({"sim_granularity": 0.0}, {"sim_time": math.nan}, {"max_rot_vel": 1.0}):
         with pytest.raises(ValidationError):
             DwaParameters(**wrong)
-    assert "stop_time_buffer" in WITHOUT_EFFECT
-    assert "scaling_speed" not in WITHOUT_EFFECT
+    assert "stop_time_buffer" in DwaParameters.without_effect
+    assert "scaling_speed" not in DwaParameters.without_effect

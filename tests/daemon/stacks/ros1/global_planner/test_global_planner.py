@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.stacks.ros1.global_planner import WITHOUT_EFFECT, GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, look_forward
 from daemon.stacks.ros1.navfn.propagation import propagate_wave
 from daemon.stacks.ros1.quirks import FAST, FIXED
@@ -109,7 +109,7 @@ def test_parameters_are_those_of_noetic_and_checked():
     defaults = GlobalPlannerParameters()
     assert (defaults.lethal_cost, defaults.neutral_cost, defaults.cost_factor) == (253, 50, 3.0)
     assert (defaults.orientation_mode, defaults.orientation_window_size) == (1, 1)
-    assert "default_tolerance" in WITHOUT_EFFECT
+    assert "default_tolerance" in GlobalPlannerParameters.without_effect
     for wrong in ({"lethal_cost": 256}, {"lethal_cost": 1}, {"cost_factor": 6.0}):
         with pytest.raises(ValidationError):
             GlobalPlannerParameters(**wrong)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, NavfnParameters
+from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.navfn.fields import a_grid, centre
@@ -75,6 +75,6 @@ def test_two_planners_of_one_costmap_both_see_its_changes():
 def test_parameters_are_those_of_noetic_and_checked():
     defaults = NavfnParameters()
     assert (defaults.allow_unknown, defaults.default_tolerance) == (True, 0.0)
-    assert set(WITHOUT_EFFECT) <= set(NavfnParameters.__dataclass_fields__)
+    assert set(NavfnParameters.without_effect) <= set(NavfnParameters.__dataclass_fields__)
     with pytest.raises(ValidationError):
         NavfnParameters(default_tolerance=-0.1)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import pytest
-from pydantic import Field, model_validator
+from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from daemon.stacks.findings import FindingCollector, ParameterError
-from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.parameters import Objection, Section, read_section
 from daemon.stacks.ros1.quirks import FAST, FIXED, read_quirks
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class Model(Section):
     radius: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
     samples: Annotated[int, Field(ge=1)] = 3
     active: bool = True
@@ -23,16 +23,23 @@ class Model:
     corners: tuple[tuple[float, float], ...] = ()
     low: float = 0.0
 
-    @model_validator(mode="after")
-    def _ordered(self):
+    renamed: ClassVar = {"rad": "radius", "speed": "velocity"}
+    without_effect: ClassVar = {"velocity": "nothing moves"}
+
+    def rules(self):
         if self.low > self.radius:
-            raise ValueError(f"low {self.low} is above radius {self.radius}")
-        return self
+            yield Objection(("radius", "low"), f"low {self.low} is above radius {self.radius}")
+        if self.low == self.radius:
+            yield Objection(("radius", "low"), "low is radius", fatal=False)
 
 
-def read(given, **options):
+class Strict(Model):
+    strict = True
+
+
+def read(given, model=Model, **options):
     report = FindingCollector()
-    return read_section(Model, given, ("ns",), report, **options), report
+    return read_section(model, given, ("ns",), report, **options), report
 
 
 def fatal(given):
@@ -62,7 +69,8 @@ def test_what_is_given_is_taken_and_the_rest_has_defaults():
         ({"active": "yes"}, "ns/active: must be true or false (given: 'yes')"),
         ({"kind": "tracked"}, "must be 'diff' or 'omni' (given: 'tracked')"),
         ({"corners": [[1, 2], [3, "x"]]}, "ns/corners[1][1]: must be a number"),
-        ({"low": 5.0}, "ns: low 5.0 is above radius 0.5"),
+        ({"low": 5.0}, "ns/low: low 5.0 is above radius 0.5"),
+        ({"low": 5.0, "radius": 1}, "ns/radius: low 5.0 is above radius 1.0"),
     ],
 )
 def test_what_the_original_would_silently_ignore_is_an_error(given, message):
@@ -72,6 +80,27 @@ def test_what_the_original_would_silently_ignore_is_an_error(given, message):
 def test_every_error_is_reported_at_once():
     text = fatal({"radius": -1.0, "samples": 0, "active": 3})
     assert all(f"ns/{name}" in text for name in ("radius", "samples", "active"))
+
+
+def test_a_default_in_the_place_of_a_bad_value_contradicts_nothing():
+    assert fatal({"radius": -1.0, "low": 5.0}) == "ns/radius: must be greater than 0 (given: -1)"
+
+
+def test_a_doubt_is_a_warning_at_the_first_name_that_somebody_wrote():
+    _, report = read({"low": 0.5}, places={"low": ("elsewhere", "below")})
+    assert [str(each) for each in report.findings().problems] == ["elsewhere/below: low is radius"]
+    _, report = read({}, inherited={"low": 0.5})
+    assert [str(each) for each in report.findings().problems] == ["ns: low is radius"]
+
+
+def test_a_name_of_older_releases_is_said_with_that_of_noetic():
+    _, report = read({"rad": 1.0, "speed": 1.0})
+    assert [str(each) for each in report.findings().problems] == [
+        "ns/rad: ROS Noetic calls it radius and ignores rad: radius has its default; write radius"
+    ]
+    assert [str(each) for each in report.findings().without_effect] == [
+        "ns/speed: ROS Noetic calls it velocity and ignores speed; nothing moves"
+    ]
 
 
 def test_an_unknown_name_is_a_warning_with_what_was_probably_meant():
@@ -89,7 +118,7 @@ def test_a_name_without_effect_is_listed_with_the_reason_and_no_problem():
 
 
 def test_in_a_section_that_no_ros_node_reads_an_unknown_name_is_an_error():
-    _, report = read({"raduis": 1.0}, strict=True)
+    _, report = read({"raduis": 1.0}, Strict)
     with pytest.raises(ParameterError, match="raduis"):
         report.findings()
 

@@ -13,10 +13,7 @@ from daemon.stacks.ros1.base_local_planner.map_grid import contains_cell, empty_
 from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import FAST
 from daemon.stacks.ros1.trajectory_planner import (
-    WITHOUT_EFFECT,
     TrajectoryPlannerParameters,
-    contradictions,
-    doubts,
 )
 from daemon.stacks.ros1.trajectory_planner._cycle import add_footprint_cells
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
@@ -106,6 +103,14 @@ def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only():
 )
 def test_strafe_speeds_are_read_as_c_reads_numbers(text, speeds):
     assert strafe_speeds(replace(DEFAULT, y_vels=text)) == speeds
+
+
+def contradictions(parameters):
+    return tuple(each for each in parameters.rules() if each.fatal)
+
+
+def doubts(parameters):
+    return tuple(each for each in parameters.rules() if not each.fatal)
 
 
 @pytest.mark.parametrize(
@@ -199,9 +204,7 @@ def test_published_files_are_read(files, name, reference_data):
         text = (reference_data / "robots" / file).read_text("utf-8")
         given |= yaml.safe_load(text)["TrajectoryPlannerROS"]
     report = FindingCollector()
-    read = read_section(
-        TrajectoryPlannerParameters, given, ("x",), report, without_effect=WITHOUT_EFFECT
-    )
+    read = read_section(TrajectoryPlannerParameters, given, ("x",), report)
     assert (report.fatal, report.problems) == ([], [])
     assert settings(read) == settings(ROBOTS[name].parameters)
     assert read.xy_goal_tolerance == ROBOTS[name].parameters.xy_goal_tolerance
@@ -212,8 +215,8 @@ def test_values_out_of_range_and_unknown_names_are_refused():
     for wrong in ({"sim_granularity": 0.0}, {"sim_time": math.nan}, {"backup_vel": -0.2}):
         with pytest.raises(ValidationError):
             TrajectoryPlannerParameters(**wrong)
-    assert "backup_vel" in WITHOUT_EFFECT
-    assert "escape_vel" not in WITHOUT_EFFECT
+    assert "backup_vel" in TrajectoryPlannerParameters.without_effect
+    assert "escape_vel" not in TrajectoryPlannerParameters.without_effect
 
 
 def window(parameters, vx, wz, way):

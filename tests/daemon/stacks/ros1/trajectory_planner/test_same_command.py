@@ -31,7 +31,6 @@ VARIANTS = (
     replace(FEW, holonomic_robot=False, occdist_scale=0.1, meter_scoring=True),
     replace(FEW, heading_scoring=True, heading_scoring_timestep=0.6),
     replace(FEW, heading_scoring=True, meter_scoring=True, occdist_scale=0.5, dwa=True),
-    replace(FEW, simple_attractor=True),
     replace(FEW, y_vels="-0.3, -0.1, 0.1, 0.3", oscillation_reset_dist=0.4, acc_lim_y=0.8),
     replace(FEW, max_vel_theta=0.0, min_vel_theta=0.0, oscillation_reset_dist=0.4),
     replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0, occdist_scale=0.0),
