@@ -70,7 +70,8 @@ from daemon.stacks.ros1.telemetry import (
     PlanRecorder,
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
-from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, TrajectoryPlannerParameters
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
+from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
 from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
 from grammars.model.geometry import Floats
 

@@ -6,6 +6,4 @@ and takes the one whose trajectory costs least, by distances on the local costma
 
 from daemon.stacks.ros1.dwa._parameters import DwaParameters
 
-__all__ = [
-    "DwaParameters",
-]
+__all__ = ["DwaParameters"]

@@ -4,12 +4,6 @@ Tries arcs the robot can reach, then turns on the spot, then strafing, and backs
 is legal; the cheapest wins, by distances on the local costmap.
 """
 
-from daemon.stacks.ros1.trajectory_planner._parameters import (
-    TrajectoryPlannerParameters,
-)
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
+from daemon.stacks.ros1.trajectory_planner._parameters import TrajectoryPlannerParameters
 
-__all__ = [
-    "TrajectoryPlanner",
-    "TrajectoryPlannerParameters",
-]
+__all__ = ["TrajectoryPlannerParameters"]
