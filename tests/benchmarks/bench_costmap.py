@@ -23,8 +23,10 @@ from daemon.stacks.ros1.costmap import (
     StaticLayer,
     VoxelLayer,
 )
+from daemon.stacks.ros1.costmap._inflation import inflate
+from daemon.stacks.ros1.costmap._inflation_queue import inflate_in_order
 from daemon.stacks.ros1.costmap.costmap import Costmap
-from daemon.stacks.ros1.costmap.master_grid import inflate_window, merge_window
+from daemon.stacks.ros1.costmap.master_grid import merge_window
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from templates.occupancy import occupancy_grid
@@ -81,20 +83,18 @@ def load():
     return scene, robot, occupancy_grid(scene, laser_height=robot.laser.z)
 
 
-def over_again(costmap, *, in_order=False):
-    """Return the seconds the plain cycle takes in the last bounds, and whether it ends the same.
+def over_again(costmap, window, *, in_order=False):
+    """Return the seconds the plain cycle takes in the window, and whether it ends the same.
 
     ``in_order`` by the first obstacle to reach a cell (``inflation_queue_order``).
     """
-    copy, table = costmap._master.copy(), costmap._table
-    changed, shape, rows = costmap._changed.copy(), costmap._work.shape, costmap._rows
+    grid, table, changed = costmap._master, costmap._inflated.table, costmap._changed.copy()
+    copy = grid._replace(cells=grid.cells.copy())
     begin = time.process_time()
-    merge_window(copy, rows, costmap._methods, 0, len(rows), 0, True, shape[1], costmap._window)
-    inflate_window(
-        copy, shape, costmap._window, table.costs, table.widths, table.least, in_order, changed
-    )
+    merge_window(copy, costmap._merged, True, window)
+    (inflate_in_order if in_order else inflate)(copy, table, window, changed)
     taken = time.process_time() - begin
-    return taken, bool(np.array_equal(copy, costmap._master))
+    return taken, bool(np.array_equal(copy.cells, grid.cells))
 
 
 def report(name, grid, times, beside):
@@ -157,10 +157,11 @@ def measure():
         x0, y0, x1, y1 = window.take()
         changed += (x1 - x0) * (y1 - y0)
         if k % 20 == 5:
-            taken, same = over_again(costmap)
+            bounds = costmap._work.window(costmap._master.frame)
+            taken, same = over_again(costmap, bounds)
             plain.append(taken)
             differ += not same
-            ordered.append(over_again(costmap, in_order=True)[0])
+            ordered.append(over_again(costmap, bounds, in_order=True)[0])
         if k % 10 == 0:
             begin = time.process_time()
             local.update(base, (exact,))

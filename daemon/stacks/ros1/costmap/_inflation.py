@@ -11,21 +11,29 @@ follow, is in ``_inflation_queue.py``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION
-from daemon.stacks.ros1.costmap._obstacle_layer import Cells, cell_value
+from daemon.stacks.ros1.costmap._grids import (
+    Cells,
+    Grid,
+    Numbers,
+    Window,
+    cell_value,
+    grow_window,
+    reach_of,
+)
+from daemon.stacks.ros1.costmap.layers import InflationLayer
 
 MAX_RADIUS = 250
 """Greatest inflation radius in cells: distances are kept in bytes."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InflationTable:
+class InflationTable(NamedTuple):
     """``costs`` by squared distance [cells^2] out to ``radius`` [cells], which is inclusive.
 
     ``widths`` is the half width of the disc in each row off its centre; costs from ``least`` on
@@ -38,14 +46,13 @@ class InflationTable:
     least: int
 
 
-def inflation_table(
-    radius: float, scaling: float, inscribed: float, resolution: float, *, over_unknown: bool
-) -> InflationTable:
-    """Tabulate costs for an inflation ``radius`` [m] about a robot's ``inscribed`` radius [m].
+def inflation_table(layer: InflationLayer, inscribed: float, resolution: float) -> InflationTable:
+    """Tabulate costs about obstacles for a robot's ``inscribed`` radius [m].
 
     254 at the obstacle, 253 up to the inscribed radius, then 252 exp(-scaling (d - inscribed)),
     truncated. Raises ``ValueError`` for a radius of more than 250 cells.
     """
+    radius, scaling = layer.inflation_radius, layer.cost_scaling_factor
     cells = int(max(0.0, math.ceil(radius / resolution)))
     if cells > MAX_RADIUS:
         raise ValueError(
@@ -59,7 +66,7 @@ def inflation_table(
                 costs[i * i + j * j] = _cost(math.hypot(i, j), scaling, inscribed, resolution)
     rows = range(cells + 1)
     widths = np.array([math.isqrt(cells * cells - k * k) for k in rows], dtype=np.int32)
-    return InflationTable(cells, costs, widths, 1 if over_unknown else INSCRIBED)
+    return InflationTable(cells, costs, widths, 1 if layer.inflate_unknown else INSCRIBED)
 
 
 def _cost(distance: float, scaling: float, inscribed: float, resolution: float) -> int:
@@ -82,136 +89,56 @@ def combine_costs(old: int, cost: int, least: int) -> int:
 
 
 @kernel
-def grow_window(changed: Integers, x: int, y: int) -> None:
-    """Extend the half-open window ``changed`` to hold a cell."""
-    changed[0], changed[1] = min(changed[0], x), min(changed[1], y)
-    changed[2], changed[3] = max(changed[2], x + 1), max(changed[3], y + 1)
-
-
-@kernel
-def stamp_costs(
-    master: Cells,
-    shape: tuple[int, int],
-    x: int,
-    y: int,
-    costs: Cells,
-    widths: Integers,
-    least: int,
-    changed: Integers,
-) -> None:
+def stamp_costs(master: Grid, table: InflationTable, x: int, y: int, changed: Numbers) -> None:
     """Write the costs around one lethal cell."""
-    rows, columns = shape
-    radius = widths.shape[0] - 1
-    for r in range(max(0, y - radius), min(rows, y + radius + 1)):
+    rows, columns = master.frame.rows, master.frame.columns
+    for r in range(max(0, y - table.radius), min(rows, y + table.radius + 1)):
         up2 = (r - y) * (r - y)
-        width = widths[abs(r - y)]
+        width = int(np.int64(table.widths[abs(r - y)]))
         for c in range(max(0, x - width), min(columns, x + width + 1)):
             cell = r * columns + c
-            old = cell_value(master, cell)
-            new = combine_costs(old, cell_value(costs, up2 + (c - x) * (c - x)), least)
+            old = cell_value(master.cells, cell)
+            cost = cell_value(table.costs, up2 + (c - x) * (c - x))
+            new = combine_costs(old, cost, table.least)
             if new != old:
-                master[cell] = new
+                master.cells[cell] = new
                 grow_window(changed, c, r)
 
 
 @kernel
-def inflate(
-    master: Cells,
-    shape: tuple[int, int],
-    x0: int,
-    y0: int,
-    x1: int,
-    y1: int,
-    costs: Cells,
-    widths: Integers,
-    least: int,
-    changed: Integers,
-) -> None:
-    """Write costs around the lethal cells of the half-open window (x0, y0, x1, y1) and beyond it.
+def inflate(master: Grid, table: InflationTable, window: Window, changed: Numbers) -> None:
+    """Write costs in a window and around it, for the lethal cells that reach into it.
 
-    A lethal cell between four others is nobody's nearest and is passed over.
+    A lethal cell between four others is nobody's nearest and is passed over. ``changed`` grows to
+    what was written.
     """
-    columns = shape[1]
-    if widths.shape[0] < 2:
-        return
+    cells, columns = master.cells, master.frame.columns
+    x0, y0, x1, y1 = reach_of(window, table.radius, master.frame)
     for r in range(y0, y1):
         for c in range(x0, x1):
             cell = r * columns + c
-            if master[cell] != LETHAL:
+            if cells[cell] != LETHAL:
                 continue
             inner = r > y0 and r + 1 < y1 and c > x0 and c + 1 < x1
             if (
                 inner
-                and master[cell - 1] == LETHAL
-                and master[cell + 1] == LETHAL
-                and master[cell - columns] == LETHAL
-                and master[cell + columns] == LETHAL
+                and cells[cell - 1] == LETHAL
+                and cells[cell + 1] == LETHAL
+                and cells[cell - columns] == LETHAL
+                and cells[cell + columns] == LETHAL
             ):
                 continue
-            stamp_costs(master, shape, c, r, costs, widths, least, changed)
+            stamp_costs(master, table, c, r, changed)
 
 
 @kernel
-def column_gaps(master: Cells, shape: tuple[int, int], radius: int, gaps: Cells) -> None:
+def column_gaps(master: Grid, radius: int, gaps: Cells) -> None:
     """Write each cell's distance to the nearest lethal cell of its column, at most radius + 1."""
-    rows, columns = shape
+    cells, rows, columns = master.cells, master.frame.rows, master.frame.columns
     far = radius + 1
     for c in range(columns):
-        gaps[c] = 0 if master[c] == LETHAL else far
+        gaps[c] = 0 if cells[c] == LETHAL else far
     for cell in range(columns, rows * columns):
-        gaps[cell] = 0 if master[cell] == LETHAL else min(far, cell_value(gaps, cell - columns) + 1)
+        gaps[cell] = 0 if cells[cell] == LETHAL else min(far, cell_value(gaps, cell - columns) + 1)
     for cell in range((rows - 1) * columns - 1, -1, -1):
         gaps[cell] = min(cell_value(gaps, cell), cell_value(gaps, cell + columns) + 1)
-
-
-@kernel
-def close_gaps(gaps: Cells, shape: tuple[int, int], x: int, y: int, radius: int) -> None:
-    """Keep the column distances true when the cell becomes lethal."""
-    rows, columns = shape
-    for r in range(max(0, y - radius), min(rows, y + radius + 1)):
-        cell = r * columns + x
-        gaps[cell] = min(cell_value(gaps, cell), abs(r - y))
-
-
-@kernel
-def open_gaps(gaps: Cells, shape: tuple[int, int], x: int, y: int, radius: int) -> None:
-    """Keep the column distances true when the cell stops being lethal."""
-    rows, columns = shape
-    below, above = y - 1, y + 1
-    lowest, highest = max(-1, y - 2 * radius - 1), min(rows, y + 2 * radius + 1)
-    while below > lowest and gaps[below * columns + x] != 0:
-        below -= 1
-    while above < highest and gaps[above * columns + x] != 0:
-        above += 1
-    # Cells up to one radius away lose this one as their nearest, and to them the next one matters
-    # up to one radius further.
-    # Where the search ended without a lethal cell, none is near enough to matter.
-    under, over = below > lowest, above < highest
-    for r in range(max(below + 1, y - radius), min(above, y + radius + 1)):
-        gap = radius + 1
-        if under:
-            gap = min(gap, r - below)
-        if over:
-            gap = min(gap, above - r)
-        gaps[r * columns + x] = gap
-
-
-@kernel
-def cost_at(gaps: Cells, shape: tuple[int, int], x: int, y: int, costs: Cells, radius: int) -> int:
-    """Return the cost of the nearest lethal cell, 0 beyond the inflation radius."""
-    columns = shape[1]
-    row = y * columns
-    none = radius * radius + 1
-    gap = cell_value(gaps, row + x)
-    best = min(none, gap * gap)
-    for k in range(1, radius + 1):
-        aside2 = k * k
-        if aside2 >= best:
-            break
-        if x >= k:
-            gap = cell_value(gaps, row + x - k)
-            best = min(best, aside2 + gap * gap)
-        if x + k < columns:
-            gap = cell_value(gaps, row + x + k)
-            best = min(best, aside2 + gap * gap)
-    return cell_value(costs, best) if best < none else 0

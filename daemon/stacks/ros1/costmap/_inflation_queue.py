@@ -15,14 +15,22 @@ import numpy as np
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import LETHAL
-from daemon.stacks.ros1.costmap._inflation import combine_costs, grow_window
-from daemon.stacks.ros1.costmap._obstacle_layer import Cells, cell_value
+from daemon.stacks.ros1.costmap._grids import (
+    Grid,
+    Numbers,
+    Window,
+    cell_value,
+    grow_window,
+    reach_of,
+)
+from daemon.stacks.ros1.costmap._inflation import InflationTable, combine_costs
 
 # Of a cell is kept how many columns right of and rows above its obstacle it lies, in one number.
 _ZERO: Final = 512
 _COLUMN_BITS, _ROW_MASK = 16, 0xFFFF
 _UNREACHED: Final = -1
 _OFF_GRID: Final = -2
+_AT_OBSTACLE: Final = (_ZERO << _COLUMN_BITS) | _ZERO
 
 
 @kernel
@@ -78,40 +86,27 @@ def _leave(bins: Integers, links: Integers, squared: int, cell: int) -> None:
 
 
 @kernel
-def inflate_in_order(
-    master: Cells,
-    shape: tuple[int, int],
-    x0: int,
-    y0: int,
-    x1: int,
-    y1: int,
-    costs: Cells,
-    radius: int,
-    least: int,
-    changed: Integers,
-) -> None:
-    """Write costs around the lethal cells of the half-open window (x0, y0, x1, y1) and beyond it.
-
-    Parameters as for :func:`._inflation.inflate`; ``radius`` [cells] is that of the table.
-    """
-    if radius == 0:
-        return
-    rows, columns = shape
+def inflate_in_order(master: Grid, table: InflationTable, window: Window, changed: Numbers) -> None:
+    """Write costs in a window and around it, as :func:`._inflation.inflate` does."""
+    rows, columns, radius = master.frame.rows, master.frame.columns, table.radius
+    x0, y0, x1, y1 = reach_of(window, radius, master.frame)
     left, low = max(0, x0 - radius), max(0, y0 - radius)
     right, high = min(columns, x1 + radius), min(rows, y1 + radius)
     width = right - left + 2
     size = (high - low + 2) * width
     # A frame of one cell around what the window reaches spares looking for its edges.
-    offsets = np.full(size, np.int32(_OFF_GRID), dtype=np.int32)
+    offsets = np.empty(size, dtype=np.int32)
+    offsets[:] = _OFF_GRID
     links = np.empty((2, size), dtype=np.int32)
     farthest = radius * radius
-    bins = np.full((2, farthest + 1), np.int32(-1), dtype=np.int32)
+    bins = np.empty((2, farthest + 1), dtype=np.int32)
+    bins[:] = -1
     for r in range(low, high):
         place, cell = r * columns + left, (r - low + 1) * width + 1
         for c in range(left, right):
-            if master[place] == LETHAL and x0 <= c < x1 and y0 <= r < y1:
-                offsets[cell] = _offset(0, 0)
-                _wait(bins, links, 0, cell)
+            if master.cells[place] == LETHAL and x0 <= c < x1 and y0 <= r < y1:
+                offsets[cell] = _AT_OBSTACLE
+                _wait(bins, links, int(np.int64(0)), cell)
             else:
                 offsets[cell] = _UNREACHED
             place += 1
@@ -121,10 +116,10 @@ def inflate_in_order(
         while cell >= 0:
             r, c = cell // width - 1 + low, cell % width - 1 + left
             place = r * columns + c
-            old = cell_value(master, place)
-            new = combine_costs(old, cell_value(costs, squared), least)
+            old = cell_value(master.cells, place)
+            new = combine_costs(old, cell_value(table.costs, squared), table.least)
             if new != old:
-                master[place] = new
+                master.cells[place] = new
                 grow_window(changed, c, r)
             x, y = _columns(offsets[cell]), _rows(offsets[cell])
             for turn in range(4):

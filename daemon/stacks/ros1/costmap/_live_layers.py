@@ -6,60 +6,153 @@ be redone (``updateBounds``); merging and inflating are the costmap's (:mod:`._c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import FREE_SPACE, NO_INFORMATION
+from daemon.stacks.kernels import Singles, machine_code
+from daemon.stacks.ros1.cost_grid import NO_INFORMATION
+from daemon.stacks.ros1.costmap._grids import Cells, Changes, Frame, Grid, Numbers, Window
 from daemon.stacks.ros1.costmap._inflation import InflationTable
-from daemon.stacks.ros1.costmap._observations import Hears, ObservationTable, PackedScans
-from daemon.stacks.ros1.costmap._obstacle_layer import Cells, observe
-from daemon.stacks.ros1.costmap._static_layer import map_costs
-from daemon.stacks.ros1.costmap._voxel_layer import UNKNOWN_COLUMN, heights_of, observe_voxels
-from daemon.stacks.ros1.costmap.layers import ObstacleLayer, StaticLayer, VoxelLayer
-from daemon.stacks.ros1.costmap.master_grid import (
-    MAXIMUM,
-    NOTHING,
-    OVERWRITE,
-    REPLACE,
-    extend_for_inflation,
+from daemon.stacks.ros1.costmap._observations import (
+    Hears,
+    Observation,
+    ObservationTable,
+    SensedScan,
 )
+from daemon.stacks.ros1.costmap._obstacle_layer import (
+    Laser,
+    clear_rays,
+    free_footprint,
+    mark,
+    project,
+)
+from daemon.stacks.ros1.costmap._static_layer import map_grid
+from daemon.stacks.ros1.costmap._voxel_layer import (
+    UNKNOWN_COLUMN,
+    Columns,
+    Voxels,
+    clear_voxels,
+    mark_voxels,
+    voxels_of,
+)
+from daemon.stacks.ros1.costmap.layers import ObstacleLayer, StaticLayer, VoxelLayer
+from daemon.stacks.ros1.costmap.master_grid import MAXIMUM, NOTHING, OVERWRITE, REPLACE
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
 
-NOWHERE: Final = np.array((1e30, 1e30, -1e30, -1e30))
+_NOWHERE: Final = np.array((1e30, 1e30, -1e30, -1e30))
 """Bounds of nothing [m] (costmap_2d uses the same numbers)."""
-_NO_FOOTPRINT: Final = np.empty((0, 2))
+_FAR: Final = float(np.finfo(np.float32).max)
+_EVERYWHERE: Final = (-_FAR, -_FAR, _FAR, _FAR)
+"""Bounds of a map that is to be redone as a whole [m] (costmap_2d uses the same numbers)."""
+_NO_LASER: Final = Laser(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_POINTS: Final = np.empty((0, 2), dtype=np.float32)
 
 
-@dataclass(slots=True, eq=False)
+class EndPoints:
+    """The scans of a cycle, with the end points of their rays in the costmap's frame."""
+
+    def __init__(self) -> None:
+        self.scans: Sequence[SensedScan] = ()
+        self._directions: dict[str, tuple[Floats, Floats]] = {}
+        self._room: Singles = _NO_POINTS
+        self._last: tuple[int, bool, bool] | None = None
+        self._reaching = _NO_LASER, _NO_POINTS
+        self._project = machine_code(
+            project, _NO_LASER, np.empty(0, np.float32), np.empty((0, 2)), False, _NO_POINTS
+        )
+
+    def take(self, scans: Sequence[SensedScan]) -> None:
+        """Take the scans; raises ``ValueError`` for one with more or fewer ranges than angles."""
+        self.scans, self._last = scans, None
+        for scan in scans:
+            if len(scan.ranges) != len(scan.angles):
+                raise ValueError(
+                    f"{len(scan.ranges)} ranges at {len(scan.angles)} angles are no scan"
+                )
+
+    def reaching(self, seen: Observation) -> tuple[Laser, Singles]:
+        """Return the laser and the end points (n, 2) [m] that reach the source.
+
+        They are overwritten when those of another scan are asked for.
+        """
+        if self._last == (seen.scan, seen.source.inf_is_valid, seen.has_points):
+            return self._reaching
+        self._last = seen.scan, seen.source.inf_is_valid, seen.has_points
+        scan, count = self.scans[seen.scan], 0
+        pose = scan.pose
+        laser = Laser(pose.x, pose.y, pose.yaw, scan.height, scan.range_min, scan.range_max)
+        if seen.has_points:
+            if len(self._room) < len(scan.ranges):
+                self._room = np.empty((len(scan.ranges), 2), dtype=np.float32)
+            # Machine code takes the ranges for what it was compiled for, whatever they are.
+            ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
+            count = self._project(
+                laser, ranges, self._rays(scan), seen.source.inf_is_valid, self._room
+            )
+        self._reaching = laser, self._room[:count]
+        return self._reaching
+
+    def _rays(self, scan: SensedScan) -> Floats:
+        """Return unit vectors (n, 2) along the rays; a laser keeps its angles for a run."""
+        angles, directions = self._directions.get(scan.laser, (None, None))
+        if directions is None or angles is not scan.angles:
+            directions = np.column_stack((np.cos(scan.angles), np.sin(scan.angles)))
+            self._directions[scan.laser] = scan.angles, directions
+        return directions
+
+
 class Workspace:
-    """What the layers of one costmap share: its grid, the cycle's bounds, the list of changes."""
+    """Values that the layers of one costmap share: the cycle's scans and the list of changes."""
 
-    shape: tuple[int, int]
-    frame: Floats
-    """x, y of the lower left corner and the resolution [m]."""
-    flags: Cells
-    queue: Integers
-    bounds: Floats = field(default_factory=NOWHERE.copy)
-    """Of the cycle [m]: x0, y0, x1, y1."""
-    base: Floats = field(default_factory=lambda: np.zeros(3))
-    """x, y, yaw of the base in the costmap's frame."""
-    first: Integers = field(init=False)
-    last: Integers = field(init=False)
-    """Room for the spans of a polygon."""
+    def __init__(self, rows: int, columns: int) -> None:
+        size = rows * columns
+        self.changes = Changes(
+            np.zeros(size, dtype=np.uint8),
+            np.empty(size, dtype=np.int32),
+            np.zeros(2, dtype=np.int64),
+            np.empty(4),
+        )
+        self.spans: Numbers = np.zeros((2, columns), dtype=np.int64)
+        """Room for the spans of a polygon."""
+        self.base = Pose2()
+        """Of the robot, in the costmap's frame."""
+        self.end_points = EndPoints()
 
-    def __post_init__(self) -> None:
-        self.first = np.zeros(self.shape[1], dtype=np.int32)
-        self.last = np.zeros(self.shape[1], dtype=np.int32)
+    def begin(self, base: Pose2, scans: Sequence[SensedScan]) -> None:
+        """Begin a cycle; raises ``ValueError`` for scans that are none."""
+        self.base = base
+        self.changes.bounds[:] = _NOWHERE
+        self.end_points.take(scans)
 
     def extend(self, x0: float, y0: float, x1: float, y1: float) -> None:
         """Let the bounds hold a rectangle [m]."""
-        bounds = self.bounds
+        bounds = self.changes.bounds
         bounds[0], bounds[1] = min(bounds[0], x0), min(bounds[1], y0)
         bounds[2], bounds[3] = max(bounds[2], x1), max(bounds[3], y1)
+
+    def window(self, frame: Frame) -> Window:
+        """Return the window of a grid's cells that the bounds touch.
+
+        Empty bounds (lower above upper) make an empty window.
+        """
+        x0, y0, x1, y1 = self.changes.bounds.tolist()
+        return (
+            _cell(x0, frame.left, frame.resolution, frame.columns),
+            _cell(y0, frame.low, frame.resolution, frame.rows),
+            min(frame.columns, _cell(x1, frame.left, frame.resolution, frame.columns) + 1),
+            min(frame.rows, _cell(y1, frame.low, frame.resolution, frame.rows) + 1),
+        )
+
+
+def _cell(at: float, begin: float, resolution: float, cells: int) -> int:
+    """Return the row or column nearest to a coordinate [m]."""
+    away = at - begin
+    if away < 0.0:
+        return 0
+    return cells - 1 if at >= resolution * cells + begin else int(away / resolution)
 
 
 class _ClearedBounds:
@@ -68,11 +161,10 @@ class _ClearedBounds:
     def __init__(self) -> None:
         self._bounds: tuple[float, float, float, float] | None = None
 
-    def note(self, shape: tuple[int, int], frame: Floats) -> None:
-        left, low, resolution = frame.tolist()
-        rows, columns = shape
-        right, high = left + (columns - 0.5) * resolution, low + (rows - 0.5) * resolution
-        self._bounds = (left, low, right, high)
+    def note(self, frame: Frame) -> None:
+        right = frame.left + (frame.columns - 0.5) * frame.resolution
+        high = frame.low + (frame.rows - 0.5) * frame.resolution
+        self._bounds = (frame.left, frame.low, right, high)
 
     def use(self, work: Workspace) -> bool:
         """Extend the cycle's bounds by what was cleared; tell whether anything was."""
@@ -83,15 +175,13 @@ class _ClearedBounds:
         return True
 
 
-def _clear_area(
-    cells: Cells, shape: tuple[int, int], frame: Floats, base: Pose2, side: float, *, inside: bool
-) -> None:
+def _clear_area(grid: Grid, base: Pose2, side: float, *, inside: bool) -> None:
     """Make cells outside (or ``inside``) a square of ``side`` [m] around ``base`` unknown.
 
     Unknown in a layer lets those below show through; free would hide them. The rim of the square
     counts as outside (``CostmapLayer::clearArea``).
     """
-    left, low, resolution = frame.tolist()
+    _, _, left, low, resolution = grid.frame
     x0, y0 = base.x - side / 2.0, base.y - side / 2.0
     begin = int((x0 - left) / resolution), int((y0 - low) / resolution)
     end = int((x0 + side - left) / resolution), int((y0 + side - low) / resolution)
@@ -99,26 +189,30 @@ def _clear_area(
         slice(max(0, begin[1] + 1), max(0, end[1])),
         slice(max(0, begin[0] + 1), max(0, end[0])),
     )
-    grid = cells.reshape(shape)
+    cells = grid.cells.reshape(grid.frame[:2])
     if inside:
-        grid[square] = NO_INFORMATION
+        cells[square] = NO_INFORMATION
         return
-    kept = grid[square].copy()
-    grid[:] = NO_INFORMATION
-    grid[square] = kept
+    inner = cells[square].copy()
+    cells[:] = NO_INFORMATION
+    cells[square] = inner
 
 
 class MapLayer:
-    """A static layer; ``cells`` are its own where the grid follows the robot, else the grid's."""
+    """A static layer over the costs of the map, the ``grid``.
 
-    def __init__(self, layer: StaticLayer, world: OccupancyGrid, *, rolling: bool) -> None:
+    The costmap merges its ``row`` of cells, or without one shows the map under its moving window.
+    """
+
+    def __init__(self, layer: StaticLayer, world: OccupancyGrid, row: Cells | None) -> None:
         self.name = layer.name
         self.maximum = layer.use_maximum
         self.method = MAXIMUM if layer.use_maximum else REPLACE
-        self.cells = map_costs(world.cells, track_unknown=layer.track_unknown_space)
-        self.shape = (int(world.cells.shape[0]), int(world.cells.shape[1]))
-        self.frame = np.array((world.x, world.y, world.resolution))
-        self._rolling, self._new, self._cleared = rolling, True, _ClearedBounds()
+        self.grid = map_grid(world, track_unknown=layer.track_unknown_space)
+        if row is not None:
+            row[:] = self.grid.cells
+            self.grid = self.grid._replace(cells=row)
+        self._rolling, self._new, self._cleared = row is None, True, _ClearedBounds()
 
     def extend_bounds(self, work: Workspace) -> None:
         """Ask for the whole map when it is new or cleared, under a moving window always.
@@ -127,8 +221,7 @@ class MapLayer:
         """
         if not self._cleared.use(work) and not self._new and not self._rolling:
             return
-        left, low, resolution = self.frame.tolist()
-        rows, columns = self.shape
+        rows, columns, left, low, resolution = self.grid.frame
         work.extend(
             left + 0.5 * resolution,
             low + 0.5 * resolution,
@@ -139,55 +232,81 @@ class MapLayer:
 
     def clear(self, base: Pose2, side: float, *, inside: bool) -> None:
         """Forget the map outside (or ``inside``) a square of ``side`` [m], for good."""
-        _clear_area(self.cells, self.shape, self.frame, base, side, inside=inside)
-        self._cleared.note(self.shape, self.frame)
+        _clear_area(self.grid, base, side, inside=inside)
+        self._cleared.note(self.grid.frame)
 
 
 class SensedLayer:
-    """An obstacle or a voxel layer; ``cells`` are the costmap's row for it."""
+    """An obstacle or a voxel layer on a ``grid`` whose cells are the costmap's row for it.
+
+    ``default`` is its value of cells it never saw.
+    """
 
     def __init__(
-        self, layer: ObstacleLayer, default: int, footprint: Floats, hears: Hears | None
+        self,
+        layer: ObstacleLayer,
+        default: int,
+        footprint: Floats,
+        hears: Hears | None,
+        grid: Grid,
+        work: Workspace,
     ) -> None:
-        self.name = layer.name
-        self.default = default
-        """What the layer says of a cell it never saw."""
+        self.name, self.default, self.grid = layer.name, default, grid
+        grid.cells[:] = default
         known = layer.combination_method in (OVERWRITE, MAXIMUM)
         self.method = layer.combination_method if known else NOTHING
-        cleared = footprint if layer.footprint_clearing_enabled else _NO_FOOTPRINT
-        self._footprint = np.ascontiguousarray(cleared, dtype=np.float64)
+        self._footprint = np.ascontiguousarray(footprint, dtype=np.float64)
+        self._frees_footprint = layer.footprint_clearing_enabled
         self._heard, self._cleared = ObservationTable(layer, hears), _ClearedBounds()
-        self._heights = heights_of(layer) if isinstance(layer, VoxelLayer) else None
-        self.cells: Cells = np.empty(0, dtype=np.uint8)
-        self.voxels = np.empty(0, dtype=np.uint32)
+        self._voxels: Voxels | None = None
+        kernels: tuple[Callable[..., None], ...] = (clear_rays, mark)
+        if isinstance(layer, VoxelLayer):
+            self._voxels = voxels_of(layer, grid.cells.size)
+            kernels = (clear_voxels, mark_voxels)
+        sample = (*self._target(work), _NO_LASER, _NO_POINTS, 0.0)
+        self._clear, self._mark = (machine_code(each, *sample) for each in kernels)
+        self._free = machine_code(
+            free_footprint, grid, work.changes, self._footprint, 0.0, 0.0, 0.0, work.spans
+        )
 
-    def attach(self, cells: Cells) -> None:
-        """Take the row of the costmap's cells that is this layer's."""
-        self.cells = cells
-        cells[:] = self.default
-        if self._heights is not None:
-            self.voxels = np.full(cells.size, UNKNOWN_COLUMN, dtype=np.uint32)
+    def _target(self, work: Workspace) -> tuple[Grid | Changes | Voxels, ...]:
+        """Return the records that clearing and marking change."""
+        if self._voxels is None:
+            return self.grid, work.changes
+        return self.grid, work.changes, self._voxels
 
-    def extend_bounds(self, work: Workspace, packed: PackedScans, listed: int) -> int:
-        """Take in what was heard; return how many changed cells are on the list now."""
+    def extend_bounds(self, work: Workspace) -> None:
+        """Take in what was heard."""
         self._cleared.use(work)
-        rows = self._heard.rows(packed)
-        if self._heights is None:
-            return observe(
-                self.cells, work.shape, work.frame, packed.ranges, packed.directions, work.base,
-                packed.table, rows, packed.points, self._footprint, work.first, work.last,
-                work.bounds, work.flags, work.queue, listed,
-            )  # fmt: skip
-        return observe_voxels(
-            self.cells, self.voxels, self._heights, work.shape, work.frame, packed.ranges,
-            packed.directions, work.base, packed.table, rows, packed.points, self._footprint,
-            work.first, work.last, work.bounds, work.flags, work.queue, listed,
-        )  # fmt: skip
+        target, points = self._target(work), work.end_points
+        observations = self._heard.observations(points.scans)
+        # All sources clear before any marks, as in ``updateBounds``: marked cells survive the rays
+        # of other sources.
+        for seen in observations:
+            if seen.source.clearing:
+                self._clear(*target, *points.reaching(seen), seen.source.raytrace_range)
+        for seen in observations:
+            if seen.marks:
+                self._mark(*target, *points.reaching(seen), seen.source.obstacle_range)
+        # The footprint last: where the robot stands is free, whatever was marked there. Its columns
+        # of voxels stay as they are.
+        if self._frees_footprint:
+            base = work.base
+            self._free(
+                self.grid, work.changes, self._footprint, base.x, base.y, base.yaw, work.spans
+            )
 
-    def clear(self, work: Workspace, base: Pose2, side: float, *, inside: bool) -> None:
+    def shift(self, frame: Frame, right: int, up: int) -> None:
+        """Move to ``frame``, which lies ``right`` and ``up`` [cells] of the last."""
+        shift_cells(self.grid.cells, frame, right, up, self.default)
+        if self._voxels is not None:
+            shift_cells(self._voxels.columns, frame, right, up, UNKNOWN_COLUMN)
+        self.grid = Grid(self.grid.cells, frame)
+
+    def clear(self, base: Pose2, side: float, *, inside: bool) -> None:
         """Forget obstacles outside (or ``inside``) a square of ``side`` [m]; columns stay."""
-        _clear_area(self.cells, work.shape, work.frame, base, side, inside=inside)
-        self._cleared.note(work.shape, work.frame)
+        _clear_area(self.grid, base, side, inside=inside)
+        self._cleared.note(self.grid.frame)
 
 
 class InflatingLayer:
@@ -196,24 +315,29 @@ class InflatingLayer:
     def __init__(self, name: str, radius: float, table: InflationTable) -> None:
         self.name, self.table = name, table
         self._radius = radius
-        self._last = NOWHERE.copy()
-        self._everything = True
+        self._last: tuple[float, ...] | None = None
 
     def extend_bounds(self, work: Workspace) -> None:
-        """Ask for what inflation may change; for everything in the first cycle."""
-        extend_for_inflation(work.bounds, self._last, self._radius, self._everything)
-        self._everything = False
+        """Ask for what inflation may change; for everything in the first cycle.
+
+        That is ``radius`` [m] around the bounds of this cycle and of the last.
+        """
+        bounds, radius = work.changes.bounds, self._radius
+        last, self._last = self._last, bounds.tolist()
+        if last is None:
+            bounds[:] = _EVERYWHERE
+            return
+        (x0, y0, x1, y1), (u0, v0, u1, v1) = self._last, last
+        bounds[0], bounds[1] = min(x0, u0) - radius, min(y0, v0) - radius
+        bounds[2], bounds[3] = max(x1, u1) + radius, max(y1, v1) + radius
 
 
 LiveLayer: TypeAlias = MapLayer | SensedLayer | InflatingLayer
 
 
-def shift_cells(
-    cells: np.ndarray, shape: tuple[int, int], right: int, up: int, default: int
-) -> None:
-    """Move flat ``cells`` so that their window goes ``right`` and ``up`` [cells]."""
-    rows, columns = shape
-    grid = cells.reshape(shape)
+def shift_cells(cells: Cells | Columns, frame: Frame, right: int, up: int, default: int) -> None:
+    """Move ``cells`` as the window of their ``frame`` goes ``right`` and ``up`` [cells]."""
+    rows, columns = frame[:2]
     if abs(up) >= rows or abs(right) >= columns:
         cells[:] = default
         return
@@ -224,22 +348,6 @@ def shift_cells(
         cells[:-away] = cells[away:]
     elif away < 0:
         cells[-away:] = cells[:away]
-    grid[rows - up if up > 0 else 0 : rows if up > 0 else -up] = default
-    grid[:, columns - right if right > 0 else 0 : columns if right > 0 else -right] = default
-
-
-def merged_start(layers: tuple[LiveLayer, ...], size: int, default: int) -> Cells:
-    """Return the merged cells before anything was seen."""
-    below = np.full(size, default, dtype=np.uint8)
-    for layer in layers:
-        if isinstance(layer, InflatingLayer) or layer.method == NOTHING:
-            continue
-        if layer.method == REPLACE:
-            below[:] = layer.cells
-        elif isinstance(layer, MapLayer):
-            known, unknown = layer.cells != NO_INFORMATION, below == NO_INFORMATION
-            below = np.where(known & (unknown | (below < layer.cells)), layer.cells, below)
-        elif layer.default == FREE_SPACE:
-            everywhere = layer.method == OVERWRITE
-            below[slice(None) if everywhere else below == NO_INFORMATION] = FREE_SPACE
-    return below
+    table = cells.reshape(rows, columns)
+    table[rows - up if up > 0 else 0 : rows if up > 0 else -up] = default
+    table[:, columns - right if right > 0 else 0 : columns if right > 0 else -right] = default

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:  # kernels load the compiler
 Hears: TypeAlias = Callable[[str], Collection[str]]
 """From a topic to the names of the lasers that are published on it."""
 _NANOSECONDS: Final = 1_000_000_000
-SCAN_COLUMNS: Final = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,59 +48,18 @@ class SensedScan:
     received: float | None = None
 
 
-class PackedScans:
-    """Scans in flat arrays for the kernels: ``ranges``, unit vectors ``directions`` of the rays.
+class Observation(NamedTuple):
+    """A scan, by its number, as one source of an obstacle layer knows it."""
 
-    ``table`` has a row for each scan, columns as in the kernels' module; ``points`` has room for
-    the end points of the rays of any of them.
-    """
-
-    def __init__(self) -> None:
-        self.scans: Sequence[SensedScan] = ()
-        self.ranges: Singles = np.empty(0, dtype=np.float32)
-        self.directions: Floats = np.empty((0, 2))
-        self.points: Singles = np.empty((0, 2), dtype=np.float32)
-        self.table: Floats = np.zeros((1, SCAN_COLUMNS))
-        self._angles: dict[str, Floats] = {}
-        self._begins: dict[str, int] = {}
-
-    def take(self, scans: Sequence[SensedScan]) -> None:
-        """Pack ``scans``; raises ``ValueError`` for one with more or fewer ranges than angles."""
-        self.scans = scans
-        if len(scans) > len(self.table):
-            self.table = np.zeros((2 * len(scans), SCAN_COLUMNS))
-        first = 0
-        for number, scan in enumerate(scans):
-            if self._angles.get(scan.laser) is not scan.angles:
-                self._take_angles(scans)
-            rays, pose = len(scan.ranges), scan.pose
-            if rays != len(scan.angles):
-                raise ValueError(f"{rays} ranges at {len(scan.angles)} angles are no scan")
-            self.table[number] = (
-                *(pose.x, pose.y, pose.yaw, scan.range_min, scan.range_max, scan.height),
-                *(first, rays, self._begins[scan.laser]),
-            )
-            first += rays
-        if len(scans) == 1:
-            self.ranges = scans[0].ranges
-        elif scans:
-            self.ranges = np.concatenate([scan.ranges for scan in scans])
-
-    def _take_angles(self, scans: Sequence[SensedScan]) -> None:
-        """Work out where the rays of every laser point; a laser keeps its angles for a run."""
-        self._angles.update({scan.laser: scan.angles for scan in scans})
-        begin = 0
-        for laser, angles in self._angles.items():
-            self._begins[laser] = begin
-            begin += len(angles)
-        packed = np.concatenate(list(self._angles.values()))
-        self.directions = np.column_stack((np.cos(packed), np.sin(packed)))
-        most = max(len(angles) for angles in self._angles.values())
-        self.points = np.empty((most, 2), dtype=np.float32)
+    scan: int
+    source: ObservationSource
+    has_points: bool
+    """Whether its returns reach the source."""
+    marks: bool
 
 
 class ObservationTable:
-    """The rows of one obstacle layer: what each of its sources knows of, in their order."""
+    """What each source of one obstacle layer knows of, in their order."""
 
     def __init__(self, layer: ObstacleLayer, hears: Hears | None) -> None:
         self._sources = tuple(
@@ -110,11 +68,10 @@ class ObservationTable:
         )
         self._max_height = layer.max_obstacle_height
         self._known: list[tuple[int, int, float]] = []
-        self._rows = _no_rows()
+        self._observations: list[Observation] = []
 
-    def rows(self, packed: PackedScans) -> Floats:
-        """Return the rows (n, 7), columns as in the kernels' module."""
-        scans = packed.scans
+    def observations(self, scans: Sequence[SensedScan]) -> list[Observation]:
+        """Return what the sources know of ``scans``, in the order of the original's buffers."""
         known = [
             (index, number, scans[number].height)
             for index, (source, lasers) in enumerate(self._sources)
@@ -123,21 +80,13 @@ class ObservationTable:
         # Mostly the same scans by number as in the cycle before: then nothing changes here.
         if known != self._known:
             self._known = known
-            self._rows = np.array([self._row(*item) for item in known]) if known else _no_rows()
-        return self._rows
+            self._observations = [self._observation(*item) for item in known]
+        return self._observations
 
-    def _row(self, index: int, number: int, height: float) -> tuple[float, ...]:
+    def _observation(self, index: int, number: int, height: float) -> Observation:
         source = self._sources[index][0]
-        return (
-            *(float(number), source.obstacle_range, source.raytrace_range),
-            float(source.marking and point_height(height) <= self._max_height),
-            *(float(source.clearing), float(source.inf_is_valid)),
-            float(hears_height(source, height)),
-        )
-
-
-def _no_rows() -> Floats:
-    return np.empty((0, 7))
+        marks = source.marking and point_height(height) <= self._max_height
+        return Observation(number, source, hears_height(source, height), marks)
 
 
 def kept_scans(

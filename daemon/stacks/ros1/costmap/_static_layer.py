@@ -7,20 +7,20 @@ import math
 import numpy as np
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
-from daemon.stacks.ros1.costmap._obstacle_layer import Cells, cell_value
+from daemon.stacks.ros1.costmap._grids import Frame, Grid, Window, cell_at, cell_value
 from grammars.model.geometry import Floats, Pose2
-from grammars.model.grid import OCCUPIED
+from grammars.model.grid import OCCUPIED, OccupancyGrid
 from grammars.model.grid import UNKNOWN as UNKNOWN_IN_MAP
 
 
-def map_costs(cells: np.ndarray, *, track_unknown: bool) -> Cells:
-    """Return flat costs of map cells: occupied is lethal, the rest free or, tracked, unknown."""
-    costs = np.zeros(cells.shape, dtype=np.uint8)
-    costs[cells == OCCUPIED] = LETHAL
-    costs[cells == UNKNOWN_IN_MAP] = NO_INFORMATION if track_unknown else FREE_SPACE
-    return costs.ravel()
+def map_grid(world: OccupancyGrid, *, track_unknown: bool) -> Grid:
+    """Return the costs of a map: occupied is lethal, the rest free or, tracked, unknown."""
+    costs = np.zeros(world.cells.shape, dtype=np.uint8)
+    costs[world.cells == OCCUPIED] = LETHAL
+    costs[world.cells == UNKNOWN_IN_MAP] = NO_INFORMATION if track_unknown else FREE_SPACE
+    rows, columns = world.cells.shape
+    return Grid(costs.ravel(), Frame(rows, columns, world.x, world.y, world.resolution))
 
 
 def placed(frame_in_map: Pose2) -> Floats:
@@ -36,33 +36,27 @@ def placed(frame_in_map: Pose2) -> Floats:
 
 
 @kernel
-def show_map(
-    master: Cells,
-    shape: tuple[int, int],
-    frame: Floats,
-    window: Integers,
-    costs: Cells,
-    map_shape: tuple[int, int],
-    map_frame: Floats,
-    to_map: Floats,
-    maximum: bool,
-) -> None:
-    """Write the map over the window of a master grid of another place, size or frame.
+def show_map(master: Grid, window: Window, world: Grid, to_map: Floats, maximum: bool) -> None:
+    """Write the map ``world`` over the window of a master grid of another place, size or frame.
 
     Each cell takes the value of the map cell its centre lies in; off the map it stays. With
     ``maximum`` the greater of the two values counts, of which unknown is the greatest
     (``StaticLayer::updateCosts`` in a rolling window).
     """
+    frame = master.frame
     for r in range(window[1], window[3]):
         for c in range(window[0], window[2]):
-            x, y = frame[0] + (c + 0.5) * frame[2], frame[1] + (r + 0.5) * frame[2]
-            u = to_map[0] * x + to_map[1] * y + to_map[2]
-            v = to_map[3] * x + to_map[4] * y + to_map[5]
-            if u < map_frame[0] or v < map_frame[1]:
+            x, y = (
+                frame.left + (c + 0.5) * frame.resolution,
+                frame.low + (r + 0.5) * frame.resolution,
+            )
+            column, row = cell_at(
+                world.frame,
+                to_map[0] * x + to_map[1] * y + to_map[2],
+                to_map[3] * x + to_map[4] * y + to_map[5],
+            )
+            if column < 0:
                 continue
-            i, j = int((u - map_frame[0]) / map_frame[2]), int((v - map_frame[1]) / map_frame[2])
-            if i >= map_shape[1] or j >= map_shape[0]:
-                continue
-            cell = r * shape[1] + c
-            value = cell_value(costs, j * map_shape[1] + i)
-            master[cell] = max(value, cell_value(master, cell)) if maximum else value
+            cell = r * frame.columns + c
+            value = cell_value(world.cells, row * world.frame.columns + column)
+            master.cells[cell] = max(value, cell_value(master.cells, cell)) if maximum else value

@@ -13,50 +13,67 @@ the lower half which are marked or unknown.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import Integers, Singles
+from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
-from daemon.stacks.ros1.costmap._obstacle_layer import (
-    CLEARING,
-    HEIGHT,
-    MARKING,
-    OBSTACLE_RANGE,
-    RAYTRACE_RANGE,
-    SCAN,
-    Cells,
-    free_footprint,
+from daemon.stacks.ros1.costmap._grids import (
+    Changes,
+    Frame,
+    Grid,
+    cell_at,
     grow_bounds,
-    project_row,
-    same_points,
-    set_cell,
+    note_change,
 )
+from daemon.stacks.ros1.costmap._obstacle_layer import Laser
 from daemon.stacks.ros1.costmap.layers import VoxelLayer
-from grammars.model.geometry import Floats
 
 Columns: TypeAlias = npt.NDArray[np.uint32]
+Place: TypeAlias = tuple[float, float, float]
+"""x, y and z, in metres or in cells and voxels."""
 _BITS = 16
 UNKNOWN_COLUMN = 0xFFFF
 """A column nobody has looked at: all voxels unknown, also those above its top."""
-_BOTTOM, _STEP, _LEVELS, _UNKNOWN, _MARKED, _MAX_HEIGHT = 0, 1, 2, 3, 4, 5
-"""Places in the array of heights."""
 
 
-def heights_of(layer: VoxelLayer) -> Floats:
-    """Return what the kernels need to know of a layer's columns."""
-    # The voxels above the top of a column stay unknown for ever, and are not to count.
-    unknown = layer.unknown_threshold + _BITS - layer.z_voxels
-    return np.array(
-        [
-            *(layer.origin_z, layer.z_resolution, layer.z_voxels),
-            *(unknown, layer.mark_threshold, layer.max_obstacle_height),
-        ],
-        dtype=np.float64,
+class Heights(NamedTuple):
+    """Voxels of height ``step`` from ``bottom`` on [m], ``levels`` of them in a column.
+
+    A cell is lethal with more than ``marked`` marked voxels, otherwise unknown with more than
+    ``unknown`` unknown ones. Rays are cut off at ``ceiling`` [m].
+    """
+
+    bottom: float
+    step: float
+    levels: int
+    unknown: int
+    marked: int
+    ceiling: float
+
+
+class Voxels(NamedTuple):
+    """The columns of a layer, one on each cell, and their heights."""
+
+    columns: Columns
+    heights: Heights
+
+
+def voxels_of(layer: VoxelLayer, cells: int) -> Voxels:
+    """Return columns nobody has looked at, one on each of so many ``cells``."""
+    heights = Heights(
+        layer.origin_z,
+        layer.z_resolution,
+        layer.z_voxels,
+        # The voxels above the top of a column stay unknown for ever, and are not to count.
+        layer.unknown_threshold + _BITS - layer.z_voxels,
+        layer.mark_threshold,
+        layer.max_obstacle_height,
     )
+    return Voxels(np.full(cells, UNKNOWN_COLUMN, dtype=np.uint32), heights)
 
 
 @kernel
@@ -80,18 +97,10 @@ def _ratio(numerator: float, denominator: float) -> float:
 
 @kernel
 def _clear_line(
-    layer: Cells,
-    voxels: Columns,
-    width: int,
-    begin: Floats,
-    end: Floats,
-    most: int,
-    heights: Floats,
-    flags: Cells,
-    queue: Integers,
-    queued: int,
-) -> int:
+    grid: Grid, changes: Changes, voxels: Voxels, begin: Place, end: Place, most: int
+) -> None:
     """Clear from ``begin`` to ``end`` (x, y, z in cells), at most ``most`` cells of the way."""
+    layer, columns, width = grid.cells, voxels.columns, grid.frame.columns
     x, y, level = int(begin[0]), int(begin[1]), int(begin[2])
     dx, dy, dz = int(end[0]) - x, int(end[1]) - y, int(end[2]) - level
     across, along, up = abs(dx), abs(dy), abs(dz)
@@ -115,14 +124,14 @@ def _clear_line(
     away = math.sqrt(a * a + b * b + c * c)
     scale = 1.0 if away == 0.0 else min(1.0, most / away)
     cell, second_error, third_error = y * width + x, lead // 2, lead // 2
-    unknown, marked = int(heights[_UNKNOWN]), int(heights[_MARKED])
+    unknown, marked = voxels.heights.unknown, voxels.heights.marked
     # The inside of this loop is no function of its own: arrays handed on for every voxel made it
     # ten times as slow.
     for _ in range(min(int(scale * lead), lead) + 1):
-        before = int(np.int64(voxels[cell]))
+        before = int(np.int64(columns[cell]))
         column = before & ~(0x10001 << level)
         if column != before:
-            voxels[cell] = column
+            columns[cell] = column
         # The cell follows unless too many other voxels of the column are marked.
         above = column >> _BITS
         if above == 0 or _count_bits(above) <= marked:
@@ -130,7 +139,8 @@ def _clear_line(
             if unknown < _BITS and _count_bits(above ^ (column & 0xFFFF)) > unknown:
                 value = NO_INFORMATION
             if layer[cell] != value:
-                queued = set_cell(layer, cell, value, flags, queue, queued)
+                layer[cell] = value
+                note_change(changes, cell)
         cell += cells_lead
         level += levels_lead
         second_error += second
@@ -142,174 +152,99 @@ def _clear_line(
             cell += cells_third
             level += levels_third
             third_error -= lead
-    return queued
 
 
 @kernel
-def _to_cells(
-    x: float, y: float, z: float, shape: tuple[int, int], frame: Floats, heights: Floats, to: Floats
-) -> bool:
-    """Write where a point [m] lies in cells and voxels; false off the grid."""
-    if x < frame[0] or y < frame[1] or z < heights[_BOTTOM]:
-        return False
-    to[0], to[1] = (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
-    to[2] = (z - heights[_BOTTOM]) / heights[_STEP]
-    return bool(to[0] < shape[1] and to[1] < shape[0] and to[2] < heights[_LEVELS])
+def _to_cells(frame: Frame, heights: Heights, x: float, y: float, z: float) -> tuple[bool, Place]:
+    """Return whether a point [m] is on the grid, and where it lies in cells and voxels."""
+    u, v = (x - frame.left) / frame.resolution, (y - frame.low) / frame.resolution
+    w = (z - heights.bottom) / heights.step
+    inside = x >= frame.left and y >= frame.low and z >= heights.bottom
+    return inside and u < frame.columns and v < frame.rows and w < heights.levels, (u, v, w)
 
 
 @kernel
-def _part_inside(
-    laser: Floats, way: Floats, end: Floats, shape: tuple[int, int], frame: Floats, heights: Floats
-) -> float:
-    """Return how much of the ``way`` from ``laser`` to ``end`` is in the grid to be raytraced."""
-    part = 1.0
-    if end[2] > heights[_MAX_HEIGHT]:
-        part = max(0.0, min(part, _ratio(heights[_MAX_HEIGHT] - 0.01 - laser[2], way[2])))
-    elif end[2] < heights[_BOTTOM]:
-        part = min(part, _ratio(heights[_BOTTOM] - laser[2], way[2]))
-    for k in range(2):
-        low = frame[k]
-        # The middle of the last cell: what costmap_2d takes for the size of a grid.
-        high = low + (shape[1 - k] - 1 + 0.5) * frame[2]
-        if end[k] < low:
-            part = min(part, _ratio(low - laser[k], way[k]))
-        if end[k] > high:
-            part = min(part, _ratio(high - laser[k], way[k]))
+def _cut(part: float, begin: float, end: float, low: float, cells: int, resolution: float) -> float:
+    """Return how much of ``part`` of the way from ``begin`` to ``end`` lies on the grid."""
+    # The middle of the last cell: what costmap_2d takes for the size of a grid.
+    high = low + (cells - 1 + 0.5) * resolution
+    if end < low:
+        part = min(part, _ratio(low - begin, end - begin))
+    if end > high:
+        part = min(part, _ratio(high - begin, end - begin))
     return part
 
 
 @kernel
-def _clear_rays(
-    layer: Cells,
-    voxels: Columns,
-    shape: tuple[int, int],
-    frame: Floats,
-    laser: Floats,
-    points: Singles,
-    count: int,
-    reach: float,
-    heights: Floats,
-    bounds: Floats,
-    flags: Cells,
-    queue: Integers,
-    queued: int,
-) -> int:
-    """Clear from ``laser`` (x, y, z) towards every end point."""
-    begin, end = np.empty(3), np.empty(3)
-    if count == 0 or not _to_cells(laser[0], laser[1], laser[2], shape, frame, heights, begin):
-        return queued
-    most = int(max(0.0, math.ceil(reach / frame[2])))
-    height = float(np.float32(laser[2]))
-    at, way = np.empty(3), np.empty(3)
-    for i in range(count):
-        at[0], at[1], at[2] = float(points[i, 0]), float(points[i, 1]), height
-        a, b, c = at[0] - laser[0], at[1] - laser[1], at[2] - laser[2]
+def _part_inside(
+    frame: Frame, heights: Heights, laser: Laser, x: float, y: float, z: float
+) -> float:
+    """Return how much of the way from the laser to a point [m] is in the grid to be raytraced."""
+    part = 1.0
+    if z > heights.ceiling:
+        above = heights.ceiling - 0.01 - laser.height
+        part = max(0.0, min(part, _ratio(above, z - laser.height)))
+    elif z < heights.bottom:
+        part = min(part, _ratio(heights.bottom - laser.height, z - laser.height))
+    part = _cut(part, laser.x, x, frame.left, frame.columns, frame.resolution)
+    return _cut(part, laser.y, y, frame.low, frame.rows, frame.resolution)
+
+
+@kernel
+def clear_voxels(
+    grid: Grid, changes: Changes, voxels: Voxels, laser: Laser, points: Singles, reach: float
+) -> None:
+    """Clear from the laser towards every end point."""
+    frame, heights = grid.frame, voxels.heights
+    ox, oy, oz = laser.x, laser.y, laser.height
+    inside, begin = _to_cells(frame, heights, ox, oy, oz)
+    if not inside:
+        return
+    most = int(max(0.0, math.ceil(reach / frame.resolution)))
+    height = np.float64(np.float32(oz))
+    for i in range(points.shape[0]):
+        x, y = np.float64(points[i, 0]), np.float64(points[i, 1])
+        a, b, c = x - ox, y - oy, height - oz
         away = math.sqrt(a * a + b * b + c * c)
         # A ray ends two cells before its return.
-        share = 0.0 if away == 0.0 else max(min(1.0, (away - 2.0 * frame[2]) / away), 0.0)
-        for k in range(3):
-            at[k] = share * (at[k] - laser[k]) + laser[k]
-            way[k] = at[k] - laser[k]
-        part = _part_inside(laser, way, at, shape, frame, heights)
-        for k in range(3):
-            at[k] = laser[k] + way[k] * part
-        if not _to_cells(at[0], at[1], at[2], shape, frame, heights, end):
+        share = 0.0 if away == 0.0 else max(min(1.0, (away - 2.0 * frame.resolution) / away), 0.0)
+        x, y, z = share * a + ox, share * b + oy, share * c + oz
+        part = _part_inside(frame, heights, laser, x, y, z)
+        x, y, z = ox + (x - ox) * part, oy + (y - oy) * part, oz + (z - oz) * part
+        inside, end = _to_cells(frame, heights, x, y, z)
+        if not inside:
             continue
-        queued = _clear_line(
-            layer, voxels, shape[1], begin, end, most, heights, flags, queue, queued
-        )
-        dx, dy = at[0] - laser[0], at[1] - laser[1]
+        _clear_line(grid, changes, voxels, begin, end, most)
+        dx, dy = x - ox, y - oy
         length = math.hypot(dx, dy)
         part = 1.0 if length == 0.0 else min(1.0, reach / length)
-        grow_bounds(bounds, laser[0] + dx * part, laser[1] + dy * part)
-    return queued
+        grow_bounds(changes.bounds, ox + dx * part, oy + dy * part)
 
 
 @kernel
-def _mark(
-    layer: Cells,
-    voxels: Columns,
-    shape: tuple[int, int],
-    frame: Floats,
-    laser: Floats,
-    points: Singles,
-    count: int,
-    reach: float,
-    heights: Floats,
-    bounds: Floats,
-    flags: Cells,
-    queue: Integers,
-    queued: int,
-) -> int:
-    """Mark the voxels of end points nearer than ``reach``; ``laser`` is x, y, z."""
-    height = float(np.float32(laser[2]))
-    level = (max(height, heights[_BOTTOM]) - heights[_BOTTOM]) / heights[_STEP]
-    if level >= heights[_LEVELS]:
-        return queued
+def mark_voxels(
+    grid: Grid, changes: Changes, voxels: Voxels, laser: Laser, points: Singles, reach: float
+) -> None:
+    """Mark the voxels of end points nearer than ``reach``."""
+    heights, height = voxels.heights, np.float64(np.float32(laser.height))
+    level = (max(height, heights.bottom) - heights.bottom) / heights.step
+    if level >= heights.levels:
+        return
     bits = 0x10001 << int(level)
-    left, low, resolution = frame[0], frame[1], frame[2]
-    up = height - laser[2]
-    for i in range(count):
-        px, py = float(points[i, 0]), float(points[i, 1])
-        dx, dy = px - laser[0], py - laser[1]
-        if dx * dx + dy * dy + up * up >= reach * reach or px < left or py < low:
+    up = height - laser.height
+    for i in range(points.shape[0]):
+        x, y = np.float64(points[i, 0]), np.float64(points[i, 1])
+        dx, dy = x - laser.x, y - laser.y
+        if dx * dx + dy * dy + up * up >= reach * reach:
             continue
-        x, y = int((px - left) / resolution), int((py - low) / resolution)
-        if x >= shape[1] or y >= shape[0]:
+        column, row = cell_at(grid.frame, x, y)
+        if column < 0:
             continue
-        cell = y * shape[1] + x
-        column = int(np.int64(voxels[cell])) | bits
-        voxels[cell] = column
-        if _count_bits(column >> _BITS) > heights[_MARKED]:
-            queued = set_cell(layer, cell, LETHAL, flags, queue, queued)
-            grow_bounds(bounds, px, py)
-    return queued
-
-
-@kernel
-def observe_voxels(
-    layer: Cells,
-    voxels: Columns,
-    heights: Floats,
-    shape: tuple[int, int],
-    frame: Floats,
-    ranges: Singles,
-    directions: Floats,
-    base: Floats,
-    scans: Floats,
-    heard: Floats,
-    points: Singles,
-    footprint: Floats,
-    first: Integers,
-    last: Integers,
-    bounds: Floats,
-    flags: Cells,
-    queue: Integers,
-    queued: int,
-) -> int:
-    """Bring the layer and its columns up to date, as ``observe`` of the obstacle layer does."""
-    count, projected = 0, -1
-    laser = np.empty(3)
-    for task in (CLEARING, MARKING):
-        for k in range(heard.shape[0]):
-            if heard[k, task] == 0.0:
-                continue
-            if not same_points(heard, k, projected):
-                count = project_row(ranges, directions, scans, heard, k, points)
-                projected = k
-            scan = scans[int(heard[k, SCAN])]
-            laser[0], laser[1], laser[2] = scan[0], scan[1], scan[HEIGHT]
-            if task == CLEARING:
-                queued = _clear_rays(
-                    layer, voxels, shape, frame, laser, points, count, heard[k, RAYTRACE_RANGE],
-                    heights, bounds, flags, queue, queued,
-                )  # fmt: skip
-            else:
-                queued = _mark(
-                    layer, voxels, shape, frame, laser, points, count, heard[k, OBSTACLE_RANGE],
-                    heights, bounds, flags, queue, queued,
-                )  # fmt: skip
-    # The columns under the footprint stay as they are; only the cells are free.
-    return free_footprint(
-        layer, shape, frame, base, footprint, first, last, bounds, flags, queue, queued
-    )
+        cell = row * grid.frame.columns + column
+        marked = int(np.int64(voxels.columns[cell])) | bits
+        voxels.columns[cell] = marked
+        if _count_bits(marked >> _BITS) > heights.marked:
+            if grid.cells[cell] != LETHAL:
+                grid.cells[cell] = LETHAL
+                note_change(changes, cell)
+            grow_bounds(changes.bounds, x, y)

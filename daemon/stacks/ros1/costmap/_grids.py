@@ -1,0 +1,127 @@
+"""Records that the kernels of a costmap share, and the kernels that every layer needs.
+
+Cells are flat, row by row. A cell whose value changes in a layer is put on a list once
+(:class:`Changes`), for the master grid to follow; the layers of a costmap share the list.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
+from grammars.model.geometry import Floats
+
+Cells: TypeAlias = npt.NDArray[np.uint8]
+Numbers: TypeAlias = npt.NDArray[np.int64]
+Window: TypeAlias = tuple[int, int, int, int]
+"""Half-open window of cells: first column, first row, end column, end row."""
+
+# Flags are bytes and no plain numbers, for each of which numba would compile a kernel anew.
+STALE = np.uint8(1)
+"""Flag: the master's value may be out of date."""
+WRITTEN = np.uint8(3)
+"""Flags of a cell whose value in the master others wrote: stale, and perhaps too low."""
+LOW = np.uint8(2)
+LISTED = np.uint8(128)
+"""Flag: on the list of this update."""
+QUEUED, LEFT = 0, 1
+"""Places in the counts: cells on the list, and flagged cells that earlier updates left."""
+
+
+class Frame(NamedTuple):
+    """Size of a grid, with the lower left corner of its first cell at (``left``, ``low``) [m]."""
+
+    rows: int
+    columns: int
+    left: float
+    low: float
+    resolution: float
+
+
+class Grid(NamedTuple):
+    """Flat ``cells`` in their frame."""
+
+    cells: Cells
+    frame: Frame
+
+
+class Changes(NamedTuple):
+    """The list of changed cells, ``queue``, with the ``flags`` of every cell.
+
+    ``bounds`` (x0, y0, x1, y1) [m] hold all that was looked at in this cycle.
+    """
+
+    flags: Cells
+    queue: Integers
+    counts: Numbers
+    bounds: Floats
+
+
+@kernel
+def cell_value(cells: Cells, cell: int) -> int:
+    """Return a cell as a signed number: numba makes real numbers of mixed signs."""
+    return int(np.int64(cells[cell]))
+
+
+@kernel
+def cell_at(frame: Frame, x: float, y: float) -> tuple[int, int]:
+    """Return column and row of a point [m], both -1 off the grid (``worldToMap``)."""
+    if x < frame.left or y < frame.low:
+        return -1, -1
+    column = int((x - frame.left) / frame.resolution)
+    row = int((y - frame.low) / frame.resolution)
+    if column >= frame.columns or row >= frame.rows:
+        return -1, -1
+    return column, row
+
+
+@kernel
+def note_change(changes: Changes, cell: int) -> None:
+    """List a cell whose value in a layer has changed, unless it has a flag already."""
+    flag = changes.flags[cell]
+    changes.flags[cell] = flag | STALE
+    if flag == 0:
+        changes.flags[cell] = STALE | LISTED
+        changes.queue[changes.counts[QUEUED]] = cell
+        changes.counts[QUEUED] += 1
+
+
+@kernel
+def list_cell(changes: Changes, cell: int, flag: np.uint8) -> None:
+    """Flag a cell and list it unless it is listed; it is no longer left."""
+    old = changes.flags[cell]
+    changes.flags[cell] = old | flag | LISTED
+    if old & LISTED:
+        return
+    if old != 0:
+        changes.counts[LEFT] -= 1
+    changes.queue[changes.counts[QUEUED]] = cell
+    changes.counts[QUEUED] += 1
+
+
+@kernel
+def grow_bounds(bounds: Floats, x: float, y: float) -> None:
+    """Extend ``bounds`` [m] to hold a point."""
+    bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
+    bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
+
+
+@kernel
+def grow_window(changed: Numbers, x: int, y: int) -> None:
+    """Extend the half-open window ``changed`` to hold a cell."""
+    changed[0], changed[1] = min(changed[0], x), min(changed[1], y)
+    changed[2], changed[3] = max(changed[2], x + 1), max(changed[3], y + 1)
+
+
+@kernel
+def reach_of(window: Window, radius: int, frame: Frame) -> Window:
+    """Return the window and a ``radius`` [cells] around it; an empty one stays empty."""
+    x0, y0, x1, y1 = window
+    left, low = max(0, x0 - radius), max(0, y0 - radius)
+    if x0 >= x1 or y0 >= y1:
+        return left, low, left, low
+    return left, low, min(frame.columns, x1 + radius), min(frame.rows, y1 + radius)
