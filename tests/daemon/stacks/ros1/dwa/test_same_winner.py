@@ -17,19 +17,20 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
     unrestricted_distances,
     write_box,
 )
+from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.daemon.stacks.ros1.dwa import plain
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, random_problem
 
-FEW_DIFF = replace(A2S, vx_samples=6, vth_samples=7)
+FEW_DIFF = replace(A2S, vx_samples=6, vth_samples=7, twirling_scale=0.3)
 FEW_OMNI = replace(OMNI, vx_samples=3, vy_samples=4, vth_samples=5)
 VARIANTS = (
     FEW_DIFF,
     FEW_OMNI,
-    replace(FEW_DIFF, sum_scores=True, twirling_scale=0.3),
-    replace(FEW_DIFF, use_dwa=False, twirling_scale=0.3),
+    replace(FEW_DIFF, sum_scores=True),
+    replace(FEW_DIFF, use_dwa=False),
     replace(FEW_OMNI, use_dwa=False),
-    replace(FEW_DIFF, goal_distance_bias=0.0),
+    replace(FEW_DIFF, goal_distance_bias=0.0, twirling_scale=0.0),
     replace(FEW_DIFF, path_distance_bias=0.0),
     replace(FEW_DIFF, occdist_scale=0.0),
     replace(FEW_DIFF, occdist_scale=0.5, forward_point_distance=-0.1),
@@ -38,7 +39,55 @@ VARIANTS = (
     replace(FEW_DIFF, min_vel_trans=0.0, min_vel_theta=0.0),
     replace(FEW_DIFF, occdist_scale=0.0, path_distance_bias=0.0),
     replace(FEW_DIFF, occdist_scale=0.0, path_distance_bias=0.0, goal_distance_bias=0.0),
+    # Nothing but the footprint counts: many samples cost the same, and the first wins.
+    replace(FEW_DIFF, path_distance_bias=0.0, goal_distance_bias=0.0, twirling_scale=0.0),
+    replace(FEW_OMNI, occdist_scale=0.0),
+    # Nearly all points of these trajectories come from turning, and from driving: each is rounded.
+    replace(FEW_DIFF, sim_granularity=1.0, sim_time=16.0, vth_samples=20),
+    replace(FEW_DIFF, sim_granularity=0.003, sim_time=5.0, acc_lim_theta=0.5),
 )
+
+
+def as_drawn(problem, rng):
+    """Return ``problem`` itself."""
+    return problem
+
+
+def far_away(problem, rng):
+    """Return ``problem`` 1024 m further, where single precision has steps of 1.2e-4 m."""
+    local, state = problem.local, problem.state.copy()
+    state[:2] = np.float32(state[:2] + 1024.0)
+    return replace(
+        problem,
+        state=state,
+        plan=problem.plan + 1024.0,
+        front_end=problem.front_end + 1024.0,
+        local=replace(local, x=local.x + 1024.0, y=local.y + 1024.0),
+    )
+
+
+def among_thin_walls(problem, rng):
+    """Return ``problem`` on a map of 1.1 m with rows of inscribed cells, which feet may touch."""
+    cells = np.zeros((22, 22), dtype=np.uint8)
+    for row, column in rng.integers(0, 22, (8, 2)).tolist():
+        if rng.random() < 0.5:
+            cells[row, column : column + 5] = 253
+        else:
+            cells[row : row + 5, column] = 253
+    x, y = problem.state[:2].tolist()
+    beside = rng.uniform(0.2, 0.9, 2)
+    return replace(problem, local=CostGrid(0.05, x - beside[0], y - beside[1], cells))
+
+
+def assert_bounds_hold(problem):
+    """Compare what the search knows of samples before it follows them with their costs."""
+    _, room = problem.search()
+    costs = problem.costs()
+    bounds = room.lower[: len(costs)]
+    left = np.isfinite(bounds)
+    assert (bounds[left] <= costs[left]).all()
+    # Samples that were dropped, or followed, are not better than the winner.
+    assert (costs[~left] >= costs.min(initial=np.inf)).all()
 
 
 def assert_same(problem):
@@ -63,11 +112,14 @@ def as_integers(distances, shape):
     return np.array(values, dtype=np.int32).reshape(shape)
 
 
+@pytest.mark.parametrize("place", [as_drawn, far_away, among_thin_walls])
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
-def test_fast_and_plain_choose_the_same_sample(seed, variant):
+def test_fast_and_plain_choose_the_same_sample(place, seed, variant):
     rng = np.random.default_rng(seed)
     quirks = FAST if rng.random() < 0.7 else FIXED
-    assert_same(random_problem(rng, VARIANTS[variant], quirks))
+    problem = place(random_problem(rng, VARIANTS[variant], quirks), rng)
+    assert_same(problem)
+    assert_bounds_hold(problem)
 
 
 @pytest.mark.parametrize("parameters", [A2S, OMNI])
