@@ -1,15 +1,11 @@
-"""Small kernels that several stacks use: angles, interpolation, the exact distance transform.
-
-And how a kernel is called without asking for the types of its arguments each time.
-"""
+"""Small kernels that several stacks use: angles, interpolation, the exact distance transform."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -18,17 +14,6 @@ from daemon.model.kernels import kernel
 Singles: TypeAlias = npt.NDArray[np.float32]
 Integers: TypeAlias = npt.NDArray[np.int32]
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-def machine_code(function: F, *arguments: Any) -> F:
-    """Return the machine code of a kernel for arguments of the types of ``arguments``.
-
-    To be called with such only: arrays that are contiguous must be so, a number must not become
-    an array. Worth it where many arrays come in named tuples, whose types numba asks for one by
-    one: of 100 us that a control cycle took, 10 went there.
-    """
-    types = tuple(cast(Any, numba).typeof(each) for each in arguments)
-    return cast(F, cast(Any, function).compile(types))
 
 
 # Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it

@@ -82,6 +82,8 @@ class Navigation:
 
     def __init__(self, briefing: Briefing, parameters: RosParameters) -> None:
         p, lasers = parameters, briefing.robot.lasers
+        # First, since what it loads takes longest where it has to be compiled.
+        controller = _make_controller(p, p.local_costmap.padded_footprint())
         self._transforms = TransformBuffer(
             briefing.start, p.amcl.transform_tolerance, delayed=p.quirks.delayed_map_to_odom
         )
@@ -97,7 +99,7 @@ class Navigation:
         self._local = self._observed(p, p.local_costmap, wiring.local_costmap, briefing)
         self._global_timer = UpdateTimer(p.global_costmap.update_frequency)
         self._local_timer = UpdateTimer(p.local_costmap.update_frequency)
-        self._set_up_move_base(p)
+        self._set_up_move_base(p, controller)
         self._dispatcher = WaypointDispatcher(
             p.dispatcher, briefing.mission.waypoints, self._move_base.serve_plan
         )
@@ -119,7 +121,7 @@ class Navigation:
         frame = CostmapFrame(layered.frame, self._transforms)
         return ObservedCostmap(costmap, frame, self._scans, heard)
 
-    def _set_up_move_base(self, p: RosParameters) -> None:
+    def _set_up_move_base(self, p: RosParameters, controller: Dwa | TrajectoryPlanner) -> None:
         footprint = p.local_costmap.padded_footprint()
         recoveries = make_recoveries(
             p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._global, self._local
@@ -129,7 +131,7 @@ class Navigation:
             p.move_base, p.quirks, self._status, _make_global_planner(p), self._global
         )
         self._move_base = MoveBase(
-            p.move_base, p.quirks, self._status, self._planner, _make_controller(p, footprint),
+            p.move_base, p.quirks, self._status, self._planner, controller,
             recoveries, self._global, self._local,
         )  # fmt: skip
 

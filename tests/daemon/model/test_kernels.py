@@ -5,10 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from daemon.model import kernels
-from daemon.model.kernels import cache_folder
+from daemon.model.kernels import cache_folder, kernel, machine_code
 
 CALLEE = """
 from daemon.model.kernels import kernel
@@ -129,3 +130,29 @@ def test_a_read_only_installation_without_a_home_uses_the_state_directory(
 ):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     assert cache_folder().parent == tmp_path / "state"
+
+
+@kernel
+def shifted(values, by):
+    return values[0] + by
+
+
+def test_machine_code_answers_as_its_kernel_for_other_values_of_the_same_types():
+    direct = machine_code(shifted, np.ones(3), 1.0)
+    for by in (0.5, -2.0):
+        assert direct(2.0 * np.ones(4), by) == shifted(2.0 * np.ones(4), by) == 2.0 + by
+
+
+def test_machine_code_is_compiled_by_a_process_of_its_own_while_somebody_asks_for_that(tmp_path):
+    script = tmp_path / "slow.py"
+    ahead = """
+from daemon.model.kernels import compiling_ahead, machine_code
+told = []
+with compiling_ahead(lambda: told.append(1)) as called:
+    ready = machine_code(total, 4)
+    print(len(total.signatures), ready(4), len(told), len(called()))
+"""
+    script.write_text(SLOW.replace("print(total(4), len(total.stats.cache_hits))", ahead))
+    command = [sys.executable, "-B", str(script)]
+    said = subprocess.check_output(command, env=environment_of(tmp_path), text=True, timeout=120)
+    assert said.split() == ["0", "6.0", "0", "1"]

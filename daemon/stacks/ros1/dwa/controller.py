@@ -13,7 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, machine_code
+from daemon.model.kernels import machine_code
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.controller import (
     NO_POINTS,
     NO_VELOCITY,
@@ -200,7 +201,22 @@ class Dwa:
         self._room: SearchBuffers
         self._critics: tuple[Floats, Floats]
         self._weights: Floats
-        self._machine: tuple[Callable[..., Any], ...] | None = None
+        # Now, since it takes longest of all that the first run on a machine compiles.
+        self._machine = self._load_machine_code()
+
+    def _load_machine_code(self) -> tuple[Callable[..., Any], ...]:
+        """Return the three kernels of a search, for a costmap of any shape."""
+        grid = CostGrid(0.05, 0.0, 0.0, np.zeros((1, 1), dtype=np.uint8))
+        settings = settings_of(self._p, self._quirks, grid.resolution, self._period_default)
+        field = allocate_scoring_grid(grid, self._outline, self._oscillation.banned)
+        sets, room = allocate_sets((1, 1)), allocate_buffers((1, 1), settings, 1)
+        state, point, window = np.zeros(6), np.zeros(2), np.zeros((1, 2))
+        reach, weights = (0.0, 0.0), critic_weights(settings, False)
+        return (
+            machine_code(sample_speeds, state, point, settings, room.samples, room.counts),
+            machine_code(fill_distances, state, window, 1, point, reach, weights, field, sets),
+            machine_code(find_best_sample, state, weights, settings, field, room),
+        )
 
     def set_plan(self, plan: Floats) -> None:
         """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
@@ -290,15 +306,6 @@ class Dwa:
     def _sample(self, window: Floats, settings: DwaSettings) -> ControllerAnswer:
         state, weights, field, room = self._state, self._weights, self._field, self._room
         n, end, front_end, sets = len(window), window[-1], self._front_end, self._sets
-        if self._machine is None:
-            anywhere = (0.0, 0.0)
-            self._machine = (
-                machine_code(sample_speeds, state, end, settings, room.samples, room.counts),
-                machine_code(
-                    fill_distances, state, window, n, front_end, anywhere, weights, field, sets
-                ),
-                machine_code(find_best_sample, state, weights, settings, field, room),
-            )
         sample, fill, find = self._machine
         # Samples first: how fast they are says how far distances are needed, and filling those of
         # the whole costmap would cost more than following every trajectory.
