@@ -299,8 +299,12 @@ def compiling_ahead(tell: Callable[[], None]) -> Iterator[Callable[[], tuple[Ker
 
 
 def keep_list(name: str, kernels: tuple[KernelFile, ...]) -> None:
-    """Write down which kernels a kind of system calls; raises ``OSError``."""
-    write_atomically(_folder() / f"{name}.json", json.dumps(kernels).encode())
+    """Write down which kernels a kind of system calls, beside those of the list that are current.
+
+    Raises ``OSError``.
+    """
+    listed = dict.fromkeys((*(entry for entry in _read_list(name) if _load(*entry)), *kernels))
+    write_atomically(_folder() / f"{name}.json", json.dumps(list(listed)).encode())
 
 
 def load_list(name: str) -> bool:
@@ -308,18 +312,26 @@ def load_list(name: str) -> bool:
 
     Returns whether that is all of them; otherwise a short run has to compile them.
     """
+    kernels = _read_list(name)
+    missing = [entry for entry in kernels if not _load(*entry)]
+    return bool(kernels) and not missing
+
+
+def _read_list(name: str) -> tuple[KernelFile, ...]:
     try:
-        kernels = json.loads((_folder() / f"{name}.json").read_bytes())
-        missing = [entry for entry in kernels if not _load(*entry)]
-    except (OSError, ValueError, TypeError, AttributeError, ImportError):
-        return False  # there is no list, or it is one of another version
-    return not missing
+        entries = json.loads((_folder() / f"{name}.json").read_bytes())
+        return tuple((module, function, file) for module, function, file in entries)
+    except (OSError, ValueError, TypeError):
+        return ()  # there is no list
 
 
 def _load(module: str, name: str, file: str) -> bool:
     if not module.startswith(_OURS):
         return False
-    function = getattr(import_module(module), name)
+    try:
+        function = getattr(import_module(module), name, None)
+    except ImportError:
+        return False  # of another version
     return isinstance(function, _Kernel) and function.load_file(file)
 
 
