@@ -11,7 +11,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from daemon.stacks.kernels import Singles, machine_code
+from daemon.model.kernels import machine_code
+from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import NO_INFORMATION
 from daemon.stacks.ros1.costmap._grids import Cells, Changes, Frame, Grid, Numbers, Window
 from daemon.stacks.ros1.costmap._inflation import InflationTable

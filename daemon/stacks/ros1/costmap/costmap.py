@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from daemon.stacks.kernels import machine_code
+from daemon.model.kernels import machine_code
 from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid
 from daemon.stacks.ros1.costmap._grids import LEFT, QUEUED, Cells, Frame, Grid, Numbers, Window
 from daemon.stacks.ros1.costmap._inflation import (
