@@ -1,4 +1,4 @@
-"""How far each cell of the map is from an obstacle, as AMCL's likelihood models take it.
+"""Distance of each cell of the map from an obstacle, as AMCL's likelihood models take it.
 
 The original spreads distances outwards from all occupied cells at once, cell by cell (amcl
 ``map_update_cspace``): a cell keeps the first source that reaches it, also when another one is
@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import Integers, Singles, distance_transform
+from daemon.stacks.kernels import Integers, distance_transform
 from grammars.model.geometry import Floats
 from grammars.model.grid import OCCUPIED, OccupancyGrid
 
@@ -100,7 +100,11 @@ def _distance_field(key: _MapKey) -> DistanceField:
     if key.brushfire:
         squared = spread_distances(occupied, key.radius)
     else:
-        squared = _square_and_frame(distance_transform(occupied), key.radius)
+        squared = _framed(occupied, key.radius)
+        distances = distance_transform(occupied)
+        near = distances <= key.radius
+        rounded = (distances[near] ** 2 + np.float32(0.5)).astype(np.int32)
+        squared[1:-1, 1:-1][near] = rounded
     # By the radius and not by what occurs: the type decides which machine code is needed.
     short = key.radius * key.radius + 1 <= _MOST_SHORT
     kept: SquaredCells = squared.astype(np.uint16) if short else squared
@@ -108,18 +112,10 @@ def _distance_field(key: _MapKey) -> DistanceField:
     return DistanceField(kept, key.radius, key.resolution)
 
 
-@kernel
-def _square_and_frame(distances: Singles, radius: int) -> Integers:
-    """Square, cap and frame distances in cells."""
-    rows, columns = distances.shape
-    far = np.int32(radius * radius + 1)
-    squared = np.full((rows + 2, columns + 2), far, dtype=np.int32)
-    for r in range(rows):
-        for c in range(columns):
-            d = distances[r, c]
-            if d <= radius:
-                squared[r + 1, c + 1] = np.int32(d * d + np.float32(0.5))
-    return squared
+def _framed(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:
+    """Return a framed map of cells farther than ``radius`` cells from any obstacle."""
+    rows, columns = occupied.shape
+    return np.full((rows + 2, columns + 2), radius * radius + 1, dtype=np.int32)
 
 
 @kernel
@@ -159,59 +155,42 @@ def _drop_first(heap: npt.NDArray[np.int64], size: int) -> None:
         _rise(heap, place, entry)
 
 
-@kernel
-def _occupied_cells(
-    occupied: npt.NDArray[np.uint8], heap: npt.NDArray[np.int64], squared: Integers
-) -> int:
-    """Write the occupied cells to ``heap``, column by column as the original takes them.
-
-    They get distance 0, all other cells within the frame of ``squared`` none. Returns how many
-    there are.
-    """
-    rows, columns = occupied.shape
-    # In memory cells lie row by row: where each column begins is counted first.
-    place = np.zeros(columns + 1, dtype=np.int64)
-    for r in range(rows):
-        for c in range(columns):
-            if occupied[r, c] != 0:
-                place[c + 1] += 1
-    for c in range(columns):
-        place[c + 1] += place[c]
-    count = place[columns]
-    for r in range(rows):
-        for c in range(columns):
-            cell = (r + 1) * (columns + 2) + c + 1
-            if occupied[r, c] != 0:
-                squared[cell] = 0
-                heap[place[c]] = cell
-                place[c] += 1
-            else:
-                squared[cell] = _UNREACHED
-    return int(count)
-
-
-@kernel
 def spread_distances(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:
     """Return framed squared distances [cells^2] from the source that reaches each cell first.
 
     ``occupied`` (rows, columns) is non-zero at sources; the frame and cells that none reaches
     within ``radius`` [cells] have ``radius^2 + 1``.
     """
-    rows, columns = occupied.shape
-    width = columns + 2
-    far = radius * radius + 1
-    framed = np.full((rows + 2, width), np.int32(far), dtype=np.int32)
-    squared = framed.reshape((rows + 2) * width)
-    # Where a cell lies from its source, by column and by row.
-    across = np.zeros(squared.size, dtype=np.int32)
-    along = np.zeros(squared.size, dtype=np.int32)
+    framed = _framed(occupied, radius)
+    far, width = radius * radius + 1, framed.shape[1]
+    framed[1:-1, 1:-1] = np.where(occupied, 0, _UNREACHED)
+    # Column by column, as the original takes them. All at distance 0, they stay in that order.
+    columns, rows = np.nonzero(occupied.T)
     # An entry is the squared distance, in the upper half, and the cell: no cell enters twice.
-    heap = np.empty(rows * columns, dtype=np.int64)
-    # All at distance 0, they stay in the order in which they enter.
-    size = _occupied_cells(occupied, heap, squared)
+    heap = np.empty(occupied.size, dtype=np.int64)
+    heap[: rows.size] = (rows + 1) * width + columns + 1
+    squared, from_source = framed.reshape(-1), np.zeros((2, framed.size), dtype=np.int32)
+    _spread(squared, from_source, heap, rows.size, width, far)
+    squared[squared == _UNREACHED] = far
+    return framed
+
+
+@kernel
+def _spread(
+    squared: Integers,
+    from_source: Integers,
+    heap: npt.NDArray[np.int64],
+    size: int,
+    width: int,
+    far: int,
+) -> None:
+    """Spread the distances of the first ``size`` cells of ``heap`` over cells that have none.
+
+    ``from_source`` (2, n) takes where a cell lies from its source, by column and by row.
+    """
     while size > 0:
         cell = heap[0] & _CELL_MASK
-        x, y = across[cell], along[cell]
+        x, y = from_source[0, cell], from_source[1, cell]
         for turn in range(4):
             if turn == 0:
                 neighbour, u, v = cell - 1, x - 1, y
@@ -226,14 +205,10 @@ def spread_distances(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:
             away2 = u * u + v * v
             if away2 < far:
                 squared[neighbour] = away2
-                across[neighbour], along[neighbour] = u, v
+                from_source[0, neighbour], from_source[1, neighbour] = u, v
                 _rise(heap, size, (away2 << _CELL_BITS) | neighbour)
                 size += 1
         # What goes is what is first by now: a neighbour nearer than the cell just done goes in its
         # stead without passing its source on, and the cell is done once more.
         _drop_first(heap, size)
         size -= 1
-    for cell in range(squared.size):
-        if squared[cell] == _UNREACHED:
-            squared[cell] = far
-    return framed

@@ -1,4 +1,4 @@
-"""How odometry moves and spreads the particles (amcl ``AMCLOdom::UpdateAction``).
+"""Motion of the particles by odometry, and its noise (amcl ``AMCLOdom::UpdateAction``).
 
 Models after Thrun, Burgard and Fox, Probabilistic Robotics, section 5.4 (``diff``), and the omni
 model of amcl. N(s) below is zero-mean noise of standard deviation s, drawn for each particle.
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import wrap_angle_modulo
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
+from daemon.stacks.ros1.amcl.resampling import Cloud
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 
 _TURN_ON_THE_SPOT = 0.01
@@ -82,48 +83,38 @@ def _deviations(
 def move_particles(
     parameters: AmclParameters,
     motion: OdometryMotion,
-    poses: Floats,
-    directions: Floats,
+    cloud: Cloud,
     count: int,
     normals: Floats,
     *,
     full_turns: bool = True,
 ) -> None:
-    """Move the first ``count`` particles in ``poses`` (3, n) by ``motion``, each with its noise.
+    """Move the first ``count`` particles of ``cloud`` by ``motion``, each with its noise.
 
-    ``directions`` (2, n) holds cosine and sine of their headings and is kept up to date;
-    ``normals`` (3 count,) standard normal deviates. ``full_turns`` says whether driving backwards
-    may add full turns to headings, as in the original (diff).
+    ``normals`` (3 count,) are standard normal deviates. ``full_turns`` says whether driving
+    backwards may add full turns to headings, as in the original (diff).
     """
     if parameters.odom_model_type.startswith("omni"):
-        spread = omni_spread(parameters, motion)
-        _move_omni(
-            poses, directions, count, normals, motion.translation, motion.bearing, motion.turn,
-            *spread,
-        )  # fmt: skip
+        omni = motion.translation, motion.bearing, motion.turn
+        _move_omni(cloud, count, normals, omni, omni_spread(parameters, motion))
     else:
         first, second = diff_turns(motion)
-        spread = diff_spread(parameters, motion)
-        _move_diff(
-            poses, directions, count, normals, first, motion.translation, second, *spread,
-            full_turns,
-        )  # fmt: skip
+        diff = first, motion.translation, second
+        _move_diff(cloud, count, normals, diff, diff_spread(parameters, motion), full_turns)
 
 
 @kernel
 def _move_omni(
-    poses: Floats,
-    directions: Floats,
+    cloud: Cloud,
     count: int,
     normals: Floats,
-    translation: float,
-    bearing: float,
-    turn: float,
-    translation_sigma: float,
-    turn_sigma: float,
-    strafe_sigma: float,
+    motion: tuple[float, float, float],
+    spread: tuple[float, float, float],
 ) -> None:
     """``t = translation + N, r = turn + N, s = N``; move t along and s across the bearing."""
+    poses, directions = cloud.poses, cloud.directions
+    translation, bearing, turn = motion
+    translation_sigma, turn_sigma, strafe_sigma = spread
     cb, sb = math.cos(bearing), math.sin(bearing)
     for i in range(count):
         c = cb * directions[0, i] - sb * directions[1, i]
@@ -140,16 +131,11 @@ def _move_omni(
 
 @kernel
 def _move_diff(
-    poses: Floats,
-    directions: Floats,
+    cloud: Cloud,
     count: int,
     normals: Floats,
-    first: float,
-    translation: float,
-    second: float,
-    first_sigma: float,
-    translation_sigma: float,
-    second_sigma: float,
+    motion: tuple[float, float, float],
+    spread: tuple[float, float, float],
     full_turns: bool,
 ) -> None:
     """Turn by ``first - N``, drive ``translation - N``, turn by ``second - N``.
@@ -157,6 +143,9 @@ def _move_diff(
     The turns are wrapped; their sum is not with ``full_turns``: after driving backwards, which is
     two half turns, some headings are then a full turn from others and fall into other bins.
     """
+    poses, directions = cloud.poses, cloud.directions
+    first, translation, second = motion
+    first_sigma, translation_sigma, second_sigma = spread
     for i in range(count):
         before = wrap_angle_modulo(first - first_sigma * normals[i])
         along = translation - translation_sigma * normals[count + i]

@@ -1,4 +1,4 @@
-"""When the filter updates, and what it publishes (amcl ``AmclNode::laserReceived``)."""
+"""Updates of the filter, and what it publishes of them (amcl ``AmclNode::laserReceived``)."""
 
 from __future__ import annotations
 

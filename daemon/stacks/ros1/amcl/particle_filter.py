@@ -1,6 +1,6 @@
-"""The particle filter itself: particles, their weights, and what they say (amcl ``pf``).
+"""The particle filter: particles, their weights, and their summary (amcl ``pf``).
 
-A cloud says two things: the mean of its heaviest cluster, and the spread of all particles.
+That is the mean of the heaviest cluster, and the spread of all particles.
 """
 
 from __future__ import annotations
@@ -17,10 +17,14 @@ from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.laser_model import LaserModel
 from daemon.stacks.ros1.amcl.motion_model import OdometryMotion, move_particles
 from daemon.stacks.ros1.amcl.resampling import (
-    PoseHistogram,
+    Bins,
+    Cloud,
+    FreeCells,
     clear_bins,
     fill_bins,
     label_clusters,
+    new_bins,
+    new_cloud,
     particle_limits,
     resample,
 )
@@ -31,11 +35,9 @@ from grammars.model.grid import FREE, OccupancyGrid
 
 @kernel
 def summarise(
-    poses: Floats,
-    directions: Floats,
-    weights: Floats,
+    cloud: Cloud,
     count: int,
-    of: Integers,
+    bins: Bins,
     labels: Integers,
     clusters: int,
     sums: Floats,
@@ -47,12 +49,15 @@ def summarise(
     when several have it), headings averaged on the circle; ``-2 ln R`` is the variance of
     headings with mean resultant length R. ``sums`` (clusters, 5) is scratch.
     """
-    sums[:clusters] = 0.0
+    poses, directions, weights = cloud.poses, cloud.directions, cloud.weights
+    for k in range(clusters):
+        for column in range(5):
+            sums[k, column] = 0.0
     total = x_sum = y_sum = c_sum = s_sum = xx = xy = yy = 0.0
     for i in range(count):
         w, x, y = weights[i], poses[0, i], poses[1, i]
         wx, wy = w * x, w * y
-        k = labels[of[i]]
+        k = labels[bins.of[i]]
         sums[k, 0] += w
         sums[k, 1] += wx
         sums[k, 2] += wy
@@ -83,9 +88,6 @@ def summarise(
     result[9] = max(0.0, -2.0 * math.log(length)) if length > 0.0 else math.inf
 
 
-_NO_CELLS = np.empty(0, dtype=np.int32)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class CloudSummary:
     """The ``pose`` of the heaviest cluster; ``mean`` and ``covariance`` (3, 3) of all particles."""
@@ -96,10 +98,7 @@ class CloudSummary:
 
 
 class ParticleFilter:
-    """Particles as columns: ``poses`` (3, n), cosine and sine of headings (2, n), ``weights`` (n,).
-
-    Two sets of arrays take turns: resampling draws from one into the other.
-    """
+    """Particles in two clouds that take turns: resampling draws from one into the other."""
 
     def __init__(
         self, parameters: AmclParameters, quirks: Quirks, grid: OccupancyGrid, start: Pose2,
@@ -107,13 +106,10 @@ class ParticleFilter:
     ) -> None:  # fmt: skip
         most = parameters.max_particles
         self._parameters, self._grid, self._random = parameters, grid, random
-        self._poses, self._other_poses = np.empty((3, most)), np.empty((3, most))
-        self._directions, self._other_directions = np.empty((2, most)), np.empty((2, most))
-        self._weights = np.full(most, 1.0 / most)
+        self._cloud, self._other = new_cloud(most), new_cloud(most)
         self._count, self._full_turns = most, quirks.amcl_reversing_splits_cloud
         self._slow = self._fast = 0.0
-        self._limits = particle_limits(parameters)
-        self._bins, self._used = PoseHistogram.for_particles(most), 0
+        self._limits, self._bins = particle_limits(parameters), new_bins(most)
         self._numbers = np.empty(3 * most)
         self._cumulative, self._guide = np.empty(most + 1), np.empty(most, dtype=np.int32)
         self._labels, self._stack = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
@@ -128,50 +124,47 @@ class ParticleFilter:
     @property
     def poses(self) -> Floats:
         """The particles, shape (n, 3): a view that the next update changes."""
-        return self._poses[:, : self._count].T
+        return self._cloud.poses[:, : self._count].T
 
     @property
     def weights(self) -> Floats:
         """Their weights, shape (n,), sum 1: a view that the next update changes."""
-        return self._weights[: self._count]
+        return self._cloud.weights[: self._count]
 
     def move(self, motion: OdometryMotion) -> None:
         """Move every particle by what odometry says, with noise."""
         count = self._count
         normals = self._random.standard_normal(out=self._numbers[: 3 * count])
         move_particles(
-            self._parameters, motion, self._poses, self._directions, count, normals,
-            full_turns=self._full_turns,
-        )  # fmt: skip
+            self._parameters, motion, self._cloud, count, normals, full_turns=self._full_turns
+        )
 
     def weigh(self, sensor: LaserModel, ranges: Singles) -> None:
         """Multiply weights by the likelihood of a scan and normalise them."""
-        p, count, weights = self._parameters, self._count, self._weights
+        p = self._parameters
         # Above 0, since the likelihood of a scan is 1 or more.
-        total = sensor.weigh(ranges, self._poses, self._directions, count, weights)
-        weights[:count] /= total
-        average = total / count
+        total = sensor.weigh(ranges, self._cloud, self._count)
+        weights = self.weights
+        weights /= total
+        average = total / self._count
         # 0 stands for "never set": the first average is taken as it is.
         self._slow += (p.recovery_alpha_slow if self._slow else 1.0) * (average - self._slow)
         self._fast += (p.recovery_alpha_fast if self._fast else 1.0) * (average - self._fast)
 
     def resample(self) -> None:
         """Draw a new set of equally weighted particles, as many as KLD asks for."""
-        grid, bins, most = self._grid, self._bins, self._parameters.max_particles
+        bins, most = self._bins, self._parameters.max_particles
         injection = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
-        free = self._free_cells if injection else _NO_CELLS
-        injection = injection if free.size else 0.0
+        free = self._free_cells if injection else self._no_cells
+        injection = injection if free.cells.size else 0.0
         draws = self._random.random(out=self._numbers[: 3 * most if injection else most])
-        clear_bins(bins.slots, bins.places, self._used)
-        self._count, self._used = resample(
-            self._poses, self._directions, self._weights, self._count, injection, draws,
-            free, grid.cells.shape[1], grid.x, grid.y, grid.resolution, self._limits,
-            self._other_poses, self._other_directions,
-            bins.slots, bins.keys, bins.places, bins.of, self._cumulative, self._guide,
+        clear_bins(bins)
+        self._count = resample(
+            self._cloud, self._count, injection, draws, free, self._limits, self._other, bins,
+            self._cumulative, self._guide,
         )  # fmt: skip
-        self._poses, self._other_poses = self._other_poses, self._poses
-        self._directions, self._other_directions = self._other_directions, self._directions
-        self._weights[: self._count] = 1.0 / self._count
+        self._cloud, self._other = self._other, self._cloud
+        self.weights[:] = 1.0 / self._count
         # Injected once, judged anew: otherwise particles would be scattered at every scan.
         if injection:
             self._slow = self._fast = 0.0
@@ -179,33 +172,34 @@ class ParticleFilter:
 
     def _spread(self, start: Pose2) -> None:
         """Draw all particles around the start pose."""
-        p, most = self._parameters, self._count
-        normals = self._random.standard_normal(out=self._numbers).reshape(3, most)
+        p, (poses, directions, _) = self._parameters, self._cloud
+        normals = self._random.standard_normal(out=self._numbers).reshape(3, self._count)
         variances = (p.initial_cov_xx, p.initial_cov_yy, p.initial_cov_aa)
         for axis, (mean, variance) in enumerate(
             zip((start.x, start.y, start.yaw), variances, strict=True)
         ):
-            self._poses[axis] = mean + math.sqrt(variance) * normals[axis]
-        self._directions[0], self._directions[1] = np.cos(self._poses[2]), np.sin(self._poses[2])
-        bins = self._bins
-        self._used = fill_bins(
-            bins.slots, bins.keys, bins.places, bins.of, self._poses, self._count
-        )
+            poses[axis] = mean + math.sqrt(variance) * normals[axis]
+        directions[0], directions[1] = np.cos(poses[2]), np.sin(poses[2])
+        fill_bins(self._bins, poses, self._count)
         self._summarise()
 
     def _summarise(self) -> None:
         """Keep what the particles say as they were drawn, before they move or are weighed."""
-        bins, result = self._bins, self._result
-        clusters = label_clusters(bins.slots, bins.keys, self._used, self._labels, self._stack)
+        clusters = label_clusters(self._bins, self._labels, self._stack)
         summarise(
-            self._poses, self._directions, self._weights, self._count, bins.of, self._labels,
-            clusters, self._sums, result,
-        )  # fmt: skip
-        x, y, yaw, mean_x, mean_y, mean_yaw, xx, xy, yy, turn = result.tolist()
+            self._cloud, self._count, self._bins, self._labels, clusters, self._sums, self._result
+        )
+        x, y, yaw, mean_x, mean_y, mean_yaw, xx, xy, yy, turn = self._result.tolist()
         covariance = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, turn]])
         self.summary = CloudSummary(Pose2(x, y, yaw), Pose2(mean_x, mean_y, mean_yaw), covariance)
 
     @cached_property
-    def _free_cells(self) -> Integers:
-        """Flat indices of the map's free cells, wanted only when particles are injected."""
-        return np.flatnonzero(self._grid.cells == FREE).astype(np.int32)
+    def _no_cells(self) -> FreeCells:
+        grid, none = self._grid, np.empty(0, dtype=np.int32)
+        return FreeCells(none, grid.cells.shape[1], grid.x, grid.y, grid.resolution)
+
+    @cached_property
+    def _free_cells(self) -> FreeCells:
+        """The map's free cells, wanted only when particles are injected."""
+        free = np.flatnonzero(self._grid.cells == FREE).astype(np.int32)
+        return self._no_cells._replace(cells=free)

@@ -12,7 +12,7 @@ bins. Headings are not wrapped, as there: particles a full turn apart never shar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,33 +25,68 @@ _BIN_SIZE = 0.5
 _BIN_ANGLE = 10.0 * math.pi / 180.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseHistogram:
-    """``keys[k]`` (3,) is where bin k lies, ``slots`` the hash table, ``of[i]`` particle i's bin.
+class Cloud(NamedTuple):
+    """Particles as columns, of which the first so many count.
 
-    ``slots`` holds bin numbers, -1 where empty; ``places[k]`` is where in it bin k stands.
+    ``poses`` (3, n), cosine and sine of their headings in ``directions`` (2, n), ``weights`` (n,).
+    """
+
+    poses: Floats
+    directions: Floats
+    weights: Floats
+
+
+def new_cloud(most: int) -> Cloud:
+    """Return a cloud with room for ``most`` particles."""
+    return Cloud(np.empty((3, most)), np.empty((2, most)), np.full(most, 1.0 / most))
+
+
+class FreeCells(NamedTuple):
+    """Flat indices of a map's free cells, its columns, lower-left corner and resolution [m]."""
+
+    cells: Integers
+    columns: int
+    x: float
+    y: float
+    resolution: float
+
+
+class Bins(NamedTuple):
+    """A histogram of poses: ``keys[k]`` (3,) is where bin k lies, ``of[i]`` particle i's bin.
+
+    ``slots`` is a hash table of bin numbers, -1 where empty; ``places[k]`` is where in it bin k
+    stands. ``used`` (1,) is how many bins there are.
     """
 
     slots: Integers
     keys: Integers
     places: Integers
     of: Integers
+    used: Integers
 
-    @classmethod
-    def for_particles(cls, most: int) -> PoseHistogram:
-        """Return an empty histogram with room for ``most`` particles, each in its own bin."""
-        size = 1 << (2 * most).bit_length()
-        return cls(
-            np.full(size, -1, dtype=np.int32),
-            np.empty((most, 3), dtype=np.int32),
-            np.empty(most, dtype=np.int32),
-            np.empty(most, dtype=np.int32),
-        )
+
+def new_bins(most: int) -> Bins:
+    """Return an empty histogram with room for ``most`` particles, each in its own bin."""
+    size = 1 << (2 * most).bit_length()
+    return Bins(
+        np.full(size, -1, dtype=np.int32),
+        np.empty((most, 3), dtype=np.int32),
+        np.empty(most, dtype=np.int32),
+        np.empty(most, dtype=np.int32),
+        np.zeros(1, dtype=np.int32),
+    )
+
+
+def clear_bins(bins: Bins) -> None:
+    """Empty the histogram."""
+    bins.slots[bins.places[: bins.used[0]]] = -1
+    bins.used[0] = 0
 
 
 @kernel
-def find_slot(slots: Integers, keys: Integers, a: int, b: int, c: int) -> int:
+def find_slot(bins: Bins, a: int, b: int, c: int) -> int:
     """Return where in ``slots`` a bin stands, or the empty place where it would."""
+    slots, keys = bins.slots, bins.keys
     mask = slots.shape[0] - 1
     # Primes of Teschner et al. 2003 for hashing cells of space.
     mixed = (a * 73856093) ^ (b * 19349663) ^ (c * 83492791)
@@ -64,53 +99,39 @@ def find_slot(slots: Integers, keys: Integers, a: int, b: int, c: int) -> int:
 
 
 @kernel
-def insert_pose(
-    slots: Integers, keys: Integers, places: Integers, bins: int, x: float, y: float, yaw: float
-) -> int:
-    """Return the number of the bin of a pose; it is ``bins``, their count, when it is new."""
-    a, b, c = math.floor(x / _BIN_SIZE), math.floor(y / _BIN_SIZE), math.floor(yaw / _BIN_ANGLE)
-    place = find_slot(slots, keys, a, b, c)
-    k = slots[place]
-    if k >= 0:
-        return int(k)
-    slots[place] = bins
-    places[bins] = place
-    keys[bins, 0], keys[bins, 1], keys[bins, 2] = a, b, c
-    return bins
+def insert_pose(bins: Bins, i: int, poses: Floats) -> None:
+    """Put particle ``i`` of ``poses`` (3, n) into its bin."""
+    a, b = math.floor(poses[0, i] / _BIN_SIZE), math.floor(poses[1, i] / _BIN_SIZE)
+    c = math.floor(poses[2, i] / _BIN_ANGLE)
+    place = find_slot(bins, a, b, c)
+    k = bins.slots[place]
+    if k < 0:
+        k = bins.used[0]
+        bins.slots[place] = k
+        bins.places[k] = place
+        bins.keys[k, 0], bins.keys[k, 1], bins.keys[k, 2] = a, b, c
+        bins.used[0] += 1
+    bins.of[i] = k
 
 
 @kernel
-def clear_bins(slots: Integers, places: Integers, bins: int) -> None:
-    """Empty the histogram of its ``bins`` bins."""
-    for k in range(bins):
-        slots[places[k]] = -1
-
-
-@kernel
-def fill_bins(
-    slots: Integers, keys: Integers, places: Integers, of: Integers, poses: Floats, count: int
-) -> int:
-    """Put ``count`` particles of ``poses`` (3, n) into the empty histogram; return its bins."""
-    bins = 0
+def fill_bins(bins: Bins, poses: Floats, count: int) -> None:
+    """Put the first ``count`` particles of ``poses`` (3, n) into the empty histogram."""
     for i in range(count):
-        k = insert_pose(slots, keys, places, bins, poses[0, i], poses[1, i], poses[2, i])
-        if k == bins:
-            bins += 1
-        of[i] = k
-    return bins
+        insert_pose(bins, i, poses)
 
 
 @kernel
-def label_clusters(
-    slots: Integers, keys: Integers, bins: int, labels: Integers, stack: Integers
-) -> int:
+def label_clusters(bins: Bins, labels: Integers, stack: Integers) -> int:
     """Write the cluster of each bin: connected components over 26 neighbours; return how many.
 
     Clusters are numbered in the order of their first bins.
     """
-    labels[:bins] = -1
+    keys, used = bins.keys, bins.used[0]
+    for k in range(used):
+        labels[k] = -1
     clusters = 0
-    for first in range(bins):
+    for first in range(used):
         if labels[first] >= 0:
             continue
         labels[first] = clusters
@@ -123,7 +144,7 @@ def label_clusters(
                 a = keys[k, 0] + n // 9 - 1
                 b = keys[k, 1] + n // 3 % 3 - 1
                 c = keys[k, 2] + n % 3 - 1
-                other = slots[find_slot(slots, keys, a, b, c)]
+                other = bins.slots[find_slot(bins, a, b, c)]
                 if other >= 0 and labels[other] < 0:
                     labels[other] = clusters
                     stack[waiting] = other
@@ -149,33 +170,23 @@ def particle_limits(parameters: AmclParameters) -> Integers:
 
 @kernel
 def resample(
-    poses: Floats,
-    directions: Floats,
-    weights: Floats,
+    cloud: Cloud,
     count: int,
     injection: float,
     draws: Floats,
-    free: Integers,
-    columns: int,
-    x0: float,
-    y0: float,
-    resolution: float,
+    free: FreeCells,
     limits: Integers,
-    new_poses: Floats,
-    new_directions: Floats,
-    slots: Integers,
-    keys: Integers,
-    places: Integers,
-    of: Integers,
+    new: Cloud,
+    bins: Bins,
     cumulative: Floats,
     guide: Integers,
-) -> tuple[int, int]:
-    """Draw particles with replacement; return how many and how many bins they occupy.
+) -> int:
+    """Draw particles with replacement into ``new`` and into the empty bins; return how many.
 
-    With probability ``injection`` a particle is drawn uniformly from the cells ``free`` (flat
-    indices) instead, at their lower-left corners, with any heading. ``draws`` (max,) or, with
-    injection, (3 max,) uniform in [0, 1): which particle or cell, heading, whether to inject.
-    The histogram must be empty. ``cumulative`` (max + 1,) and ``guide`` (max,) are scratch.
+    With probability ``injection`` a particle is drawn uniformly from the ``free`` cells instead, at
+    their lower-left corners, with any heading. ``draws`` (max,) or, with injection, (3 max,)
+    uniform in [0, 1): which particle or cell, heading, whether to inject. ``cumulative`` (max + 1,)
+    and ``guide`` (max,) are scratch. Weights are not written.
 
     The search through the cumulative weights starts where a table of equal strips of [0, 1)
     says (Chen and Asau 1974) and finds what a search from the start would.
@@ -185,23 +196,24 @@ def resample(
     most = limits.shape[0] - 1
     cumulative[0] = 0.0
     for i in range(count):
-        cumulative[i + 1] = cumulative[i] + weights[i]
+        cumulative[i + 1] = cumulative[i] + cloud.weights[i]
     i = 0
     for strip in range(count):
         while i < count - 1 and cumulative[i + 1] <= strip / count:
             i += 1
         guide[strip] = i
-    drawn = bins = 0
+    poses, directions = new.poses, new.directions
+    drawn = 0
     while drawn < most:
         r = draws[drawn]
         if injection > 0.0 and draws[2 * most + drawn] < injection:
-            cell = free[int(r * free.shape[0])]
-            new_poses[0, drawn] = x0 + cell % columns * resolution
-            new_poses[1, drawn] = y0 + cell // columns * resolution
+            cell = free.cells[int(r * free.cells.shape[0])]
+            poses[0, drawn] = free.x + cell % free.columns * free.resolution
+            poses[1, drawn] = free.y + cell // free.columns * free.resolution
             yaw = draws[most + drawn] * 2.0 * math.pi - math.pi
-            new_poses[2, drawn] = yaw
-            new_directions[0, drawn] = math.cos(yaw)
-            new_directions[1, drawn] = math.sin(yaw)
+            poses[2, drawn] = yaw
+            directions[0, drawn] = math.cos(yaw)
+            directions[1, drawn] = math.sin(yaw)
         else:
             i = guide[min(int(r * count), count - 1)]
             while i > 0 and cumulative[i] > r:
@@ -209,16 +221,12 @@ def resample(
             while i < count - 1 and cumulative[i + 1] <= r:
                 i += 1
             for axis in range(3):
-                new_poses[axis, drawn] = poses[axis, i]
-            new_directions[0, drawn] = directions[0, i]
-            new_directions[1, drawn] = directions[1, i]
-        x, y, yaw = new_poses[0, drawn], new_poses[1, drawn], new_poses[2, drawn]
-        k = insert_pose(slots, keys, places, bins, x, y, yaw)
-        if k == bins:
-            bins += 1
-        of[drawn] = k
+                poses[axis, drawn] = cloud.poses[axis, i]
+            directions[0, drawn] = cloud.directions[0, i]
+            directions[1, drawn] = cloud.directions[1, i]
+        insert_pose(bins, drawn, poses)
         drawn += 1
         # As there: one particle more than the limit asks for.
-        if drawn > limits[bins]:
+        if drawn > limits[bins.used[0]]:
             break
-    return drawn, bins
+    return drawn

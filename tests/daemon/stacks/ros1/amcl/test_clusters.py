@@ -3,17 +3,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.amcl.particle_filter import summarise
-from daemon.stacks.ros1.amcl.resampling import PoseHistogram, fill_bins, label_clusters
+from daemon.stacks.ros1.amcl.resampling import Cloud, fill_bins, label_clusters, new_bins
 from tests.daemon.stacks.ros1.amcl import plain
 
 
 def labelled(poses):
     count = len(poses)
-    bins = PoseHistogram.for_particles(count)
-    columns = np.ascontiguousarray(poses.T)
-    used = fill_bins(bins.slots, bins.keys, bins.places, bins.of, columns, count)
+    bins = new_bins(count)
+    fill_bins(bins, np.ascontiguousarray(poses.T), count)
     labels, stack = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
-    clusters = label_clusters(bins.slots, bins.keys, used, labels, stack)
+    clusters = label_clusters(bins, labels, stack)
     return bins, labels, clusters
 
 
@@ -22,10 +21,8 @@ def summarised(poses, weights):
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(columns[2]), np.sin(columns[2])])
     result = np.empty(10)
-    summarise(
-        columns, directions, weights, len(poses), bins.of, labels, clusters,
-        np.empty((len(poses), 5)), result,
-    )  # fmt: skip
+    cloud = Cloud(columns, directions, weights)
+    summarise(cloud, len(poses), bins, labels, clusters, np.empty((len(poses), 5)), result)
     return result
 
 

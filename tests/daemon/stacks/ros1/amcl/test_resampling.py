@@ -6,7 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.amcl.resampling import PoseHistogram, clear_bins, particle_limits, resample
+from daemon.stacks.ros1.amcl.resampling import (
+    Cloud,
+    FreeCells,
+    clear_bins,
+    new_bins,
+    new_cloud,
+    particle_limits,
+    resample,
+)
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import PUBLISHED
 
@@ -23,19 +31,18 @@ def drawn(
     directions = np.array([np.cos(columns[2]), np.sin(columns[2])])
     everyone = np.zeros(most)
     everyone[: len(weights)] = weights
-    new, new_directions = np.zeros((3, most)), np.zeros((2, most))
-    bins = PoseHistogram.for_particles(most)
-    count, used = resample(
-        columns, directions, everyone, len(poses), injection, draws, free, 40, -1.0, -2.0, 0.05,
-        particle_limits(p), new, new_directions, bins.slots, bins.keys, bins.places, bins.of,
-        np.empty(most + 1), np.empty(most, dtype=np.int32),
+    new, bins = new_cloud(most), new_bins(most)
+    count = resample(
+        Cloud(columns, directions, everyone), len(poses), injection, draws,
+        FreeCells(free, 40, -1.0, -2.0, 0.05), particle_limits(p), new, bins, np.empty(most + 1),
+        np.empty(most, dtype=np.int32),
     )  # fmt: skip
-    result = new[:, :count].T
-    assert len({plain.bin_of(pose) for pose in result}) == used
+    result = new.poses[:, :count].T
+    assert len({plain.bin_of(pose) for pose in result}) == bins.used[0]
     keys = [tuple(bins.keys[k].tolist()) for k in bins.of[:count]]
     assert keys == [plain.bin_of(pose) for pose in result]
-    np.testing.assert_array_equal(new_directions[0, :count], np.cos(result[:, 2]))
-    clear_bins(bins.slots, bins.places, used)
+    np.testing.assert_array_equal(new.directions[0, :count], np.cos(result[:, 2]))
+    clear_bins(bins)
     assert (bins.slots == -1).all()
     return result
 
