@@ -1,16 +1,16 @@
 """The scans that the costmaps have got, laser by laser, and the costmaps that observe them.
 
 A costmap puts a scan where its laser was at the stamp, in the frame of that costmap, when the scan
-reaches it (costmap_2d ``ObservationBuffer``): what AMCL finds afterwards moves no scan that is kept
-for longer.
+reaches it (costmap_2d ``ObservationBuffer``). A later correction of AMCL moves no scan that is
+kept.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class _ReceivedScan:
 
 
 class _LaserBuffer:
-    """What the costmaps have got of one laser."""
+    """The scans of one laser that wait, and those the costmaps have got."""
 
     def __init__(self, laser: Laser) -> None:
         steps = np.arange(laser.rays, dtype=np.float64)
@@ -59,8 +59,8 @@ class _LaserBuffer:
 class ScanBuffer:
     """Keeps the newest scan of each laser, and those before it of the last ``keep`` seconds.
 
-    ``keep`` is the longest ``observation_persistence`` of any source: each takes of them what its
-    own allows.
+    ``keep`` is the longest ``observation_persistence`` of any source; each source takes as many as
+    its own allows.
     """
 
     def __init__(
@@ -93,33 +93,23 @@ class ScanBuffer:
     def _is_stale(self, old: _ReceivedScan, now: float) -> bool:
         return self._keep <= 0.0 or now - old.scan.time > self._keep + TIME_TOLERANCE
 
-    def in_odom(self) -> list[SensedScan]:
-        """Return the scans, oldest first, from where the lasers were in odom."""
-        return [
-            _sensed(buffer, received, received.base) for buffer, received in self._oldest_first()
-        ]
+    def scans(self, frame: Literal["map", "odom"]) -> list[SensedScan]:
+        """Return the scans, oldest first, from where the lasers were in ``frame``.
 
-    def in_map(self) -> list[SensedScan]:
-        """Return the scans, oldest first, from where the lasers were in map.
-
-        The newest of a laser lies there by the delayed correction.
+        In map the newest scan of a laser is placed by the delayed correction.
         """
-        return [
-            _sensed(buffer, received, self._correction(received) @ received.base)
-            for buffer, received in self._oldest_first()
-        ]
-
-    def _correction(self, received: _ReceivedScan) -> Pose2:
-        if received.correction is not None:
-            return received.correction
-        return self._transforms.correction_at(received.scan.time)
-
-    def _oldest_first(self) -> Iterator[tuple[_LaserBuffer, _ReceivedScan]]:
         pairs = [
             (buffer, received) for buffer in self._buffers.values() for received in buffer.received
         ]
         # Stable: scans of one instant are in the order of the lasers.
-        yield from sorted(pairs, key=lambda pair: pair[1].scan.time)
+        pairs.sort(key=lambda pair: pair[1].scan.time)
+        return [_sensed(*pair, self._base(pair[1], frame)) for pair in pairs]
+
+    def _base(self, received: _ReceivedScan, frame: Literal["map", "odom"]) -> Pose2:
+        if frame == "odom":
+            return received.base
+        correction = received.correction or self._transforms.correction_at(received.scan.time)
+        return correction @ received.base
 
 
 def _sensed(buffer: _LaserBuffer, received: _ReceivedScan, base: Pose2) -> SensedScan:
@@ -138,17 +128,16 @@ def _sensed(buffer: _LaserBuffer, received: _ReceivedScan, base: Pose2) -> Sense
 
 
 class ObservedCostmap:
-    """A costmap in its frame, which observes the scans of the lasers it has ``heard``."""
+    """A costmap in its frame, which observes the scans of some ``lasers`` (names)."""
 
     def __init__(
-        self, costmap: Costmap, frame: CostmapFrame, scans: ScanBuffer, heard: Collection[str]
+        self, costmap: Costmap, frame: CostmapFrame, scans: ScanBuffer, lasers: Collection[str]
     ) -> None:
         self.costmap, self.frame = costmap, frame
-        self._scans, self._heard = scans, heard
+        self._scans, self._lasers = scans, lasers
 
     def update(self) -> None:
         """Run one update cycle with the robot and the scans where they are now."""
-        frame, buffer = self.frame, self._scans
-        scans = buffer.in_map() if frame.name == "map" else buffer.in_odom()
-        heard = [scan for scan in scans if scan.laser in self._heard]
-        self.costmap.update(frame.base, heard, frame.in_map)
+        frame = self.frame
+        scans = [one for one in self._scans.scans(frame.name) if one.laser in self._lasers]
+        self.costmap.update(frame.base, scans, frame.in_map)

@@ -89,7 +89,7 @@ class Navigation:
         )
         self._amcl = Amcl(p.amcl, p.quirks, briefing.map, lasers, briefing.start, briefing.seed)
         self._pose = briefing.start
-        """What AMCL has published last."""
+        """The pose AMCL published last."""
         self._broadcasts = False
         wiring = p.topics.heard([laser.name for laser in lasers])
         self._heard_by_amcl = wiring.amcl
@@ -136,7 +136,7 @@ class Navigation:
         )  # fmt: skip
 
     def update(self, observation: Observation) -> Decision:
-        """Take what is new and let every node that is due do its work."""
+        """Take the observation and let every node that is due do its work."""
         # The numbers are those of the order in this module's docstring.
         now = observation.time
         for sample in observation.odometry:  # 1
@@ -144,7 +144,7 @@ class Navigation:
         for scan in observation.scans:
             self._unprocessed_scans.append(scan)
             self._scans.queue(scan)
-        # Without odometry there is no transform to look anything up in, and nobody can work.
+        # Without odometry there is no transform to look anything up in: no node can work.
         if self._transforms.time < 0.0:
             return Decision(None, self._dispatcher.progress)
         published = self._localise()  # 2
@@ -217,21 +217,21 @@ class Navigation:
 
 
 def _make_global_planner(parameters: RosParameters) -> Navfn | GlobalPlanner:
-    chosen = parameters.global_planner
-    if isinstance(chosen, GlobalPlannerParameters):
-        return GlobalPlanner(chosen, parameters.quirks)
-    return Navfn(chosen, parameters.quirks)
+    settings = parameters.global_planner
+    if isinstance(settings, GlobalPlannerParameters):
+        return GlobalPlanner(settings, parameters.quirks)
+    return Navfn(settings, parameters.quirks)
 
 
 def _make_controller(parameters: RosParameters, footprint: Floats) -> Dwa | TrajectoryPlanner:
     """Return the local planner; ``footprint`` (k, 2) [m] is padded."""
-    chosen, quirks, move_base = parameters.local_planner, parameters.quirks, parameters.move_base
+    settings, quirks, move_base = parameters.local_planner, parameters.quirks, parameters.move_base
     period = 1.0 / move_base.controller_frequency
-    if isinstance(chosen, TrajectoryPlannerParameters):
-        return TrajectoryPlanner(chosen, quirks, footprint, period)
+    if isinstance(settings, TrajectoryPlannerParameters):
+        return TrajectoryPlanner(settings, quirks, footprint, period)
     # DWA finds this parameter in move_base's own namespace.
     latch = move_base.latch_xy_goal_tolerance
-    return Dwa(chosen, quirks, footprint, period, latch_goal=latch)
+    return Dwa(settings, quirks, footprint, period, latch_goal=latch)
 
 
 def _longest_kept(parameters: RosParameters) -> float:

@@ -1,10 +1,10 @@
-"""What of the stack's inside goes into the trace, and how often.
+"""Recorders of the stack's inside: they decide which of it goes into the trace, and when.
 
 * Every pose that AMCL publishes, stamped as the scan it is from, with the summary of the particles
   at that instant; in between, once a second, where the stack takes the robot to be (map <- odom of
   AMCL, odom <- base of the wheels) with the covariance last published.
 * At most a hundred particles, at most once a second, evenly taken from the filter's.
-* The global plan when it differs from the one recorded by more than what the robot has covered,
+* The global plan when it differs from the one recorded by more than the way the robot has covered,
   at most once a second, a point every tenth of a metre counted from the goal.
 * The trajectory DWA chose, five times a second.
 * The local costmap at ``local_costmap/publish_frequency``, at most once a second; never with 0.
@@ -98,13 +98,13 @@ def _placed(points: Floats, frame: Pose2) -> Floats:
 
 
 class LocalPlanRecorder:
-    """Brings the trajectories of the controller into the map frame, a few times a second."""
+    """Brings the trajectories of the controller into the map frame, five times a second."""
 
     def __init__(self) -> None:
         self._interval = MinimumInterval(_LOCAL_PLAN_PERIOD)
 
     def take(self, now: float, points: Floats | None, frame_in_map: Pose2) -> Floats | None:
-        """Return ``points`` (n, 2) of a frame at a pose in map there when it is time to."""
+        """Return ``points`` (n, 2) in map when it is time to; their frame is at a pose in map."""
         if points is None or len(points) == 0 or not self._interval.begin(now):
             return None
         return _placed(points, frame_in_map)
@@ -136,15 +136,15 @@ class EstimateRecorder:
         self._estimates = MinimumInterval(_ESTIMATE_PERIOD)
         self._particles = MinimumInterval(_PARTICLES_PERIOD)
 
-    def record_published(self, found: AmclPose) -> tuple[Estimate, Cloud]:
-        """Return what AMCL has just published, for the trace."""
-        self._covariance = found.covariance
-        self._estimates.restart(found.time)
-        estimate = Estimate(found.time, found.pose, found.covariance)
-        return estimate, Cloud(found.time, found.count, found.mean, found.covariance)
+    def record_published(self, latest: AmclPose) -> tuple[Estimate, Cloud]:
+        """Return the estimate AMCL has just published, and the summary of its particles."""
+        self._covariance = latest.covariance
+        self._estimates.restart(latest.time)
+        estimate = Estimate(latest.time, latest.pose, latest.covariance)
+        return estimate, Cloud(latest.time, latest.count, latest.mean, latest.covariance)
 
     def record_dead_reckoned(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
-        """Return where the stack takes the robot to be, when nobody has said so for a while.
+        """Return the stack's own estimate of the pose when the latest one is a second old.
 
         ``odom`` is the latest pose of odom in map, ``base`` that of the base in odom.
         """

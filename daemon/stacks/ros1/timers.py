@@ -1,4 +1,4 @@
-"""When things are due: rates and periods of the original's nodes, in simulated time [s].
+"""Timers: rates and periods of the original's nodes, in simulated time [s].
 
 Instants are sums of steps of 10 ms in binary floating point, so 0.3 may be 0.30000000000000004:
 what is due at an instant is due within :data:`TIME_TOLERANCE` of it.

@@ -134,16 +134,16 @@ class CostmapFrame:
 
     @property
     def base(self) -> Pose2:
-        """Where the base is: the stack's latest belief, in map by the delayed correction."""
+        """The pose of the base: the stack's latest belief, in map by the delayed correction."""
         return self.transforms.base_in_map() if self.name == "map" else self.transforms.odom_to_base
 
     @property
     def in_map(self) -> Pose2:
-        """Where the frame is in map, by the latest correction."""
+        """The pose of the frame in map, by the latest correction."""
         return _SAME if self.name == "map" else self.transforms.map_to_odom
 
     def pose_in(self, other: CostmapFrame) -> Pose2:
-        """Return where this frame is in ``other``, by the latest correction."""
+        """Return the pose of this frame in ``other``, by the latest correction."""
         if self.name == other.name:
             return _SAME
         return self.in_map if other.name == "map" else other.in_map.inverse()

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from daemon.model.sut import TICK_RATE
 from daemon.stacks.ros2.inspection import CheckLine, Inspection
 from daemon.stacks.ros2.settings import Ros2Settings
 
@@ -109,14 +110,14 @@ def _controller(period: float, node: str, frequency: float, distribution: str) -
     if abs(ratio - 1.0) <= _EQUAL:
         return CheckLine(subject, "ok", f"{each}, as the period of the cycles says")
     if ratio < 1.0:
-        ticks = max(1, math.ceil(100.0 / frequency - 1e-6))
+        answered = max(1, math.ceil(TICK_RATE / frequency - 1e-6)) / TICK_RATE
         return CheckLine(
             subject,
             "warning",
             f"{each}, but cycles are {period:g} s: there is no answer to most of them"
             if ratio <= 0.5
             else f"{each}, but cycles are {period:g} s: some have no answer",
-            f"write period: {ticks / 100.0:g} s, or raise controller_frequency to {1 / period:g}",
+            f"write period: {answered:g} s, or raise controller_frequency to {1 / period:g}",
         )
     if distribution in WALL_CLOCK_CONTROLLERS:
         return CheckLine(

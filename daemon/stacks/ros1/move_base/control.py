@@ -39,7 +39,7 @@ class MoveBaseState(StrEnum):
 
 
 class RecoveryTrigger(StrEnum):
-    """Why recoveries run, and what the goal is aborted for (``RecoveryTrigger``)."""
+    """Reasons to run recoveries and to abort a goal (``RecoveryTrigger``)."""
 
     PLANNING = "no valid plan"
     CONTROLLING = "no valid velocity command"
@@ -52,7 +52,7 @@ class MoveBaseStatus:
 
     ``plan`` (n, 3) in map is the latest one, ``plan_is_new`` until the control loop takes it.
     ``planner_runs`` lets the planner thread work (``runPlanner_``). ``log`` are sentences for the
-    log of the run, taken by whoever writes it.
+    log of the run; the stack takes them.
     """
 
     state: MoveBaseState = MoveBaseState.PLANNING
@@ -69,7 +69,7 @@ class MoveBaseStatus:
 
 
 _WAKING: Final = 0.001
-"""What the planner thread loses of every period to being woken [s].
+"""Part of every period that the planner thread loses to being woken [s].
 
 Its timer is set anew from when it began to plan, so it falls behind the control loop, which makes
 up for every delay. With equal frequencies that is all there is between a new plan in every control
@@ -196,7 +196,7 @@ class MoveBase:
         self._trajectory: Floats | None = None
 
     def take_command(self) -> Twist2 | None:
-        """Return what was published last since the previous call, ``None`` for nothing."""
+        """Return the command published last since the previous call, if any."""
         command, self.command = self.command, None
         return command
 
@@ -206,7 +206,7 @@ class MoveBase:
         return trajectory
 
     def take_result(self) -> Outcome | None:
-        """Return what became of the goal, once."""
+        """Return the outcome of the goal, once."""
         result, self._result = self._result, None
         return result
 
@@ -339,7 +339,7 @@ class MoveBase:
             self._rate.sleep(now)
 
     def _advance_recovery(self, now: float, recovery: Recovery) -> None:
-        """Let the recovery do what it does next; when it ends, the loop goes on planning."""
+        """Let the recovery take its next step; when it ends, the loop goes on planning."""
         advance = recovery.step()
         if advance.command is not None:
             self.command = advance.command

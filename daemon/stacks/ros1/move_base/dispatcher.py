@@ -40,9 +40,9 @@ class WaypointDispatcher:
         """Where the mission stands."""
 
     def step(self, now: float, result: Outcome | None, pose: Pose2) -> Pose2 | None:
-        """Return a goal to send now, if there is one.
+        """Return a goal to send now, if any.
 
-        ``result`` is what has become of the last one, ``pose`` the last that AMCL published.
+        ``result`` is the outcome of the last one, ``pose`` the last that AMCL published.
         """
         if self._rate is None:
             self._rate = RosRate(1.0 / self._parameters.rate, now)

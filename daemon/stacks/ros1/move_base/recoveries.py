@@ -1,4 +1,4 @@
-"""What move_base tries before it gives a goal up.
+"""Recoveries that move_base tries before it gives a goal up.
 
 Resets clear layers of the costmaps outside a square around the robot, at once; with the parameters
 people have they clear nothing (:attr:`Quirks.resets_clear_nothing`). The turn on the
@@ -30,12 +30,12 @@ from daemon.stacks.ros1.scan_buffer import ObservedCostmap
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _CIRCUMSCRIBED: Final = 0.46
-"""What the aggressive reset takes for the radius of the robot [m], a quarter of its square."""
+"""Radius that the aggressive reset takes the robot to have [m], a quarter of its square."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveryStep:
-    """How a recovery goes on: a command to publish, whether it has ended, what to say."""
+    """Step of a recovery: a command to publish, whether it has ended, a sentence for the log."""
 
     command: Twist2 | None
     ended: bool
@@ -100,8 +100,8 @@ def turn_is_free(
 ) -> bool:
     """Tell whether the outline of ``footprint`` (k, 2) stays free while it turns left by ``angle``.
 
-    It is looked at every ``granularity`` [rad], at the end itself only by chance; what lies inside
-    the outline does not count (rotate_recovery, ``CostmapModel::footprintCost``).
+    It is looked at every ``granularity`` [rad], at the end itself only by chance. Cells inside the
+    outline do not count (rotate_recovery, ``CostmapModel::footprintCost``).
     """
     # No kernel of its own: half a millisecond at 20 Hz, and only while a robot turns.
     frame = np.array((grid.x, grid.y, grid.resolution))
@@ -151,17 +151,17 @@ class RotateRecovery:
             return RecoveryStep(self._at_the_end, True, f"{self.name} has turned once")
         pose = self._local.frame.base
         self._heading = pose.yaw
-        left = self._left()
+        angle = self._remaining()
         grid, granularity = self._local.costmap.grid, parameters.sim_granularity
-        if not turn_is_free(grid, self._footprint, pose, left, granularity):
+        if not turn_is_free(grid, self._footprint, pose, angle, granularity):
             return RecoveryStep(
                 self._at_the_end, True, f"{self.name} cannot turn without a collision"
             )
-        speed = math.sqrt(2.0 * parameters.acc_lim_theta * left)
+        speed = math.sqrt(2.0 * parameters.acc_lim_theta * angle)
         speed = max(speed, parameters.min_in_place_vel_theta)
         return RecoveryStep(Twist2(0.0, 0.0, min(speed, parameters.max_vel_theta)), False)
 
-    def _left(self) -> float:
+    def _remaining(self) -> float:
         """Return how far there is to turn [rad]."""
         if self._halfway:
             return self._away(self._begun)
@@ -191,24 +191,24 @@ def make_recoveries(
     if not parameters.recovery_behavior_enabled:
         return ()
     distances = {}
-    chosen = parameters.recovery_behaviors
-    if chosen is None:
-        chosen = _default_behaviors(turning=parameters.clearing_rotation_allowed)
+    behaviors = parameters.recovery_behaviors
+    if behaviors is None:
+        behaviors = _default_behaviors(turning=parameters.clearing_rotation_allowed)
         distances = {
             "conservative_reset": parameters.conservative_reset_dist,
             "aggressive_reset": 4.0 * _CIRCUMSCRIBED,
         }
-    behaviors: list[Recovery] = []
-    for name, kind in ((behavior.name, behavior.type) for behavior in chosen):
+    recoveries: list[Recovery] = []
+    for name, kind in ((behavior.name, behavior.type) for behavior in behaviors):
         if kind == ROTATE:
-            behaviors.append(RotateRecovery(name, rotate, quirks, footprint, local_costmap))
+            recoveries.append(RotateRecovery(name, rotate, quirks, footprint, local_costmap))
             continue
         own = resets.get(name, ClearCostmapParameters())
         distance = distances.get(name, own.reset_distance)
-        behaviors.append(
+        recoveries.append(
             ClearCostmapRecovery(name, own, distance, quirks, global_costmap, local_costmap)
         )
-    return tuple(behaviors)
+    return tuple(recoveries)
 
 
 def _default_behaviors(*, turning: bool) -> tuple[RecoveryBehavior, ...]:

@@ -46,7 +46,7 @@ def test_a_scan_is_seen_from_its_own_laser():
     robot.scan(1.0, FRONT)
     robot.scan(1.0, REAR)
     robot.drive(2.0)
-    front, rear = robot.buffer.in_odom()
+    front, rear = robot.buffer.scans("odom")
     assert (front.pose.x, rear.pose.x) == (pytest.approx(1.5), pytest.approx(0.5))
     assert (front.height, rear.height) == (0.3, 0.6)
     assert (len(front.angles), len(rear.angles)) == (5, 3)
@@ -63,16 +63,16 @@ def test_a_scan_says_where_its_rays_point_in_single_precision():
     single = 0.10000000149011612
     assert laser.angle_increment == pytest.approx(0.1)
     expected = [single + ray * single for ray in range(5)]
-    assert robot.buffer.in_odom()[0].angles.tolist() == expected
+    assert robot.buffer.scans("odom")[0].angles.tolist() == expected
 
 
 def test_a_scan_waits_until_transforms_reach_beyond_it():
     robot = Robot(FRONT, REAR)
     robot.scan(1.0, FRONT)
     robot.drive(1.0)
-    assert robot.buffer.in_odom() == []
+    assert robot.buffer.scans("odom") == []
     robot.drive(1.05)
-    assert told(robot.buffer.in_odom()) == [("front", 1.0)]
+    assert told(robot.buffer.scans("odom")) == [("front", 1.0)]
 
 
 def test_without_persistence_only_the_newest_of_each_laser_is_there():
@@ -81,8 +81,8 @@ def test_without_persistence_only_the_newest_of_each_laser_is_there():
         robot.scan(time, FRONT)
     robot.scan(0.2, REAR)
     robot.drive(1.0)
-    assert told(robot.buffer.in_odom()) == [("rear", 0.2), ("front", 0.3)]
-    assert told(robot.buffer.in_map()) == told(robot.buffer.in_odom())
+    assert told(robot.buffer.scans("odom")) == [("rear", 0.2), ("front", 0.3)]
+    assert told(robot.buffer.scans("map")) == told(robot.buffer.scans("odom"))
 
 
 def test_scans_stay_as_long_as_they_are_wanted_oldest_first():
@@ -95,8 +95,8 @@ def test_scans_stay_as_long_as_they_are_wanted_oldest_first():
     # Whatever is older than half a second when another one of its laser arrives is gone.
     expected = [(laser, tick / 10) for tick in range(6, 11) for laser in ("front", "rear")
                 if laser == "front" or tick == 8]  # fmt: skip
-    assert told(robot.buffer.in_odom()) == [("rear", 0.4), *expected]
-    assert [s.ranges[0] for s in robot.buffer.in_odom()] == pytest.approx(
+    assert told(robot.buffer.scans("odom")) == [("rear", 0.4), *expected]
+    assert [s.ranges[0] for s in robot.buffer.scans("odom")] == pytest.approx(
         [0.4, *(time for _, time in expected)]
     )
 
@@ -108,7 +108,7 @@ def test_what_is_kept_stays_where_it_was_and_the_newest_follows_the_correction()
     robot.scan(0.8, FRONT)
     robot.drive(1.0)
     robot.transforms.correct(1.0, Pose2(0.0, 3.0))
-    old, new = robot.buffer.in_map()
+    old, new = robot.buffer.scans("map")
     assert (old.pose.x, old.pose.y) == (pytest.approx(1.0), 0.0)
     assert (new.pose.x, new.pose.y) == (pytest.approx(1.3), 3.0)
-    assert [s.pose.y for s in robot.buffer.in_odom()] == [0.0, 0.0]
+    assert [s.pose.y for s in robot.buffer.scans("odom")] == [0.0, 0.0]
