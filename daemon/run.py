@@ -133,7 +133,7 @@ def load_kernels(spec: RunSpec, scene: Scene) -> None:
 
 
 def rehearse(
-    spec: RunSpec, scene: Scene, tell: Callable[[], None], on_driven: Callable[[], None]
+    spec: RunSpec, scene: Scene, tell: Callable[[], object], on_driven: Callable[[], object]
 ) -> None:
     """Compile and list the kernels that runs like ``spec`` call, in the order of need.
 

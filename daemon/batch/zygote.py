@@ -114,6 +114,7 @@ class Zygote(EventLoop):
             return
         if not process:
             self._become_child()
+            self._wire.close()
             run_attempt(task, wire, self._execute)
         self._runs[process] = task, wire
         self.watch(wire.fileno(), partial(self._hang_up, process), HUNG_UP)
@@ -123,7 +124,6 @@ class Zygote(EventLoop):
         """Let go of what is the zygote's alone, in a process it has forked."""
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        self._wire.close()
         for _, wire in self._runs.values():
             wire.close()
 
@@ -135,8 +135,11 @@ class Zygote(EventLoop):
     def child_ended(self, process: int, code: int) -> None:
         """Report the end of a run when nothing of it is left."""
         if process in self._rehearsals:
+            from daemon.model.kernels import load_list
+
             # It has told why, if it could not: a run that calls these kernels has the same trouble.
-            self._load(self._rehearsals.pop(process))
+            load_list(name := self._rehearsals.pop(process))
+            self._say_ready(name)
             return
         if process not in self._runs:
             return  # a guardian that was killed has left it
@@ -145,7 +148,7 @@ class Zygote(EventLoop):
             self.forget(wire.fileno())
         # A guardian that has done its work ends with a code, or by the signal that ended the run.
         if code < 0:
-            end_children(os.getpid(), lambda: self._runs, reap=self.reap)
+            end_children(os.getpid(), lambda: (*self._runs, *self._rehearsals), reap=self.reap)
         is_new = code == 0 and task.likeness and task.likeness not in self._begun
         example = read_example(task) if is_new else None
         with suppress(OSError), wire:  # its worker does not listen any more
@@ -169,7 +172,7 @@ class Zygote(EventLoop):
             if task.name in self._rehearsals.values():
                 return
             if load_list(task.name):
-                self._load(task.name)
+                self._say_ready(task.name)
                 return
             self._wire.send(COMPILED + b"0")
             reading, writing = os.pipe()
@@ -188,16 +191,16 @@ class Zygote(EventLoop):
 
     def _take_progress(self, name: str, reading: int) -> None:
         """Let runs start when the short run has driven; kernels that judge come meanwhile."""
+        from daemon.model.kernels import load_list
+
         if os.read(reading, 1):
-            self._load(name)
+            load_list(name)
+            self._say_ready(name)
         else:
             self.forget(reading)
             os.close(reading)
 
-    def _load(self, name: str) -> None:
-        from daemon.model.kernels import load_list
-
-        load_list(name)
+    def _say_ready(self, name: str) -> None:
         _keep_for_good()
         self._wire.send(READY + name.encode())
 
@@ -237,21 +240,13 @@ def rehearse_run(task: KernelTask, spec: bytes, wire: socket.socket, driven: int
         rehearse(
             codec.from_json(RunSpec, spec),
             codec.from_json(Scene, task.scene.read_bytes()),
-            lambda: _tell(wire),
-            lambda: _write(driven),
+            lambda: wire.send(COMPILED + b"1"),
+            lambda: os.write(driven, b"1"),
         )
     except BaseException:
         # The run itself fails like this, and says so: to whom, and of what, is known then.
         traceback.print_exc()
     os._exit(0)
-
-
-def _tell(wire: socket.socket) -> None:
-    wire.send(COMPILED + b"1")
-
-
-def _write(descriptor: int) -> None:
-    os.write(descriptor, b"1")
 
 
 def _keep_for_good() -> None:

@@ -32,6 +32,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 
+from daemon.supervision.child import die_with_parent
 from grammars.text.files import write_atomically
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -109,14 +110,14 @@ def machine_code(function: F, *arguments: Any) -> F:
     signature = tuple(cast(Any, typeof)(each) for each in arguments)
     if _compiler.ahead is None or dispatcher.is_kept(signature):
         return cast(F, dispatcher.compile(signature))
+    parent = os.getpid()
     process = os.fork()
     if not process:
-        status = 1
         try:
+            die_with_parent(parent)
             dispatcher.compile(signature)
-            status = 0
         finally:
-            os._exit(status)
+            os._exit(0)  # who calls it meets whatever went wrong
     _compiler.ahead.append(process)
     return function
 
@@ -239,7 +240,7 @@ class _Compiler:
         self.depth = 0
         self.called: dict[KernelFile, None] | None = None
         self.ahead: list[int] | None = None
-        self.tell: Callable[[], None] = _say_nothing
+        self.tell: Callable[[], object] = _say_nothing
         self._lock: int | None = None
 
     @contextmanager
@@ -282,7 +283,7 @@ def _folder() -> Path:
 
 
 @contextmanager
-def compiling_ahead(tell: Callable[[], None]) -> Iterator[Callable[[], tuple[KernelFile, ...]]]:
+def compiling_ahead(tell: Callable[[], object]) -> Iterator[Callable[[], tuple[KernelFile, ...]]]:
     """Compile kernels in processes of their own as soon as :func:`machine_code` asks for one.
 
     Calls ``tell`` after each kernel, in these processes too. Yields a function that returns which

@@ -6,12 +6,15 @@ from contextlib import closing
 from dataclasses import replace
 from multiprocessing.connection import wait
 
+import psutil
+
 from daemon.batch.run_process import RESULT, TRACE, RunTask
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._zygotes import ZygotePool
 from daemon.batch.zygote import read_example
 from daemon.model.execution import RunLimits
 from daemon.model.messages import Lease
+from daemon.model.spec import SutReference
 from daemon.run import execute
 from grammars.text import codec
 from tests.daemon.batch.samples import SCENE, make_result, make_spec
@@ -64,6 +67,58 @@ def test_a_run_finds_the_map_of_the_one_before(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     execute(spec, SCENE, trace_path=tmp_path / "here.mcap")
     assert (tmp_path / "trace.mcap").read_bytes() == (tmp_path / "here.mcap").read_bytes()
+
+
+def test_a_worker_compiles_once_and_says_how_far_it_is(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    spec = replace(make_spec(), sut=SutReference("idle", "idle", {}), limit=0.5)
+    scene = tmp_path / "scene.json"
+    scene.write_bytes(codec.to_json(SCENE))
+    counts = []
+    for number in range(2):
+        with closing(ZygotePool(1)) as pool:
+            seen = []
+            while not pool.prepare(spec, scene, RunLimits()):
+                wait(pool.waitables)
+                pool.listen()
+                seen.append(pool.preparation.done if pool.preparation else 0)
+            counts.append(max(seen))
+            attempt = Attempt.prepare(tmp_path / f"{number}", Lease("c.0", "c", 1, 7, "c/0", spec))
+            execution = pool.start(attempt, scene, RunLimits())
+            while execution.end is None:
+                wait(execution.waitables)
+                execution.listen()
+            execution.close()
+            assert attempt.finished, execution.end.why
+    compiled = len(list((tmp_path / "kernels").rglob("*.nbi")))
+    assert counts[0] > 1
+    assert counts[1] == 0
+    assert len(list((tmp_path / "kernels").rglob("*.nbc"))) == compiled
+
+
+def test_a_short_run_that_is_killed_leaves_compiling_to_the_run(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    spec = replace(make_spec(), limit=0.5, oracles=())
+    scene = tmp_path / "scene.json"
+    scene.write_bytes(codec.to_json(SCENE))
+    with closing(ZygotePool(1)) as pool:
+        killed = False
+        while not pool.prepare(spec, scene, RunLimits()):
+            wait(pool.waitables)
+            pool.listen()
+            if pool.preparation and not killed:
+                (zygote,) = psutil.Process().children()
+                for child in zygote.children():
+                    child.kill()
+                killed = True
+        assert killed
+        attempt = Attempt.prepare(tmp_path / "run", Lease("c.0", "c", 1, 7, "c/0", spec))
+        execution = pool.start(attempt, scene, RunLimits())
+        while execution.end is None:
+            wait(execution.waitables)
+            execution.listen()
+        execution.close()
+        assert attempt.finished, execution.end.why
 
 
 def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path):
