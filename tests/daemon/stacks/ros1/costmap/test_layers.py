@@ -1,9 +1,8 @@
-"""Layers beside and over each other, heights, several lasers, scans that are kept, resets."""
+"""Layers beside and over each other, heights, several lasers, resets."""
 
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from daemon.stacks.ros1.costmap import (
@@ -66,14 +65,6 @@ def test_several_obstacle_layers_are_all_kept():
     assert value(costmap, 2.025, 1.525) == 254
 
 
-def test_what_one_layer_cleared_another_one_still_shows():
-    rear = replace(OBSTACLES, name="rear", sources=(REAR,))
-    costmap = build(StaticLayer(), OBSTACLES, rear, FLAT)
-    costmap.update(HERE, (seen("rear", 1.0),))
-    costmap.update(HERE, (seen("front", 2.0),))
-    assert value(costmap, 2.025, 1.025) == 254
-
-
 @pytest.mark.parametrize(("method", "cost"), [(0, 0), (1, 254), (2, 254)])
 def test_only_a_layer_that_overwrites_clears_walls_of_the_map(method, cost):
     layer = replace(OBSTACLES, combination_method=method, track_unknown_space=True)
@@ -117,33 +108,6 @@ def test_of_two_lasers_on_one_topic_only_the_latest_scan_counts():
     assert value(costmap, 2.025, 1.525) == 254
 
 
-def test_all_sources_clear_before_any_marks():
-    layer = replace(OBSTACLES, sources=(LASER, REAR))
-    costmap = build(layer, FLAT)
-    costmap.update(HERE, (seen("front", 1.5), seen("rear", 2.5)))
-    assert value(costmap, 2.525, 1.025) == 254
-    assert value(costmap, 3.525, 1.025) == 254
-
-
-def test_scans_are_kept_as_long_as_they_persist():
-    lasting = replace(LASER, observation_persistence=0.25, clearing=False)
-    costmap = build(replace(OBSTACLES, sources=(lasting,)), FLAT)
-    scans = [seen("front", 1.0 + 0.5 * k, time=0.1 * k) for k in range(4)]
-    costmap.update(HERE, scans)
-    shown = [value(costmap, 2.025 + 0.5 * k, 1.025) for k in range(4)]
-    assert shown == [0, 254, 254, 254], "the first is older than 0.25 s when the last is received"
-
-
-def test_a_laser_that_fell_silent_leaves_its_scans():
-    lasting = replace(LASER, observation_persistence=0.25)
-    costmap = build(replace(OBSTACLES, sources=(lasting,)), FLAT)
-    costmap.update(HERE, (seen("front", 1.5),))
-    costmap.update(Pose2(2.525, 1.025))
-    assert value(costmap, 2.525, 1.025) == 0
-    costmap.update(FAR_AWAY, (seen("front", 1.5),))
-    assert value(costmap, 2.525, 1.025) == 254
-
-
 def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees():
     """A table top, seen by the upper laser; the lower one looks through below it."""
     both = replace(OBSTACLES, sources=(LASER, REAR))
@@ -169,15 +133,6 @@ def test_rays_of_a_voxel_layer_end_two_cells_before_their_return():
         assert value(costmap, 2.525, 1.025) == cost
         costmap.update(HERE, (seen("front", 1.65),))
         assert value(costmap, 2.525, 1.025) == 0
-
-
-def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked():
-    two = with_voxels(replace(OBSTACLES, sources=(LASER, REAR)), mark_threshold=1)
-    costmap = build(two, FLAT)
-    costmap.update(HERE, (seen("front", 1.5, height=0.3),))
-    assert value(costmap, 2.525, 1.025) == 0
-    costmap.update(HERE, (seen("rear", 1.5, height=0.7),))
-    assert value(costmap, 2.525, 1.025) == 254
 
 
 def test_a_column_is_unknown_while_too_many_of_its_voxels_are():
@@ -221,23 +176,6 @@ def test_a_window_that_rolls_shows_the_map_where_it_lies():
     assert value(costmap, 1.525, 1.0) == 0
 
 
-def test_off_the_map_a_rolling_window_keeps_what_lies_below():
-    rolling = {"rolling_window": True, "width": 3.0, "height": 3.0, "track_unknown_space": True}
-    costmap = build(StaticLayer(), FLAT, **rolling)
-    costmap.update(Pose2(0.0, 0.0))
-    assert value(costmap, 0.5, 0.5) == 0
-    assert value(costmap, -0.5, 0.5) == 255
-
-
-def test_a_window_that_stands_still_has_the_size_that_is_written():
-    costmap = build(OBSTACLES, INFLATION, width=2.0, height=1.0, origin_x=0.5, origin_y=0.5)
-    assert costmap.grid.cells.shape == (20, 40)
-    costmap.update(HERE, (seen("front", 1.0),))
-    assert value(costmap, 2.025, 1.025) == 254
-    costmap.update(Pose2(30.0, 30.0), (seen("front", 1.0),))
-    assert costmap.grid.x == 0.5
-
-
 def test_resets_forget_the_layers_they_name_the_map_too():
     front, rear = replace(OBSTACLES, name="a/front"), replace(OBSTACLES, name="rear")
     layers = (StaticLayer("map"), front, replace(rear, sources=(REAR,)), INFLATION)
@@ -251,28 +189,3 @@ def test_resets_forget_the_layers_they_name_the_map_too():
     assert value(costmap, 6.025, 1.0) != 254
     assert costmap.clear_layers(HERE, 3.0, ("nobody",)) == ()
     assert costmap.clear_layers(HERE, 3.0, None) == ("front", "rear")
-
-
-def test_a_reset_can_clear_inside_its_square():
-    costmap = build(StaticLayer(), OBSTACLES, FLAT)
-    for away in (0.5, 2.5):
-        costmap.update(FAR_AWAY, (replace(seen("front", away, y=0.525 + away / 3)),))
-    costmap.clear_layers(HERE, 3.0, ("obstacle_layer",), inside=True)
-    costmap.update(FAR_AWAY)
-    assert np.argwhere(costmap.grid.cells == 254).tolist() == [[27, 70]]
-
-
-def test_what_a_reset_cleared_in_a_voxel_layer_is_marked_again_when_seen():
-    costmap = build(StaticLayer(), with_voxels(OBSTACLES), FLAT)
-    costmap.update(HERE, (seen("front", 2.0),))
-    costmap.clear_layers(HERE, 1.0, ("obstacle_layer",))
-    costmap.update(HERE)
-    assert value(costmap, 3.025, 1.025) == 0
-    costmap.update(HERE, (seen("front", 2.0),))
-    assert value(costmap, 3.025, 1.025) == 254
-
-
-def test_a_costmap_without_layers_stays_as_it_is():
-    costmap = build(width=2.0, height=2.0, track_unknown_space=True)
-    costmap.update(HERE, (seen("front", 1.0),))
-    assert (costmap.grid.cells == 255).all()

@@ -73,7 +73,7 @@ def random_source(rng):
         raytrace_range=float(rng.uniform(0.2, 1.0)),
         min_obstacle_height=float(rng.choice([0.0, 0.0, 0.3])),
         inf_is_valid=bool(rng.random() < 0.3),
-        observation_persistence=float(rng.choice([0.0, 0.0, 0.0, 0.04, 0.15, 0.3])),
+        observation_persistence=float(rng.choice([0.0, 0.0, 0.0, 0.04, 0.151, 0.3])),
     )
 
 
