@@ -192,57 +192,42 @@ def _read_rotation(
 ) -> RotateRecoveryParameters:
     """Return the turn on the spot: its own namespace and the limits of another one."""
     turns = [b.name for b in move_base.recovery_behaviors or () if b.type == ROTATE]
-    name = turns[0] if turns else "rotate_recovery"
-    own = _read_part(tree, ("move_base", name), _ROTATION_OWN)
-    if isinstance(planner, DwaParameters) and not quirks.rotate_reads_other_namespace:
+    own = ("move_base", turns[0] if turns else "rotate_recovery")
+    places: dict[str, tuple[str, ...]] = {name: (*own, name) for name in tree.at(*own)}
+    for name in [name for name in places if name not in _ROTATION_OWN]:
+        hint, message = did_you_mean(name, _ROTATION_OWN), f'nothing reads a parameter "{name}"'
+        finding = ParameterFinding(places.pop(name), message, hint, unread=True)
+        tree.report.problems.append(finding)
+    reads_dwa = isinstance(planner, DwaParameters) and not quirks.rotate_reads_other_namespace
+    if not reads_dwa:
+        places |= _limit_places(tree, move_base.base_local_planner)
+    entries = {name: tree.at(*place[:-1])[place[-1]] for name, place in places.items()}
+    turn = read_section(RotateRecoveryParameters, entries, own, tree.report, places=places)
+    if isinstance(planner, DwaParameters) and reads_dwa:
         return replace(
-            own,
-            acc_lim_theta=planner.acc_lim_theta or own.acc_lim_theta,
-            max_vel_theta=planner.max_vel_theta or own.max_vel_theta,
+            turn,
+            acc_lim_theta=planner.acc_lim_theta or turn.acc_lim_theta,
+            max_vel_theta=planner.max_vel_theta or turn.max_vel_theta,
             min_in_place_vel_theta=planner.min_vel_theta,
-            yaw_goal_tolerance=planner.yaw_goal_tolerance or own.yaw_goal_tolerance,
+            yaw_goal_tolerance=planner.yaw_goal_tolerance or turn.yaw_goal_tolerance,
         )
-    limits = frozenset(f.name for f in fields(RotateRecoveryParameters)) - _ROTATION_OWN
-    path = ("move_base", "TrajectoryPlannerROS")
-    unread = None
-    if namespace_of(move_base.base_local_planner) != path[-1]:
-        unread = f"{move_base.base_local_planner} drives; rotate_recovery reads only the limits"
-    other = _read_part(tree, path, limits, unread=unread, shared=unread is None)
-    return replace(other, sim_granularity=own.sim_granularity, frequency=own.frequency)
+    return turn
 
 
-def _read_part(
-    tree: ParameterTree,
-    path: tuple[str, str],
-    names: frozenset[str],
-    *,
-    unread: str | None = None,
-    shared: bool = False,
-) -> RotateRecoveryParameters:
-    """Read those parameters of the recovery that stand in one namespace.
+def _limit_places(tree: ParameterTree, local_planner: str) -> dict[str, tuple[str, ...]]:
+    """Return where the limits of the turn stand that ``TrajectoryPlannerROS`` has, by their names.
 
-    Of other names there it is said that they are unknown, or ``unread`` with that reason; nothing
-    when the namespace is ``shared`` with somebody who says it.
+    The other names there are without effect, unless that controller drives and reads them.
     """
-    given = tree.at(*path)
+    path = ("move_base", "TrajectoryPlannerROS")
+    names = {field.name for field in fields(RotateRecoveryParameters)} - _ROTATION_OWN
+    written = tree.at(*path)
     # Of two names of a limit the newer one counts (nav_core ``loadParameterWithDeprecation``).
-    mine = {OTHER_NAMES[name]: name for name in given if name in OTHER_NAMES}
-    mine |= {name: name for name in given if name in names}
-    mine = {name: written for name, written in mine.items() if name in names}
-    for name in given:
-        if shared or name in mine.values():
-            continue
-        if unread is not None:
-            tree.report.ignore((*path, name), unread)
-        elif OTHER_NAMES.get(name) not in names:
-            hint = did_you_mean(name, names)
-            message = f'nothing reads a parameter "{name}"'
-            finding = ParameterFinding((*path, name), message, hint, unread=True)
-            tree.report.problems.append(finding)
-    return read_section(
-        RotateRecoveryParameters,
-        {name: given[written] for name, written in mine.items()},
-        path,
-        tree.report,
-        places={name: (*path, written) for name, written in mine.items()},
-    )
+    limits = {OTHER_NAMES[name]: name for name in written if name in OTHER_NAMES}
+    limits |= {name: name for name in written if name in names}
+    if namespace_of(local_planner) != path[-1]:
+        reason = f"{local_planner} drives; rotate_recovery reads only the limits"
+        for name in written:
+            if name not in limits.values():
+                tree.report.ignore((*path, name), reason)
+    return {limit: (*path, name) for limit, name in limits.items()}
