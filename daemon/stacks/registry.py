@@ -90,13 +90,13 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
         try:
             factory: Factory = self._entry.load()
         except (Exception, SystemExit) as error:
-            raise SutMissing(_cannot("loaded", self._entry, error)) from error
+            raise SutMissing(self._cannot("loaded", error)) from error
         try:
             made = factory(settings)
         except ValueError:
             raise
         except (Exception, SystemExit) as error:
-            raise ValueError(_cannot("made", self._entry, error)) from error
+            raise ValueError(self._cannot("made", error)) from error
         problem = _unlike_protocol(made)
         if problem:
             raise ValueError(
@@ -119,20 +119,18 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
                 self.make(settings)
         except OutOfTime as error:
             hint = "what takes longer belongs into start()"
-            raise ValueError(f"{_name(self._entry)} was not made: {error}; {hint}") from error
+            raise ValueError(f"{self._title()} was not made: {error}; {hint}") from error
         except (ParameterError, SutMissing):
             raise
         except ValueError as error:
             raise ValueError(codec.reading_error(error) or "ValueError without a word") from error
         return ParameterFindings()
 
+    def _title(self) -> str:
+        return f'the system under test "{self.name}" ({plugin_origin(self._entry)})'
 
-def _name(entry: EntryPoint) -> str:
-    return f'the system under test "{entry.name}" ({plugin_origin(entry)})'
-
-
-def _cannot(what: str, entry: EntryPoint, error: BaseException) -> str:
-    return explain_plugin_error(f"{_name(entry)} cannot be {what}", error, __file__)
+    def _cannot(self, done: str, error: BaseException) -> str:
+        return explain_plugin_error(f"{self._title()} cannot be {done}", error, __file__)
 
 
 def _unlike_protocol(made: object) -> str:

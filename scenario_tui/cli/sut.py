@@ -153,16 +153,16 @@ def relay() -> None:
 
 
 def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
-    if found.reference.kind != "ros":
-        return None
-    from daemon.stacks.ros1.configuration import read_ros
+    from daemon.stacks.ros1 import ROS
 
-    return read_ros(found.reference.parameters)
+    return ROS.read(found.reference.parameters) if found.reference.kind == ROS.name else None
 
 
 def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
     """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
-    if found.reference.kind == "ros2":
+    from daemon.stacks.ros2 import ROS2
+
+    if found.reference.kind == ROS2.name:
         from daemon.model.attachments import resolve_paths
         from daemon.stacks.ros2.defaults import settings_not_written
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Final
 
-from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
+from daemon.stacks.findings import FindingCollector, ParameterLocation
 from grammars.text.diagnostics import did_you_mean
 
 
@@ -97,45 +97,31 @@ PROFILES: Final = {"fast": FAST, "original": ORIGINAL, "fixed": FIXED}
 DEFAULT_PROFILE: Final = "fast"
 
 
-_SWITCHES: Final = tuple(field.name for field in fields(Quirks))
-
-
 def read_quirks(given: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
     """Return the quirks ``given``: the name of a profile, or ``{like: PROFILE, NAME: bool}``."""
     if isinstance(given, str):
         return _profile(given, path, report)
     if not isinstance(given, Mapping):
-        report.fatal.append(
-            ParameterFinding(path, "must be fast, original, fixed, or switches with true or false")
-        )
+        report.refuse(path, "must be fast, original, fixed, or switches with true or false")
         return FAST
-    quirks = _profile(given.get("like", DEFAULT_PROFILE), (*path, "like"), report)
-    return replace(quirks, **_switched(given, path, report))
+    names = [field.name for field in fields(Quirks)]
+    switches: dict[str, bool] = {}
+    for name, value in given.items():
+        if name == "like":
+            continue
+        if name not in names:
+            hint = did_you_mean(name, names)
+            report.refuse((*path, name), f'there is no quirk "{name}"', hint)
+        elif not isinstance(value, bool):
+            report.refuse((*path, name), f"must be true or false (given: {value!r})")
+        else:
+            switches[name] = value
+    profile = _profile(given.get("like", DEFAULT_PROFILE), (*path, "like"), report)
+    return replace(profile, **switches)
 
 
 def _profile(name: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
     if isinstance(name, str) and name in PROFILES:
         return PROFILES[name]
-    hint = did_you_mean(str(name), PROFILES)
-    report.fatal.append(ParameterFinding(path, f'there are no quirks "{name}"', hint))
+    report.refuse(path, f'there are no quirks "{name}"', did_you_mean(str(name), PROFILES))
     return FAST
-
-
-def _switched(
-    given: Mapping[str, Any], path: ParameterLocation, report: FindingCollector
-) -> dict[str, bool]:
-    switches: dict[str, bool] = {}
-    for name, value in given.items():
-        place = (*path, name)
-        if name == "like":
-            continue
-        if name not in _SWITCHES:
-            hint = did_you_mean(name, _SWITCHES)
-            report.fatal.append(ParameterFinding(place, f'there is no quirk "{name}"', hint))
-        elif not isinstance(value, bool):
-            report.fatal.append(
-                ParameterFinding(place, f"must be true or false (given: {value!r})")
-            )
-        else:
-            switches[name] = value
-    return switches

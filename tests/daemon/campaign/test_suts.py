@@ -255,6 +255,16 @@ def test_a_kind_named_without_a_file_tells_what_its_defaults_lack(tmp_path):
     assert any("the local costmap has no source" in w for w in warnings)
 
 
+def test_a_kind_named_without_a_file_says_which_of_its_values_change_nothing(tmp_path):
+    library = LayerLibrary(tmp_path)
+    where = Where("campaign.yaml", 3, 1)
+    values = {"amcl.gui_publish_rate": 2.0, "amcl.laser_max_beams": 60}
+    sut = library.loaded_sut(LayerReference("ros", values, where))
+    assert sut.reference.parameters == {"amcl": {"gui_publish_rate": 2.0, "laser_max_beams": 60}}
+    (idle,) = sut.idle
+    assert (idle.message, idle.hint) == ("without effect here: amcl/gui_publish_rate", "")
+
+
 _trees = st.recursive(
     st.integers() | st.booleans() | st.lists(st.integers(), max_size=2),
     lambda inner: st.dictionaries(st.sampled_from("abc"), inner, min_size=1, max_size=3),
