@@ -27,18 +27,27 @@ from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Laser
 
 
-class LikelihoodField(NamedTuple):
-    """A framed field of squared distances and what a beam adds by them, ``table``.
+class Sensor(NamedTuple):
+    """A laser on a map, as the kernel takes it.
 
-    ``x``, ``y`` is the corner of its map [m], ``shift`` [cells] is added to what is looked up.
+    ``beams`` (2, k) are cosine and sine of the rays ``indices`` in the base frame, ``mount_x`` and
+    ``mount_y`` [m] where the laser is in it. A return between ``least`` and ``most`` [m] counts.
+    ``squared`` is the framed field of the map whose corner is ``x``, ``y`` [m]; what is looked up
+    there is shifted by ``shift`` [cells], and ``table`` has what a beam adds by it.
     """
 
+    indices: Integers
+    beams: Floats
+    mount_x: float
+    mount_y: float
+    least: float
+    most: float
     squared: SquaredCells
-    table: Floats
     x: float
     y: float
     resolution: float
     shift: float
+    table: Floats
 
 
 class LaserModel:
@@ -47,49 +56,33 @@ class LaserModel:
     def __init__(
         self, parameters: AmclParameters, quirks: Quirks, grid: OccupancyGrid, laser: Laser
     ) -> None:
-        self._indices, self._mount = beam_indices(parameters, laser.rays), laser.mount
-        bearings = (laser.angle_min + self._indices * laser.angle_increment).tolist()
+        p, most = parameters, parameters.max_particles
+        field = distance_field(
+            grid, p.laser_likelihood_max_dist, brushfire=quirks.amcl_brushfire_distances
+        )
+        # Messages carry single precision: a return at the very limit must stay at the limit.
+        limits = _range_limits(p, float(np.float32(laser.range_min)),
+                               float(np.float32(laser.range_max)))  # fmt: skip
+        indices, shift = beam_indices(p, laser.rays), 0.5 if quirks.amcl_half_cell_shift else 0.0
+        bearings = (laser.angle_min + indices * laser.angle_increment).tolist()
         # Not by numpy: its cosine differs from that of C in the last bits.
         angles = [laser.mount.yaw + bearing for bearing in bearings]
-        self._beams = np.array([[math.cos(a) for a in angles], [math.sin(a) for a in angles]])
-        # Messages carry single precision: a return at the very limit must stay at the limit.
-        self._limits = _range_limits(parameters, float(np.float32(laser.range_min)),
-                               float(np.float32(laser.range_max)))  # fmt: skip
-        self._sums = np.empty(parameters.max_particles)
-        self._corner = np.empty((2, parameters.max_particles))
-        self._cells = np.empty(parameters.max_particles, dtype=np.int32)
-        field = distance_field(
-            grid,
-            parameters.laser_likelihood_max_dist,
-            brushfire=quirks.amcl_brushfire_distances,
-        )
-        table = _likelihoods(parameters, field, self._limits[1])
-        shift = 0.5 if quirks.amcl_half_cell_shift else 0.0
-        self._field = LikelihoodField(field.squared, table, grid.x, grid.y, grid.resolution, shift)
+        beams = np.array([[math.cos(a) for a in angles], [math.sin(a) for a in angles]])
+        self._sensor = Sensor(
+            indices, beams, laser.mount.x, laser.mount.y, *limits, field.squared, grid.x, grid.y,
+            grid.resolution, shift, _likelihoods(p, field, limits[1]),
+        )  # fmt: skip
+        self._sums, self._corner = np.empty(most), np.empty((2, most))
+        self._cells = np.empty(most, dtype=np.int32)
 
     def weigh(self, ranges: Singles, cloud: Cloud, count: int) -> float:
         """Multiply the first ``count`` weights by the likelihood of a scan; return their sum.
 
         Lost rays (NaN) count nothing.
         """
-        points = self._end_points(ranges)
-        sum_over_beams(self._field, points, cloud, count, self._corner, self._cells, self._sums)
-        weights = cloud.weights[:count]
-        weights *= self._sums[:count]
-        # Added one after the other, which a sum of numpy is not.
-        return float(np.cumsum(weights)[-1])
-
-    def _end_points(self, ranges: Singles) -> Floats:
-        """Return the end points (n, 2) of usable beams in the base frame.
-
-        A return at the least range or below counts as none, as one at the largest or beyond does.
-        """
-        least, most = self._limits
-        reach = ranges[self._indices].astype(np.float64)
-        usable = (reach > least) & (reach < most)
-        points = reach[usable] * self._beams[:, usable]
-        points += [[self._mount.x], [self._mount.y]]
-        return np.ascontiguousarray(points.T)
+        return weigh_particles(
+            self._sensor, ranges, cloud, count, self._corner, self._cells, self._sums
+        )
 
 
 def _likelihoods(parameters: AmclParameters, field: DistanceField, range_max: float) -> Floats:
@@ -121,33 +114,39 @@ def _range_limits(parameters: AmclParameters, least: float, most: float) -> tupl
 
 
 @kernel
-def sum_over_beams(
-    field: LikelihoodField,
-    points: Floats,
+def weigh_particles(
+    sensor: Sensor,
+    ranges: Singles,
     cloud: Cloud,
     count: int,
     corner: Floats,
     cells: Integers,
     sums: Floats,
-) -> None:
-    """Write 1 plus the sum over end points of ``table`` at the field's value there.
+) -> float:
+    """Multiply weights by 1 plus the sum over beams of ``table``; return the sum of the products.
 
-    ``corner`` (2, n) and ``cells`` (n,) are scratch. Beams run outside, particles inside, which
-    leaves each sum in the order of the beams and the loop that finds the cells free of look-ups
-    and dependencies, so that it runs on several particles at once.
+    ``corner`` (2, n), ``cells`` and ``sums`` (n,) are scratch. Beams run outside, particles inside,
+    which leaves each sum in the order of the beams and the loop that finds the cells free of
+    look-ups and dependencies, so that it runs on several particles at once.
     """
-    poses, directions, table = cloud.poses, cloud.directions, field.table
-    rows, columns = field.squared.shape
-    flat = field.squared.reshape(rows * columns)
+    poses, directions, weights = cloud.poses, cloud.directions, cloud.weights
+    beams, table = sensor.beams, sensor.table
+    rows, columns = sensor.squared.shape
+    flat = sensor.squared.reshape(rows * columns)
     width = np.int32(columns)
-    inverse = 1.0 / field.resolution
+    inverse = 1.0 / sensor.resolution
     right, top = float(columns - 1), float(rows - 1)
     for i in range(count):
-        corner[0, i] = (poses[0, i] - field.x) * inverse + field.shift + 1.0
-        corner[1, i] = (poses[1, i] - field.y) * inverse + field.shift + 1.0
+        corner[0, i] = (poses[0, i] - sensor.x) * inverse + sensor.shift + 1.0
+        corner[1, i] = (poses[1, i] - sensor.y) * inverse + sensor.shift + 1.0
         sums[i] = 1.0
-    for k in range(points.shape[0]):
-        px, py = points[k, 0] * inverse, points[k, 1] * inverse
+    for k in range(beams.shape[1]):
+        r = float(ranges[sensor.indices[k]])
+        # A return at the least range or below counts as none, as one at the largest or beyond does.
+        if not sensor.least < r < sensor.most:
+            continue
+        px = (sensor.mount_x + r * beams[0, k]) * inverse
+        py = (sensor.mount_y + r * beams[1, k]) * inverse
         for i in range(count):
             c, s = directions[0, i], directions[1, i]
             u = min(max(corner[0, i] + (c * px - s * py), 0.0), right)
@@ -155,3 +154,8 @@ def sum_over_beams(
             cells[i] = np.int32(v) * width + np.int32(u)
         for i in range(count):
             sums[i] += table[flat[cells[i]]]
+    total = 0.0
+    for i in range(count):
+        weights[i] *= sums[i]
+        total += weights[i]
+    return total

@@ -203,8 +203,7 @@ def resample(
             i += 1
         guide[strip] = i
     poses, directions = new.poses, new.directions
-    drawn = 0
-    while drawn < most:
+    for drawn in range(most):
         r = draws[drawn]
         if injection > 0.0 and draws[2 * most + drawn] < injection:
             cell = free.cells[int(r * free.cells.shape[0])]
@@ -225,8 +224,7 @@ def resample(
             directions[0, drawn] = cloud.directions[0, i]
             directions[1, drawn] = cloud.directions[1, i]
         insert_pose(bins, drawn, poses)
-        drawn += 1
         # As there: one particle more than the limit asks for.
-        if drawn > limits[bins.used[0]]:
-            break
-    return drawn
+        if drawn >= limits[bins.used[0]]:
+            return int(drawn + 1)
+    return int(most)
