@@ -12,7 +12,7 @@ import numpy as np
 from daemon.stacks.ros1.quirks import FAST
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around

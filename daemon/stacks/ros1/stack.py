@@ -71,7 +71,7 @@ from daemon.stacks.ros1.telemetry import (
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
 from grammars.model.geometry import Floats
 

@@ -12,20 +12,18 @@ from grammars.model.geometry import Floats
 
 
 @kernel
-def line_cost(
-    cells: Cells, start: tuple[int, int], end: tuple[int, int], spans: Integers, inside: bool
-) -> int:
+def line_cost(cells: Cells, start: tuple[int, int], end: tuple[int, int], spans: Integers) -> int:
     """Return the highest cost on the line between two cells, -1 on lethal or unknown ones.
 
     A cell is row and column. Bresenham as in base_local_planner ``LineIterator``. ``spans``
-    collects the first and last column per row when the ``inside`` is asked for as well.
+    (rows, 2) collects the first and last column per row, unless it has no rows.
     """
     (y, x), (to_y, to_x) = start, end
     dx, dy = abs(to_x - x), abs(to_y - y)
     step_x, step_y = (1 if to_x >= x else -1), (1 if to_y >= y else -1)
     steep = dy > dx
     length, across = (dy, dx) if steep else (dx, dy)
-    rest = length // 2
+    rest, inside = length // 2, spans.shape[0] > 0
     worst = 0
     for _ in range(length + 1):
         cost = int(cells[y, x])
@@ -46,84 +44,47 @@ def line_cost(
 
 
 @kernel
-def _inside_cost(cells: Cells, spans: Integers) -> int:
-    worst = 0
-    for row in range(cells.shape[0]):
-        for column in range(spans[row, 0], spans[row, 1] + 1):
-            cost = int(cells[row, column])
-            if cost >= LETHAL:
-                return -1
-            worst = max(worst, cost)
-    return worst
-
-
-@kernel
 def footprint_cost(
-    cells: Cells,
-    frame: Floats,
-    outline: Floats,
-    scale: float,
-    pose: Floats,
-    spans: Integers,
-    inside: bool,
+    cells: Cells, frame: Floats, outline: Floats, scale: float, pose: Floats, spans: Integers
 ) -> int:
     """Return the highest cost under the outline and the centre, -1 when that is no place to be.
 
     ``pose`` is x, y, yaw, cos(yaw), sin(yaw). Lethal and unknown cells under the outline reject,
     and so does any corner off the grid; inscribed cells do not (``CostmapModel``). Fewer than
-    three corners are a circle whose centre must stay off inscribed cells. ``inside`` looks at
-    the cells between the lines as well.
+    three corners are a circle whose centre must stay off inscribed cells. ``spans`` (rows, 2) is
+    room for looking at the cells between the lines as well; without rows they do not count.
     """
     # Outline and inside in one kernel, called for every pose of every trajectory that is scored.
     rows, columns = cells.shape
-    row, column = place_of(pose[0], pose[1], frame, rows, columns)
-    if row < 0:
+    at = place_of(pose[0], pose[1], frame, rows, columns)
+    if at[0] < 0:
         return -1
-    worst = int(cells[row, column])
+    worst = int(cells[at[0], at[1]])
     corners = outline.shape[0]
     if corners < 3:
         return worst if worst < INSCRIBED else -1
     if scale == math.inf:
         return -1
-    if inside:
-        spans[:, 0], spans[:, 1] = columns, -1
-    x, y = scale * outline[corners - 1, 0], scale * outline[corners - 1, 1]
-    last = place_of(
-        pose[0] + (x * pose[3] - y * pose[4]),
-        pose[1] + (x * pose[4] + y * pose[3]),
-        frame,
-        rows,
-        columns,
-    )
-    if last[0] < 0:
-        return -1
-    first, before = last, last
-    for k in range(corners):
-        at = last
-        if k < corners - 1:
-            x, y = scale * outline[k, 0], scale * outline[k, 1]
-            at = place_of(
-                pose[0] + (x * pose[3] - y * pose[4]),
-                pose[1] + (x * pose[4] + y * pose[3]),
-                frame,
-                rows,
-                columns,
-            )
-            if at[0] < 0:
-                return -1
-        if k == 0:
-            first = at
-        else:
-            cost = line_cost(cells, before, at, spans, inside)
+    spans[:, 0], spans[:, 1] = columns, -1
+    before = at
+    for k in range(-1, corners):
+        # The last corner comes first, for the line from it to the first one.
+        corner = outline[k if k >= 0 else corners - 1]
+        x, y = scale * corner[0], scale * corner[1]
+        x, y = x * pose[3] - y * pose[4], x * pose[4] + y * pose[3]
+        at = place_of(pose[0] + x, pose[1] + y, frame, rows, columns)
+        if at[0] < 0:
+            return -1
+        if k >= 0:
+            cost = line_cost(cells, before, at, spans)
             if cost < 0:
                 return -1
             worst = max(worst, cost)
         before = at
-    cost = line_cost(cells, last, first, spans, inside)
-    if cost < 0:
-        return -1
-    worst = max(worst, cost)
-    if inside:
-        cost = _inside_cost(cells, spans)
-        return -1 if cost < 0 else max(worst, cost)
+    for row in range(spans.shape[0]):
+        for column in range(spans[row, 0], spans[row, 1] + 1):
+            cost = int(cells[row, column])
+            if cost >= LETHAL:
+                return -1
+            worst = max(worst, cost)
     return worst

@@ -257,17 +257,15 @@ def _mark_cell(x: float, y: float, cells: Cells, frame: Floats, seeds: Bits) -> 
 
 
 @kernel
-def mark_plan_cells(
-    plan: Floats, n: int, end: Floats, cells: Cells, frame: Floats, seeds: Bits
-) -> int:
+def mark_plan_cells(plan: Floats, end: Floats, cells: Cells, frame: Floats, seeds: Bits) -> int:
     """Mark the known cells a plan runs through and return the last one, -1 when there is none.
 
-    The last of the ``n`` points is replaced by ``end``; gaps above the resolution are filled
+    The last point is replaced by ``end``; gaps above the resolution are filled
     (``MapGrid::adjustPlanResolution``). Counts from the first point on a known cell until one is
     not (``setTargetCells``, ``setLocalGoal``). ``seeds`` is set to the cells, one bit each.
     """
-    seeds[:] = np.uint64(0)
-    last = -1
+    seeds[:] = _NONE
+    n, last = plan.shape[0], -1
     before_x, before_y = 0.0, 0.0
     for i in range(n):
         x, y = plan[i, 0], plan[i, 1]

@@ -54,7 +54,6 @@ class DistanceBuffers(NamedTuple):
 def fill_distances(
     state: Floats,
     plan: Floats,
-    n: int,
     front_end: Floats,
     reach: tuple[float, float],
     weights: Floats,
@@ -63,7 +62,7 @@ def fill_distances(
 ) -> None:
     """Fill the distances of ``f`` around the robot, as far as its centre and its nose can get.
 
-    ``plan`` has the ``n`` poses (x, y) near the robot in the costmap's frame, ``front_end`` is the
+    ``plan`` has the poses (x, y) near the robot in the costmap's frame, ``front_end`` is the
     last of them pushed ahead; ``reach`` [m] says how far the centre and the nose get. Path and
     alignment share their distances, which have the same targets (dwa_local_planner
     ``updatePlanAndLocalCosts``). Critics without weight get none.
@@ -73,8 +72,8 @@ def fill_distances(
     source = -1
     for which in range(3):
         if which != GOAL:
-            end = front_end if which == FRONT else plan[n - 1]
-            source = mark_plan_cells(plan, n, end, f.cells, f.frame, d.seeds)
+            end = front_end if which == FRONT else plan[-1]
+            source = mark_plan_cells(plan, end, f.cells, f.frame, d.seeds)
         # The weights of path and goal.
         if weights[3 if which == PATH else 4] == 0.0:
             continue
@@ -95,9 +94,12 @@ def fill_distances(
         d.sources[which, 1] = 0 if all_reached(out, d.wanted) else 1
 
 
-def allocate_scoring_grid(local: CostGrid, outline: Floats, banned: Integers) -> ScoringGrid:
+def allocate_scoring_grid(
+    local: CostGrid, settings: DwaSettings, outline: Floats, banned: Integers
+) -> ScoringGrid:
     """Return the field of a costmap; cells and ``banned`` are shared with their owners."""
     shape = local.cells.shape
+    rows = 0 if settings.perimeter_only else shape[0]
     return ScoringGrid(
         cells=local.cells,
         frame=np.array((local.x, local.y, local.resolution)),
@@ -105,7 +107,7 @@ def allocate_scoring_grid(local: CostGrid, outline: Floats, banned: Integers) ->
         distances=np.array([unrestricted_distances(shape)] * 3),
         digits=np.zeros(3, dtype=np.int32),
         banned=banned,
-        spans=np.zeros((shape[0], 2), dtype=np.int32),
+        spans=np.zeros((rows, 2), dtype=np.int32),
     )
 
 
@@ -162,8 +164,6 @@ class LastCycleDistances:
             passable_cells(self._cells, sets.passable)
             # From the corner of the costmap everything is within this reach.
             corner, everywhere = self._frame, (math.inf, math.inf)
-            fill_distances(
-                corner, plan, len(plan), plan[-1], everywhere, weights, self._complete, sets
-            )
+            fill_distances(corner, plan, plan[-1], everywhere, weights, self._complete, sets)
         old = self._complete
         return field._replace(distances=old.distances, digits=old.digits)

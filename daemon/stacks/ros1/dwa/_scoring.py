@@ -30,7 +30,7 @@ class ScoringGrid(NamedTuple):
     metres. ``distances`` stacks the grid distances from the path, the goal and the goal pushed
     ahead (``PATH``, ``GOAL``, ``FRONT``), of which ``digits`` (3,) digits are used. ``banned`` (6,)
     are the signs of vx, vy, wz that oscillation forbids: negative vx, positive vx, and so on;
-    ``spans`` is room for a rasterised footprint.
+    ``spans`` is room for what a footprint encloses, without rows when that does not count.
     """
 
     cells: Cells
@@ -168,9 +168,7 @@ def score_trajectory(
     scale = footprint_scale(translation_speed(moving[0], moving[1]), s)
     obstacle = 0.0
     for i in range(n):
-        cost = footprint_cost(
-            f.cells, f.frame, f.outline, scale, points[i], f.spans, not s.perimeter_only
-        )
+        cost = footprint_cost(f.cells, f.frame, f.outline, scale, points[i], f.spans)
         if cost < 0:
             return -1.0
         if s.sum_scores:

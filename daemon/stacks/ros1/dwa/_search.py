@@ -166,9 +166,7 @@ def _predict_end_cells(state: Floats, s: DwaSettings, f: ScoringGrid, r: SearchB
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     x0, y0 = math.cos(state[2]), math.sin(state[2])
     points[0, 3], points[0, 4] = x0, y0
-    here = footprint_cost(
-        f.cells, f.frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only
-    )
+    here = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[0], f.spans)
     fastest = _prepare_pairs(samples, r.counts, here, f.banned, s, pairs)
     rows, columns = f.cells.shape
     forward = s.forward_point_distance

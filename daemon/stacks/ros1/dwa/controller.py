@@ -208,13 +208,13 @@ class Dwa:
         """Return the three kernels of a search, for a costmap of any shape."""
         grid = CostGrid(0.05, 0.0, 0.0, np.zeros((1, 1), dtype=np.uint8))
         settings = settings_of(self._p, self._quirks, grid.resolution, self._period_default)
-        field = allocate_scoring_grid(grid, self._outline, self._oscillation.banned)
+        field = allocate_scoring_grid(grid, settings, self._outline, self._oscillation.banned)
         sets, room = allocate_sets((1, 1)), allocate_buffers((1, 1), settings, 1)
         state, point, window = np.zeros(6), np.zeros(2), np.zeros((1, 2))
         reach, weights = (0.0, 0.0), critic_weights(settings, False)
         return (
             machine_code(sample_speeds, state, point, settings, room.samples, room.counts),
-            machine_code(fill_distances, state, window, 1, point, reach, weights, field, sets),
+            machine_code(fill_distances, state, window, point, reach, weights, field, sets),
             machine_code(find_best_sample, state, weights, settings, field, room),
         )
 
@@ -260,7 +260,9 @@ class Dwa:
             settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
             self._settings = settings
             self._critics = critic_weights(settings, False), critic_weights(settings, True)
-            self._field = allocate_scoring_grid(local, self._outline, self._oscillation.banned)
+            self._field = allocate_scoring_grid(
+                local, settings, self._outline, self._oscillation.banned
+            )
             self._sets = allocate_sets(local.cells.shape)
             longest = longest_trajectory(settings, 0.0, 0.0, 0.0)
             self._room = allocate_buffers(local.cells.shape, settings, longest)
@@ -305,13 +307,13 @@ class Dwa:
 
     def _sample(self, window: Floats, settings: DwaSettings) -> ControllerAnswer:
         state, weights, field, room = self._state, self._weights, self._field, self._room
-        n, end, front_end, sets = len(window), window[-1], self._front_end, self._sets
+        end, front_end, sets = window[-1], self._front_end, self._sets
         sample, fill, find = self._machine
         # Samples first: how fast they are says how far distances are needed, and filling those of
         # the whole costmap would cost more than following every trajectory.
         centre = sample(state, end, settings, room.samples, room.counts)
         reach = (centre, centre + abs(settings.forward_point_distance))
-        fill(state, window, n, front_end, reach, weights, field, sets)
+        fill(state, window, front_end, reach, weights, field, sets)
         n = find(state, weights, settings, field, room)
         self._last = LastCycleDistances(window, self._snapshot, field.frame)
         if n == 0:

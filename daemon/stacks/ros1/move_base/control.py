@@ -26,7 +26,7 @@ from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.scan_buffer import ObservedCostmap
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, LoopRate, is_after
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 

@@ -110,7 +110,7 @@ def turn_is_free(
     while turned < angle:
         yaw = pose.yaw + turned
         here = np.array((pose.x, pose.y, yaw, math.cos(yaw), math.sin(yaw)))
-        if footprint_cost(grid.cells, frame, footprint, 1.0, here, no_spans, False) < 0:
+        if footprint_cost(grid.cells, frame, footprint, 1.0, here, no_spans) < 0:
             return False
         turned += granularity
     return True

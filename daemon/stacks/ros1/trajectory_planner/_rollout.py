@@ -1,4 +1,4 @@
-"""Where a velocity takes the robot, and what that costs (``generateTrajectory``)."""
+"""The trajectory of a velocity, and what it costs (``generateTrajectory``)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RolloutGrid(NamedTuple):
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
     metres; ``path`` and ``goal`` are grid distances, of which ``digits`` (2,) digits are used;
-    ``spans`` is room for a rasterised footprint.
+    ``spans`` is room for what a footprint encloses, without rows when that does not count.
     """
 
     cells: Cells
@@ -63,10 +63,10 @@ def normalize_angle(angle: float) -> float:
 def count_points(vx: float, vy: float, wz: float, s: RolloutSettings) -> int:
     """Return the number of points of a sample's trajectory, at least one."""
     if s.heading_scoring:
-        return max(1, int(s.sim_time / s.granularity + 0.5))
+        return max(1, int(s.sim_time / s.sim_granularity + 0.5))
     # The turning speed is not taken times the duration: so it is in the original.
-    straight = math.hypot(vx, vy) * s.sim_time / s.granularity
-    return max(1, int(max(straight, abs(wz) / s.angular_granularity) + 0.5))
+    straight = math.hypot(vx, vy) * s.sim_time / s.sim_granularity
+    return max(1, int(max(straight, abs(wz) / s.angular_sim_granularity) + 0.5))
 
 
 @kernel
@@ -94,9 +94,9 @@ def simulate_trajectory(
         c, d = math.cos(yaw), math.sin(yaw)
         points[i, 0], points[i, 1], points[i, 2] = x, y, yaw
         points[i, 3], points[i, 4] = c, d
-        ux = _accelerate(vx, ux, s.acc_x * dt)
-        uy = _accelerate(vy, uy, s.acc_y * dt)
-        uw = _accelerate(wz, uw, s.acc_theta * dt)
+        ux = _accelerate(vx, ux, s.acc_lim_x * dt)
+        uy = _accelerate(vy, uy, s.acc_lim_y * dt)
+        uw = _accelerate(wz, uw, s.acc_lim_theta * dt)
         along_x, along_y = ux * c, ux * d
         if uy != 0.0:
             # Not -sin and cos: the original adds a quarter turn, which rounds differently.
@@ -107,19 +107,19 @@ def simulate_trajectory(
 
 
 @kernel
-def heading_error(at: int, pose: Floats, plan: Floats, m: int, f: RolloutGrid) -> float:
+def heading_error(at: int, pose: Floats, plan: Floats, f: RolloutGrid) -> float:
     """Return how far [rad] a pose looks past the last point of the plan in sight of its cell.
 
     In sight is what no inscribed, lethal or unknown cell lies before (``headingDiff``). The
     largest number there is when no point is.
     """
     rows, columns = f.cells.shape
-    for i in range(m - 1, -1, -1):
+    for i in range(plan.shape[0] - 1, -1, -1):
         row, column = place_of(plan[i, 0], plan[i, 1], f.frame, rows, columns)
         if row < 0:
             continue
         here = (at // columns, at % columns)
-        worst = line_cost(f.cells, here, (row, column), f.spans, False)
+        worst = line_cost(f.cells, here, (row, column), f.spans)
         if 0 <= worst < INSCRIBED:
             x = f.frame[0] + (column + 0.5) * f.frame[2]
             y = f.frame[1] + (row + 0.5) * f.frame[2]
@@ -129,15 +129,9 @@ def heading_error(at: int, pose: Floats, plan: Floats, m: int, f: RolloutGrid) -
 
 @kernel
 def follow_cells(
-    points: Floats,
-    n: int,
-    plan: Floats,
-    m: int,
-    s: RolloutSettings,
-    f: RolloutGrid,
-    terms: Floats,
+    points: Floats, n: int, plan: Floats, s: RolloutSettings, f: RolloutGrid, terms: Floats
 ) -> int:
-    """Write the ``terms`` of a trajectory but that of the footprint.
+    """Write the ``terms`` of a trajectory except that of the footprint.
 
     Returns the number of points before the first one off the grid or without a way to path and
     goal, ``n`` when there is none.
@@ -153,16 +147,12 @@ def follow_cells(
             terms[FAILURE] = COLLIDES
             return i
         terms[CENTRE] = max(terms[CENTRE], float(flat[at]))
-        if s.simple_attractor:
-            dx, dy = points[i, 0] - plan[m - 1, 0], points[i, 1] - plan[m - 1, 1]
-            terms[GOAL] = dx * dx + dy * dy
-            continue
         scored = i == n - 1
         if s.heading_scoring:
-            scored = s.instant <= time < s.instant + dt
+            scored = s.heading_scoring_timestep <= time < s.heading_scoring_timestep + dt
             time += dt
             if scored:
-                terms[HEADING] = heading_error(at, points[i], plan, m, f)
+                terms[HEADING] = heading_error(at, points[i], plan, f)
         row, column = at // columns, at % columns
         if scored:
             terms[PATH] = distance_at(f.path, row, column, size, f.digits[0])
@@ -181,10 +171,10 @@ def follow_cells(
 def total_cost(obstacle: float, terms: Floats, s: RolloutSettings) -> float:
     """Sum the terms in the original's order."""
     if s.heading_scoring:
-        cost = s.obstacle_scale * obstacle + s.path_scale * terms[PATH]
+        cost = s.occdist_scale * obstacle + s.path_scale * terms[PATH]
         return float(cost + _HEADING_WEIGHT * terms[HEADING] + terms[GOAL] * s.goal_scale)
     cost = s.path_scale * terms[PATH] + terms[GOAL] * s.goal_scale
-    return float(cost + s.obstacle_scale * obstacle)
+    return float(cost + s.occdist_scale * obstacle)
 
 
 @kernel
@@ -192,7 +182,6 @@ def score_trajectory(
     points: Floats,
     n: int,
     plan: Floats,
-    m: int,
     limit: float,
     s: RolloutSettings,
     f: RolloutGrid,
@@ -200,10 +189,10 @@ def score_trajectory(
 ) -> float:
     """Return the cost of a trajectory, ``COLLIDES`` or ``LEADS_NOWHERE`` when it is illegal.
 
-    ``plan`` has the ``m`` poses near the robot. Gives up with ``COLLIDES`` as soon as the cost is
+    ``plan`` has the poses near the robot. Gives up with ``COLLIDES`` as soon as the cost is
     above ``limit``.
     """
-    stop = follow_cells(points, n, plan, m, s, f, terms)
+    stop = follow_cells(points, n, plan, s, f, terms)
     # The original looks at the footprint of a point first, then at its way to path and goal.
     laid = stop + 1 if terms[FAILURE] == LEADS_NOWHERE else stop
     terms[LEGAL] = stop
@@ -213,9 +202,7 @@ def score_trajectory(
         if total_cost(obstacle, terms, s) > limit:
             return COLLIDES
     for i in range(laid):
-        cost = footprint_cost(
-            f.cells, f.frame, f.outline, 1.0, points[i], f.spans, not s.perimeter_only
-        )
+        cost = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[i], f.spans)
         if cost < 0:
             terms[FAILURE], terms[LEGAL] = COLLIDES, i
             return COLLIDES

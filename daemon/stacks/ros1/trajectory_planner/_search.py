@@ -1,4 +1,4 @@
-"""Which trajectory wins (``createTrajectories``).
+"""The search for the trajectory that wins (``createTrajectories``).
 
 The original follows and scores arcs in turn and keeps the first of the cheapest; then turns on
 the spot, each preferred to what was found before if it costs no more and looks nearer to the
@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import math
 from typing import Final, NamedTuple
-
-import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
@@ -38,8 +36,10 @@ NO_RIGHT_TURN, NO_LEFT_TURN, NO_LEFT_STRAFE, NO_RIGHT_STRAFE = range(4)
 """Places of what oscillation forbids (the original's flags ``stuck_left``, ``stuck_right``,
 ``stuck_left_strafe`` and ``stuck_right_strafe``)."""
 VX, VY, WZ, COST, AHEAD = range(5)
-"""Places in what is known of the best trajectory; the last is the distance to the goal from where
-it looks."""
+"""Places in the values of the best trajectory; the last is the distance to the goal from where it
+looks."""
+NO_BEST: Final = (0.0, 0.0, 0.0, COLLIDES, math.inf)
+"""The values before any trajectory is legal."""
 
 
 class RolloutBuffers(NamedTuple):
@@ -75,19 +75,19 @@ def velocity_window(state: Floats, distance: float, s: RolloutSettings, out: Flo
     when the robot is faster than its limits.
     """
     reach = s.period if s.dwa else s.sim_time
-    most = min(s.max_x, distance / s.sim_time)
-    out[0, 0] = max(s.min_x, state[3] - s.acc_x * reach)
-    out[0, 1] = max(min(most, state[3] + s.acc_x * reach), s.min_x)
-    out[1, 0] = max(s.right, state[5] - s.acc_theta * reach)
-    out[1, 1] = min(s.left, state[5] + s.acc_theta * reach)
+    most = min(s.max_vel_x, distance / s.sim_time)
+    out[0, 0] = max(s.min_vel_x, state[3] - s.acc_lim_x * reach)
+    out[0, 1] = max(min(most, state[3] + s.acc_lim_x * reach), s.min_vel_x)
+    out[1, 0] = max(s.min_vel_theta, state[5] - s.acc_lim_theta * reach)
+    out[1, 1] = min(s.max_vel_theta, state[5] + s.acc_lim_theta * reach)
 
 
 @kernel
 def _turn_step(window: Floats, s: RolloutSettings) -> float:
     """Return the step between turning speeds; without bound for a single sample, as in C++."""
     width = window[1, 1] - window[1, 0]
-    if s.theta_samples > 1:
-        return float(width / (s.theta_samples - 1))
+    if s.vtheta_samples > 1:
+        return float(width / (s.vtheta_samples - 1))
     return math.inf if width >= 0.0 else -math.inf
 
 
@@ -99,21 +99,21 @@ def list_arcs(window: Floats, s: RolloutSettings, out: Floats) -> int:
     up step by step, as the original does, with its rounding.
     """
     step = 0.0
-    if s.x_samples > 1:
-        step = (window[0, 1] - window[0, 0]) / (s.x_samples - 1)
+    if s.vx_samples > 1:
+        step = (window[0, 1] - window[0, 0]) / (s.vx_samples - 1)
     turn = _turn_step(window, s)
     n = 0
     vx = window[0, 0]
-    for _ in range(s.x_samples):
+    for _ in range(s.vx_samples):
         out[n, 0], out[n, 1], out[n, 2] = vx, 0.0, 0.0
         n += 1
         wz = window[1, 0]
-        for _ in range(s.theta_samples - 1):
+        for _ in range(s.vtheta_samples - 1):
             out[n, 0], out[n, 1], out[n, 2] = vx, 0.0, wz
             n += 1
             wz += turn
         vx += step
-    if s.holonomic:
+    if s.holonomic_robot:
         for side in (NUDGE, -NUDGE):
             out[n, 0], out[n, 1], out[n, 2] = NUDGE, side, 0.0
             n += 1
@@ -121,60 +121,44 @@ def list_arcs(window: Floats, s: RolloutSettings, out: Floats) -> int:
 
 
 @kernel
-def _bound_arcs(
-    state: Floats,
-    plan: Floats,
-    m: int,
-    count: int,
-    s: RolloutSettings,
-    f: RolloutGrid,
-    r: RolloutBuffers,
+def find_best_arc(
+    state: Floats, plan: Floats, s: RolloutSettings, f: RolloutGrid, r: RolloutBuffers
 ) -> None:
-    """Write a lower bound of the cost of every arc to ``r.lower``, infinite when it is illegal."""
-    points, terms = r.points, r.terms
+    """Write the best arc to ``r.best``, nothing when none is legal.
+
+    ``r.window`` is the dynamic window, ``plan`` (poses, 2) the plan near the robot.
+    """
+    points, terms, arcs, lower = r.points, r.terms, r.arcs, r.lower
+    count = list_arcs(r.window, s, arcs)
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
     # Where the robot is every arc begins.
-    here = footprint_cost(
-        f.cells, f.frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only
-    )
-    r.lower[:count] = math.inf
+    here = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[0], f.spans)
     if here < 0:
         return
     for k in range(count):
-        n = simulate_trajectory(state, r.arcs[k, 0], r.arcs[k, 1], r.arcs[k, 2], s, points)
-        if follow_cells(points, n, plan, m, s, f, terms) == n:
-            r.lower[k] = total_cost(max(terms[CENTRE], float(here)), terms, s)
-
-
-@kernel
-def _find_best_arc(
-    state: Floats,
-    plan: Floats,
-    m: int,
-    count: int,
-    s: RolloutSettings,
-    f: RolloutGrid,
-    r: RolloutBuffers,
-) -> None:
-    """Write the best arc to ``r.best``, with a negative cost when none is legal."""
-    _bound_arcs(state, plan, m, count, s, f, r)
+        lower[k] = math.inf
+        n = simulate_trajectory(state, arcs[k, 0], arcs[k, 1], arcs[k, 2], s, points)
+        if follow_cells(points, n, plan, s, f, terms) == n:
+            lower[k] = total_cost(max(terms[CENTRE], float(here)), terms, s)
     cheapest, winner = math.inf, -1
     for _ in range(count):
-        k = int(np.argmin(r.lower[:count]))
-        low = r.lower[k]
+        first = 0
+        for k in range(1, count):
+            if lower[k] < lower[first]:
+                first = k
+        low, lower[first] = lower[first], math.inf
         # Equal bounds must still be scored: an earlier arc wins a tie.
         if low == math.inf or low > cheapest:
             break
-        r.lower[k] = math.inf
-        if low == cheapest and k > winner:
+        if low == cheapest and first > winner:
             continue
-        n = simulate_trajectory(state, r.arcs[k, 0], r.arcs[k, 1], r.arcs[k, 2], s, r.points)
-        cost = score_trajectory(r.points, n, plan, m, cheapest, s, f, r.terms)
-        if cost >= 0.0 and (cost < cheapest or k < winner):
-            cheapest, winner = cost, k
+        n = simulate_trajectory(state, arcs[first, 0], arcs[first, 1], arcs[first, 2], s, points)
+        cost = score_trajectory(points, n, plan, cheapest, s, f, terms)
+        if cost >= 0.0 and (cost < cheapest or first < winner):
+            cheapest, winner = cost, first
     if winner >= 0:
-        r.best[VX], r.best[VY], r.best[WZ] = r.arcs[winner, 0], r.arcs[winner, 1], r.arcs[winner, 2]
+        r.best[VX], r.best[VY], r.best[WZ] = arcs[winner, 0], arcs[winner, 1], arcs[winner, 2]
         r.best[COST] = cheapest
 
 
@@ -184,7 +168,6 @@ def _try_on_the_spot(
     vy: float,
     wz: float,
     plan: Floats,
-    m: int,
     s: RolloutSettings,
     f: RolloutGrid,
     r: RolloutBuffers,
@@ -196,9 +179,8 @@ def _try_on_the_spot(
     n = simulate_trajectory(state, 0.0, vy, wz, s, r.points)
     rows, columns = f.cells.shape
     end = r.points[n - 1]
-    ahead = cell_of(
-        end[0] + s.lookahead * end[3], end[1] + s.lookahead * end[4], f.frame, rows, columns
-    )
+    x, y = end[0] + s.heading_lookahead * end[3], end[1] + s.heading_lookahead * end[4]
+    ahead = cell_of(x, y, f.frame, rows, columns)
     if ahead < 0:
         return
     distance = distance_at(f.goal, ahead // columns, ahead % columns, f.cells.size, f.digits[1])
@@ -207,7 +189,7 @@ def _try_on_the_spot(
     limit = math.inf if r.best[COST] < 0.0 else r.best[COST]
     if vy == 0.0 and r.best[VY] != 0.0:
         limit = math.inf
-    cost = score_trajectory(r.points, n, plan, m, limit, s, f, r.terms)
+    cost = score_trajectory(r.points, n, plan, limit, s, f, r.terms)
     if cost >= 0.0:
         r.best[VX], r.best[VY], r.best[WZ] = 0.0, vy, wz
         r.best[COST], r.best[AHEAD] = cost, distance
@@ -217,42 +199,35 @@ def _try_on_the_spot(
 def find_best(
     state: Floats,
     plan: Floats,
-    m: int,
-    escaping: bool,
     forbidden: Integers,
     strafes: Floats,
     s: RolloutSettings,
     f: RolloutGrid,
     r: RolloutBuffers,
 ) -> int:
-    """Write the best trajectory to ``r.best`` and ``r.points``; return its number of points.
+    """Write the best trajectory to ``r.points``; return its number of points, 0 for none.
 
-    0 when none is legal. ``r.window`` is the dynamic window, ``plan`` (m, 2) the plan near the
-    robot, ``forbidden`` (4,) what oscillation forbids, ``strafes`` the speeds to strafe with; a
-    robot that is ``escaping`` drives no arcs.
+    ``r.best`` comes with the best arc and receives the best of all: turns on the spot are tried
+    here, and strafes when nothing else is legal. ``forbidden`` (4,) is what oscillation forbids,
+    ``strafes`` are the speeds to strafe with.
     """
     best, window = r.best, r.window
-    best[:] = 0.0
-    best[COST], best[AHEAD] = COLLIDES, math.inf
-    if not escaping:
-        count = list_arcs(window, s, r.arcs)
-        _find_best_arc(state, plan, m, count, s, f, r)
     turn = _turn_step(window, s)
     wz = window[1, 0]
-    for _ in range(s.theta_samples):
+    for _ in range(s.vtheta_samples):
         # Slow turns are left out before they are raised to the slowest possible one.
         if wz > turn or wz < -turn:
             if wz < 0.0 and not forbidden[NO_RIGHT_TURN]:
-                _try_on_the_spot(state, 0.0, min(wz, -s.slowest_turn), plan, m, s, f, r)
+                _try_on_the_spot(state, 0.0, min(wz, -s.slowest_turn), plan, s, f, r)
             elif wz > 0.0 and not forbidden[NO_LEFT_TURN]:
-                _try_on_the_spot(state, 0.0, max(wz, s.slowest_turn), plan, m, s, f, r)
+                _try_on_the_spot(state, 0.0, max(wz, s.slowest_turn), plan, s, f, r)
         wz += turn
-    if best[COST] < 0.0 and s.holonomic:
+    if best[COST] < 0.0 and s.holonomic_robot:
         for vy in strafes:
             if (vy > 0.0 and not forbidden[NO_LEFT_STRAFE]) or (
                 vy < 0.0 and not forbidden[NO_RIGHT_STRAFE]
             ):
-                _try_on_the_spot(state, vy, 0.0, plan, m, s, f, r)
+                _try_on_the_spot(state, vy, 0.0, plan, s, f, r)
     if best[COST] < 0.0:
         return 0
     # Followed once more: its points were overwritten by those scored after it.

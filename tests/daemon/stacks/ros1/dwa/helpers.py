@@ -96,17 +96,17 @@ class Problem:
     def cycle(self):
         """Return a whole search to call, and where it writes."""
         s, shape = self.settings, self.local.cells.shape
-        field = allocate_scoring_grid(self.local, self.outline, self.banned)
+        field = allocate_scoring_grid(self.local, s, self.outline, self.banned)
         room = allocate_buffers(shape, s, longest_trajectory(s, *self.state[3:].tolist()))
         sets = allocate_sets(shape)
         passable_cells(self.local.cells, sets.passable)
-        state, plan, n = self.state, self.plan, len(self.plan)
+        state, plan = self.state, self.plan
         weights = critic_weights(s, self.aligned)
 
         def search():
             near = sample_speeds(state, plan[-1], s, room.samples, room.counts)
             reach = (near, near + abs(s.forward_point_distance))
-            fill_distances(state, plan, n, self.front_end, reach, weights, field, sets)
+            fill_distances(state, plan, self.front_end, reach, weights, field, sets)
             return find_best_sample(state, weights, s, field, room)
 
         return search, room

@@ -20,7 +20,7 @@ from daemon.stacks.ros1.dwa.samples import (
     sample_axis,
     simulate_trajectory,
 )
-from daemon.stacks.ros1.quirks import FIXED
+from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa import plain
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings, singles
@@ -104,9 +104,9 @@ def test_slow_samples_and_fast_ones_are_illegal():
 
 def footprint(cells, outline=SMALL, *, inside=False):
     pose = np.array((1.51, 1.51, 0.0, 1.0, 0.0))
-    spans = np.zeros((60, 2), dtype=np.int32)
+    spans = np.zeros((60 if inside else 0, 2), dtype=np.int32)
     frame = np.array((0.0, 0.0, 0.05))
-    return footprint_cost(cells.astype(np.uint8), frame, outline, 1.0, pose, spans, inside)
+    return footprint_cost(cells.astype(np.uint8), frame, outline, 1.0, pose, spans)
 
 
 def test_lethal_and_unknown_under_the_outline_reject_and_inscribed_does_not():
@@ -128,11 +128,11 @@ def test_what_the_outline_encloses_counts_only_without_the_quirk():
 def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses():
     upright = CostGrid(0.05, -0.5, -1.5, np.zeros((60, 20), dtype=np.uint8))
     upright.cells[57, 10] = 254
-    grid = allocate_scoring_grid(upright, SMALL, np.zeros(6, dtype=np.int32))
-    assert grid.spans.shape == (60, 2)
-    pose = np.array((0.0, 1.3, 0.0, 1.0, 0.0))
-    for inside, expected in ((False, 0), (True, -1)):
-        found = footprint_cost(grid.cells, grid.frame, 2.0 * SMALL, 1.0, pose, grid.spans, inside)
+    outline, pose = 2.0 * SMALL, np.array((0.0, 1.3, 0.0, 1.0, 0.0))
+    for quirks, expected in ((FAST, 0), (FIXED, -1)):
+        none = np.zeros(6, dtype=np.int32)
+        grid = allocate_scoring_grid(upright, settings(A2S, quirks), outline, none)
+        found = footprint_cost(grid.cells, grid.frame, outline, 1.0, pose, grid.spans)
         assert found == expected
 
 

@@ -83,10 +83,10 @@ class PlainPlanner:
         out = Trajectory(velocity)
         vx, vy, wz = velocity
         if s.heading_scoring:
-            steps = int(s.sim_time / s.granularity + 0.5)
+            steps = int(s.sim_time / s.sim_granularity + 0.5)
         else:
-            way = length(vx, vy) * s.sim_time / s.granularity
-            steps = int(max(way, abs(wz) / s.angular_granularity) + 0.5)
+            way = length(vx, vy) * s.sim_time / s.sim_granularity
+            steps = int(max(way, abs(wz) / s.angular_sim_granularity) + 0.5)
         steps = max(steps, 1)
         dt, time = s.sim_time / steps, 0.0
         x, y, yaw, ux, uy, uw = self.state.tolist()
@@ -102,22 +102,20 @@ class PlainPlanner:
             if cost < 0:
                 return out
             worst = max(worst, float(cost), float(self.cells[row, column]))
-            if s.simple_attractor:
-                dx, dy = x - self.plan[-1, 0], y - self.plan[-1, 1]
-                goal = dx * dx + dy * dy
-            else:
-                now = not s.heading_scoring or s.instant <= time < s.instant + dt
-                if now and s.heading_scoring:
-                    heading = self.heading_error((row, column), x, y, yaw)
-                if now:
-                    path, goal = float(self.path[row, column]), float(self.goal[row, column])
-                    if size <= goal or size <= path:
-                        out.cost = -2.0
-                        return out
+            instant = s.heading_scoring_timestep
+            now = not s.heading_scoring or instant <= time < instant + dt
+            if now and s.heading_scoring:
+                heading = self.heading_error((row, column), x, y, yaw)
+            if now:
+                path, goal = float(self.path[row, column]), float(self.goal[row, column])
+                if size <= goal or size <= path:
+                    out.cost = -2.0
+                    return out
             out.points.append((x, y, yaw))
+            limits = (s.acc_lim_x, s.acc_lim_y, s.acc_lim_theta)
             ux, uy, uw = (
                 min(to, v + a * dt) if to - v >= 0.0 else max(to, v - a * dt)
-                for to, v, a in ((vx, ux, s.acc_x), (vy, uy, s.acc_y), (wz, uw, s.acc_theta))
+                for to, v, a in zip(velocity, (ux, uy, uw), limits, strict=True)
             )
             side = math.pi / 2.0 + yaw
             x, y, yaw = (
@@ -127,10 +125,10 @@ class PlainPlanner:
             )
             time += dt
         if s.heading_scoring:
-            cost = s.obstacle_scale * worst + s.path_scale * path
+            cost = s.occdist_scale * worst + s.path_scale * path
             out.cost = cost + 0.3 * heading + goal * s.goal_scale
         else:
-            out.cost = s.path_scale * path + goal * s.goal_scale + s.obstacle_scale * worst
+            out.cost = s.path_scale * path + goal * s.goal_scale + s.occdist_scale * worst
         return out
 
     def heading_error(self, at, x, y, yaw):
@@ -144,7 +142,8 @@ class PlainPlanner:
 
     def ahead(self, trajectory):
         x, y, yaw = trajectory.points[-1]
-        x, y = x + self.s.lookahead * math.cos(yaw), y + self.s.lookahead * math.sin(yaw)
+        far = self.s.heading_lookahead
+        x, y = x + far * math.cos(yaw), y + far * math.sin(yaw)
         row, column = plain.cell(x, y, self.cells, self.frame)
         return None if row < 0 else float(self.goal[row, column])
 
@@ -152,23 +151,23 @@ class PlainPlanner:
         s = self.s
         x, y, yaw, vx, _, wz = self.state.tolist()
         reach = s.period if s.dwa else s.sim_time
-        most = min(s.max_x, length(self.plan[-1, 0] - x, self.plan[-1, 1] - y) / s.sim_time)
-        most = max(min(most, vx + s.acc_x * reach), s.min_x)
-        least = max(s.min_x, vx - s.acc_x * reach)
-        left = min(s.left, wz + s.acc_theta * reach)
-        right = max(s.right, wz - s.acc_theta * reach)
-        step, turn = (most - least) / (s.x_samples - 1), (left - right) / (s.theta_samples - 1)
+        most = min(s.max_vel_x, length(self.plan[-1, 0] - x, self.plan[-1, 1] - y) / s.sim_time)
+        most = max(min(most, vx + s.acc_lim_x * reach), s.min_vel_x)
+        least = max(s.min_vel_x, vx - s.acc_lim_x * reach)
+        left = min(s.max_vel_theta, wz + s.acc_lim_theta * reach)
+        right = max(s.min_vel_theta, wz - s.acc_lim_theta * reach)
+        step, turn = (most - least) / (s.vx_samples - 1), (left - right) / (s.vtheta_samples - 1)
         best = Trajectory()
         arcs = []
         speed = least
-        for _ in range(s.x_samples):
+        for _ in range(s.vx_samples):
             arcs.append((speed, 0.0, 0.0))
             w = right
-            for _ in range(s.theta_samples - 1):
+            for _ in range(s.vtheta_samples - 1):
                 arcs.append((speed, 0.0, w))
                 w += turn
             speed += step
-        if s.holonomic:
+        if s.holonomic_robot:
             arcs += [(0.1, 0.1, 0.0), (0.1, -0.1, 0.0)]
         for arc in [] if self.escaping else arcs:
             found = self.trajectory(arc)
@@ -176,7 +175,7 @@ class PlainPlanner:
                 best = found
         nearest = sys.float_info.max
         w = right
-        for _ in range(s.theta_samples):
+        for _ in range(s.vtheta_samples):
             found = self.trajectory(
                 (0.0, 0.0, max(w, s.slowest_turn) if w > 0 else min(w, -s.slowest_turn))
             )
@@ -188,7 +187,7 @@ class PlainPlanner:
                     if w != 0.0 and not stuck:
                         best, nearest = found, ahead
             w += turn
-        if best.cost < 0 and s.holonomic:
+        if best.cost < 0 and s.holonomic_robot:
             for vy in self.strafes:
                 found = self.trajectory((0.0, vy, 0.0))
                 if found.cost >= 0 and (found.cost <= best.cost or best.cost < 0):
@@ -203,7 +202,7 @@ class PlainPlanner:
                 self.at = (x, y)
             self.forget(x, y, yaw)
             return best
-        best = self.trajectory((s.escape, 0.0, 0.0))
+        best = self.trajectory((s.escape_vel, 0.0, 0.0))
         if not self.escaping and best.cost > -2.0:
             self.escaped_at, self.escaping = (x, y, yaw), True
         self.forget(x, y, yaw)

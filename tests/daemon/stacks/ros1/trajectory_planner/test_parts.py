@@ -15,7 +15,7 @@ from daemon.stacks.ros1.quirks import FAST
 from daemon.stacks.ros1.trajectory_planner import (
     TrajectoryPlannerParameters,
 )
-from daemon.stacks.ros1.trajectory_planner._cycle import add_footprint_cells
+from daemon.stacks.ros1.trajectory_planner._distances import add_footprint_cells
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._rollout import (
     count_points,
@@ -34,7 +34,7 @@ from daemon.stacks.ros1.trajectory_planner._settings import (
     longest_trajectory,
     settings_of,
 )
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import EscapeMode, OscillationFlags
+from daemon.stacks.ros1.trajectory_planner.controller import EscapeMode, OscillationFlags
 from grammars.model.geometry import wrap_angle
 from tests.daemon.stacks.ros1.trajectory_planner import plain
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, rectangle
@@ -53,9 +53,10 @@ def state(*values):
 
 def test_defaults_are_those_of_dynamic_reconfigure():
     s = settings()
-    assert (s.max_x, s.min_x, s.left, s.right, s.slowest_turn) == (0.55, 0.0, 1.0, -1.0, 0.4)
-    assert (s.path_scale, s.goal_scale, s.obstacle_scale) == (0.6, 0.8, 0.01)
-    assert (s.sim_time, s.x_samples, s.theta_samples, s.dwa) == (1.7, 20, 20, False)
+    assert (s.max_vel_x, s.min_vel_x, s.slowest_turn) == (0.55, 0.0, 0.4)
+    assert (s.max_vel_theta, s.min_vel_theta) == (1.0, -1.0)
+    assert (s.path_scale, s.goal_scale, s.occdist_scale) == (0.6, 0.8, 0.01)
+    assert (s.sim_time, s.vx_samples, s.vtheta_samples, s.dwa) == (1.7, 20, 20, False)
     assert strafe_speeds(DEFAULT) == (-0.3, -0.1, 0.1, -0.3)
     assert asdict(DEFAULT) == dict.fromkeys(
         ("path_distance_bias", "pdist_scale", "goal_distance_bias", "gdist_scale",
@@ -77,7 +78,7 @@ def test_defaults_are_those_of_dynamic_reconfigure():
 def test_weights_are_per_metre_when_asked_and_go_by_older_names():
     s = settings(HUSKY)
     assert (s.path_scale, s.goal_scale) == (0.75 * 0.05, 1.0 * 0.05)
-    assert s.obstacle_scale == 0.1
+    assert s.occdist_scale == 0.1
     both = replace(HUSKY, path_distance_bias=2.0, meter_scoring=False)
     assert settings(both).path_scale == 2.0
     assert settings(replace(DEFAULT, gdist_scale=9.0)).goal_scale == 5.0
@@ -272,7 +273,7 @@ def test_no_trajectory_is_longer_than_there_is_room():
             most = longest_trajectory(p, s, (vx, 0.0, wz))
             edges = window(p, vx, wz, 9.0)
             for sample in (*edges[1].tolist(), -s.slowest_turn, 1.0):
-                for speed in (*edges[0].tolist(), s.escape):
+                for speed in (*edges[0].tolist(), s.escape_vel):
                     assert count_points(speed, 0.0, sample, s) <= most
 
 

@@ -11,7 +11,7 @@ from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa.helpers import LARGE, SMALL, blobs
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import (

@@ -8,7 +8,7 @@ import pytest
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.quirks import FAST, FIXED
-from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.trajectory_planner.helpers import (
     ROBOTS,

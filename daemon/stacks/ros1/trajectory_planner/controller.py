@@ -7,22 +7,26 @@ is backing out of where nothing was legal, and what it does within tolerance of 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 import numpy as np
 
+from daemon.model.kernels import machine_code
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.controller import (
     NO_POINTS,
     NO_VELOCITY,
     ControllerAnswer,
     sim_period,
+    slow_down,
+    turn_towards,
 )
 from daemon.stacks.ros1.base_local_planner.followed_plan import FollowedPlan
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.quirks import Quirks
-from daemon.stacks.ros1.trajectory_planner._cycle import (
+from daemon.stacks.ros1.trajectory_planner._distances import (
     allocate_buffers,
     allocate_grid,
     fill_distances,
@@ -43,13 +47,14 @@ from daemon.stacks.ros1.trajectory_planner._rollout import (
     simulate_trajectory,
 )
 from daemon.stacks.ros1.trajectory_planner._search import (
+    NO_BEST,
     NO_LEFT_STRAFE,
     NO_LEFT_TURN,
     NO_RIGHT_STRAFE,
     NO_RIGHT_TURN,
     RolloutBuffers,
     find_best,
-    velocity_window,
+    find_best_arc,
 )
 from daemon.stacks.ros1.trajectory_planner._settings import (
     RolloutSettings,
@@ -177,6 +182,7 @@ class TrajectoryPlanner:
         self._seen: int | None = None
         self._grid: RolloutGrid
         self._room: RolloutBuffers
+        self._machine: tuple[Callable[..., Any], ...] | None = None
 
     def set_plan(self, plan: Floats) -> None:
         """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
@@ -221,7 +227,7 @@ class TrajectoryPlanner:
         self._search(window, pose, moving, local)
         fastest = max(abs(twist.vx), abs(twist.vy), abs(twist.wz))
         self._rotating = self._rotating or fastest <= _STOPPED
-        sample = self._turn(error, moving.wz) if self._rotating else self._slow_down(moving)
+        sample = self._turn(error, moving.wz) if self._rotating else self._brake(moving)
         if not self._is_legal(pose, moving, sample, window):
             return NO_VELOCITY
         return ControllerAnswer(True, sample, NO_POINTS)
@@ -232,24 +238,28 @@ class TrajectoryPlanner:
         """Choose a trajectory (``TrajectoryPlanner::findBestPath``)."""
         s = self._prepare(local, twist)
         row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
-        state, grid, room, m = self._state, self._grid, self._room, len(window)
+        state, grid, room, strafes = self._state, self._grid, self._room, self._strafes
         state[:] = np.array(row, dtype=np.float32)
         x, y, _, _, _, _ = state.tolist()
         at = (x, y)
         end_x, end_y = window[-1].tolist()
-        velocity_window(state, _length(end_x - x, end_y - y), s, room.window)
-        fill_distances(state, window, m, self._strafes, s, grid, room)
-        n = find_best(
-            state,
-            window,
-            m,
-            self._escape.active,
-            self._flags.forbidden,
-            self._strafes,
-            s,
-            grid,
-            room,
-        )
+        filling = (state, window, _length(end_x - x, end_y - y), strafes, s, grid, room)
+        arcs = (state, window, s, grid, room)
+        rest = (state, window, self._flags.forbidden, strafes, s, grid, room)
+        if self._machine is None:
+            self._machine = (
+                machine_code(fill_distances, *filling),
+                machine_code(find_best_arc, *arcs),
+                machine_code(find_best, *rest),
+            )
+        fill, find_arc, find = self._machine
+        room.standing[:] = room.passable
+        fill(*filling)
+        room.best[:] = NO_BEST
+        # A robot that escapes drives no arcs.
+        if not self._escape.active:
+            find_arc(*arcs)
+        n = find(*rest)
         if n == 0:
             return self._back_up(window, s)
         vx, vy, wz = room.best[:3].tolist()
@@ -260,8 +270,8 @@ class TrajectoryPlanner:
     def _back_up(self, window: Floats, s: RolloutSettings) -> ControllerAnswer:
         """Back up although nothing is legal, unless the plan leads nowhere."""
         state, grid, room = self._state, self._grid, self._room
-        n = simulate_trajectory(state, s.escape, 0.0, 0.0, s, room.points)
-        cost = score_trajectory(room.points, n, window, len(window), math.inf, s, grid, room.terms)
+        n = simulate_trajectory(state, s.escape_vel, 0.0, 0.0, s, room.points)
+        cost = score_trajectory(room.points, n, window, math.inf, s, grid, room.terms)
         x, y = state[:2].tolist()
         self._flags.release((x, y))
         if cost > LEADS_NOWHERE:
@@ -270,7 +280,7 @@ class TrajectoryPlanner:
         if cost < COLLIDES:
             return NO_VELOCITY
         drawn = room.points[: int(room.terms[LEGAL]), :2].copy()
-        return ControllerAnswer(True, Twist2(s.escape, 0.0, 0.0), drawn)
+        return ControllerAnswer(True, Twist2(s.escape_vel, 0.0, 0.0), drawn)
 
     def _prepare(self, local: CostGrid, twist: Twist2) -> RolloutSettings:
         """Make room for the costmap when it has another shape, and note what is passable."""
@@ -278,7 +288,7 @@ class TrajectoryPlanner:
         if settings is None or self._grid.cells.shape != local.cells.shape:
             settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
             self._settings = settings
-            self._grid = allocate_grid(local, self._outline)
+            self._grid = allocate_grid(local, settings, self._outline)
             self._room = allocate_buffers(local.cells.shape, settings, 0)
             self._seen = None
         elif self._grid.cells is not local.cells:
@@ -293,34 +303,21 @@ class TrajectoryPlanner:
         frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
         return settings
 
-    def _slow_down(self, twist: Twist2) -> Twist2:
-        """Stop within the limits of acceleration (``stopWithAccLimits``)."""
-        period = sim_period(self._p.controller_frequency, self._period_default)
-
-        def slower(speed: float, limit: float) -> float:
-            return math.copysign(max(0.0, abs(speed) - limit * period), speed)
-
+    def _brake(self, twist: Twist2) -> Twist2:
+        """Stop within the limits of acceleration."""
         p = self._p
-        return Twist2(
-            slower(twist.vx, p.acc_lim_x),
-            slower(twist.vy, p.acc_lim_y),
-            slower(twist.wz, p.acc_lim_theta),
-        )
+        period = sim_period(p.controller_frequency, self._period_default)
+        return slow_down(twist, (p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta), period)
 
     def _turn(self, error: float, wz: float) -> Twist2:
-        """Turn to the goal's heading on the spot (``rotateToGoal``)."""
+        """Turn to the goal's heading on the spot."""
         p = self._p
-        slowest, fastest = slowest_turn_at_goal(p), float(p.max_rotational_vel)
+        fastest = float(p.max_rotational_vel)
         if not self._quirks.goal_turn_has_own_limit:
-            fastest = in_range(p, "max_vel_theta" if error > 0.0 else "min_vel_theta")
-            fastest = abs(fastest)
-        change = p.acc_lim_theta * sim_period(p.controller_frequency, self._period_default)
-        speed = min(fastest, max(slowest, abs(error)))
-        speed = min(max(speed, abs(wz) - change), abs(wz) + change)
-        speed = min(math.sqrt(2.0 * p.acc_lim_theta * abs(error)), speed)
-        if self._quirks.rotation_raised_to_minimum:
-            speed = max(slowest, speed)
-        return Twist2(0.0, 0.0, math.copysign(min(fastest, speed), error))
+            fastest = abs(in_range(p, "max_vel_theta" if error > 0.0 else "min_vel_theta"))
+        period = sim_period(p.controller_frequency, self._period_default)
+        speeds, raised = (slowest_turn_at_goal(p), fastest), self._quirks.rotation_raised_to_minimum
+        return turn_towards(error, wz, speeds, p.acc_lim_theta, period, raised=raised)
 
     def _is_legal(self, pose: Pose2, twist: Twist2, sample: Twist2, window: Floats) -> bool:
         """Whether a trajectory is legal by the distances of this cycle (``checkTrajectory``)."""
@@ -329,7 +326,5 @@ class TrajectoryPlanner:
         # Not in single precision, unlike the search.
         state = np.array((pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz))
         n = simulate_trajectory(state, sample.vx, sample.vy, sample.wz, s, room.points)
-        cost = score_trajectory(
-            room.points, n, window, len(window), math.inf, s, self._grid, room.terms
-        )
+        cost = score_trajectory(room.points, n, window, math.inf, s, self._grid, room.terms)
         return bool(cost >= 0.0)
