@@ -66,16 +66,18 @@ def footprint_cost(
     if scale == math.inf:
         return -1
     spans[:, 0], spans[:, 1] = columns, -1
-    before = at
-    for k in range(-1, corners):
-        # The last corner comes first, for the line from it to the first one.
-        corner = outline[k if k >= 0 else corners - 1]
-        x, y = scale * corner[0], scale * corner[1]
-        x, y = x * pose[3] - y * pose[4], x * pose[4] + y * pose[3]
-        at = place_of(pose[0] + x, pose[1] + y, frame, rows, columns)
-        if at[0] < 0:
-            return -1
-        if k >= 0:
+    first = before = at
+    for k in range(corners + 1):
+        at = first
+        if k < corners:
+            x, y = scale * outline[k, 0], scale * outline[k, 1]
+            x, y = x * pose[3] - y * pose[4], x * pose[4] + y * pose[3]
+            at = place_of(pose[0] + x, pose[1] + y, frame, rows, columns)
+            if at[0] < 0:
+                return -1
+        if k == 0:
+            first = at
+        else:
             cost = line_cost(cells, before, at, spans)
             if cost < 0:
                 return -1

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -60,7 +60,7 @@ class Oscillation:
         self._bans = False
         self._last_signs = [0, 0, 0]
         self._distance, self._angle = distance, angle
-        self._turned_at = Pose2()
+        self._turned_at: Sequence[float] = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
         """Forget everything."""
@@ -68,15 +68,19 @@ class Oscillation:
         self._bans = False
         self._last_signs = [0, 0, 0]
 
-    def chosen(self, pose: Pose2, twist: Twist2, min_vel_trans: float) -> None:
-        """Take in what was commanded at ``pose``; sideways and turning count only when slow."""
-        flipped = self._take(_VX, twist.vx)
-        if abs(twist.vx) <= min_vel_trans:
-            flipped |= self._take(_VY, twist.vy)
-            flipped |= self._take(_WZ, twist.wz)
+    def chosen(self, at: Sequence[float], velocity: Sequence[float], min_vel_trans: float) -> None:
+        """Take in the ``velocity`` (vx, vy, wz) that was commanded ``at`` a pose (x, y, yaw).
+
+        Sideways and turning count only when slow.
+        """
+        vx, vy, wz = velocity
+        flipped = self._take(_VX, vx)
+        if abs(vx) <= min_vel_trans:
+            flipped |= self._take(_VY, vy)
+            flipped |= self._take(_WZ, wz)
         if flipped:
-            self._turned_at = pose
-        if self._bans and self._moved(pose):
+            self._turned_at = at
+        if self._bans and self._moved(at):
             self.reset()
 
     def _take(self, place: int, speed: float) -> bool:
@@ -91,10 +95,11 @@ class Oscillation:
         self._bans = True
         return True
 
-    def _moved(self, pose: Pose2) -> bool:
-        dx, dy = pose.x - self._turned_at.x, pose.y - self._turned_at.y
+    def _moved(self, at: Sequence[float]) -> bool:
+        turned_at = self._turned_at
+        dx, dy = at[0] - turned_at[0], at[1] - turned_at[1]
         far = dx * dx + dy * dy > self._distance * self._distance
-        return far or abs(pose.yaw - self._turned_at.yaw) > self._angle
+        return far or abs(at[2] - turned_at[2]) > self._angle
 
 
 class StopRotate:
@@ -318,10 +323,9 @@ class Dwa:
         self._last = LastCycleDistances(window, self._snapshot, field.frame)
         if n == 0:
             return NO_VELOCITY
-        vx, vy, wz, _, _ = room.answer.tolist()
+        vx, vy, wz = velocity = room.answer[:3].tolist()
         twist = Twist2(vx, vy, wrap_angle(wz))
-        x, y, yaw, _, _, _ = self._single
-        self._oscillation.chosen(Pose2(x, y, yaw), Twist2(vx, vy, wz), self._p.min_vel_trans)
+        self._oscillation.chosen(self._single, velocity, self._p.min_vel_trans)
         return ControllerAnswer(True, twist, room.points[:n, :2].copy())
 
     def _is_legal(self, twist: Twist2) -> bool:

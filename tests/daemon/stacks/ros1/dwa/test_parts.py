@@ -21,7 +21,6 @@ from daemon.stacks.ros1.dwa.samples import (
     simulate_trajectory,
 )
 from daemon.stacks.ros1.quirks import FAST, FIXED
-from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa import plain
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings, singles
 
@@ -174,14 +173,14 @@ def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away():
 
 
 def test_a_change_of_direction_is_final_until_the_robot_has_moved():
-    memory, here = Oscillation(0.05, 0.2), Pose2()
-    memory.chosen(here, Twist2(0.2, 0.0, 0.3), 0.11)
+    memory, here = Oscillation(0.05, 0.2), (0.0, 0.0, 0.0)
+    memory.chosen(here, (0.2, 0.0, 0.3), 0.11)
     assert not memory.banned.any()
-    memory.chosen(here, Twist2(-0.1, 0.0, 0.3), 0.11)
+    memory.chosen(here, (-0.1, 0.0, 0.3), 0.11)
     assert memory.banned.tolist() == [0, 1, 0, 0, 0, 0]
-    memory.chosen(here, Twist2(-0.1, 0.0, -0.3), 0.11)
+    memory.chosen(here, (-0.1, 0.0, -0.3), 0.11)
     assert memory.banned.tolist() == [0, 1, 0, 0, 0, 1]
-    memory.chosen(Pose2(0.051, 0.0, 0.0), Twist2(-0.1, 0.0, -0.3), 0.11)
+    memory.chosen((0.051, 0.0, 0.0), (-0.1, 0.0, -0.3), 0.11)
     assert not memory.banned.any()
 
 
@@ -189,7 +188,7 @@ def ruled_out(*twists, at=None):
     """Return what is ruled out after commands at one place and, maybe, the last one again."""
     memory = Oscillation(0.5, 0.25)
     for twist in twists:
-        memory.chosen(Pose2(3.0, -2.0, 1.0), twist, 0.125)
+        memory.chosen((3.0, -2.0, 1.0), twist, 0.125)
     if at is not None:
         memory.chosen(at, twists[-1], 0.125)
     return memory.banned.tolist()
@@ -197,19 +196,19 @@ def ruled_out(*twists, at=None):
 
 def test_turning_and_strafing_are_remembered_only_when_slow():
     for vx, remembered in ((0.2, False), (-0.2, False), (0.125, True), (-0.125, True)):
-        turned = ruled_out(Twist2(vx, 0.0, 0.3), Twist2(vx, 0.0, -0.3))
+        turned = ruled_out((vx, 0.0, 0.3), (vx, 0.0, -0.3))
         assert turned == [0, 0, 0, 0, 0, int(remembered)]
-        strafed = ruled_out(Twist2(vx, -0.1, 0.0), Twist2(vx, 0.1, 0.0))
+        strafed = ruled_out((vx, -0.1, 0.0), (vx, 0.1, 0.0))
         assert strafed == [0, 0, int(remembered), 0, 0, 0]
 
 
 def test_the_sign_before_a_stop_counts():
-    assert ruled_out(Twist2(-0.2), Twist2(), Twist2(0.2)) == [1, 0, 0, 0, 0, 0]
-    assert ruled_out(Twist2(0.2), Twist2(), Twist2(0.2)) == [0] * 6
+    assert ruled_out((-0.2, 0.0, 0.0), (0.0, 0.0, 0.0), (0.2, 0.0, 0.0)) == [1, 0, 0, 0, 0, 0]
+    assert ruled_out((0.2, 0.0, 0.0), (0.0, 0.0, 0.0), (0.2, 0.0, 0.0)) == [0] * 6
 
 
 def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle():
-    turn_round = (Twist2(0.2), Twist2(-0.2))
+    turn_round = ((0.2, 0.0, 0.0), (-0.2, 0.0, 0.0))
     for dx, dy, dyaw, free in (
         (0.5, 0.0, 0.0, False),
         (0.0, -0.5, 0.0, False),
@@ -219,14 +218,14 @@ def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle():
         (0.36, 0.36, 0.0, True),
         (0.0, 0.0, 0.251, True),
     ):
-        at = Pose2(3.0 + dx, -2.0 + dy, 1.0 + dyaw)
+        at = (3.0 + dx, -2.0 + dy, 1.0 + dyaw)
         assert (ruled_out(*turn_round, at=at) == [0] * 6) is free
     # Free again, the robot may turn round once more before that is ruled out.
     memory = Oscillation(0.5, 0.25)
     for x, vx in ((0.0, 0.2), (0.0, -0.2), (1.0, -0.2), (1.0, 0.2)):
-        memory.chosen(Pose2(x), Twist2(vx), 0.125)
+        memory.chosen((x, 0.0, 0.0), (vx, 0.0, 0.0), 0.125)
     assert not memory.banned.any()
-    memory.chosen(Pose2(1.0), Twist2(-0.2), 0.125)
+    memory.chosen((1.0, 0.0, 0.0), (-0.2, 0.0, 0.0), 0.125)
     assert memory.banned.tolist() == [0, 1, 0, 0, 0, 0]
 
 
