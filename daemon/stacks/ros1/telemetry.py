@@ -43,12 +43,10 @@ def thin_plan(plan: Floats, spacing: float) -> Floats:
     return np.concatenate((points[:1], between, points[1:][-1:]))
 
 
-_ESTIMATE_PERIOD: Final = 1.0
-_PARTICLES_PERIOD: Final = 1.0
-_COSTMAP_RATE: Final = 1.0
-_PARTICLES: Final = 100
-_PLAN_PERIOD: Final = 1.0
+_PERIOD: Final = 1.0
+"""Between two records of a kind, at least [s]."""
 _LOCAL_PLAN_PERIOD: Final = 0.2
+_PARTICLES: Final = 100
 _PLAN_SPACING: Final = 0.1
 """Between the points of a recorded global plan [m]."""
 _PLAN_TOLERANCE: Final = 0.1
@@ -59,7 +57,7 @@ class PlanRecorder:
     """Decides which global plans are worth recording."""
 
     def __init__(self) -> None:
-        self._interval = MinimumInterval(_PLAN_PERIOD)
+        self._interval = MinimumInterval(_PERIOD)
         self._last = np.empty((0, 2))
         self._seen: Floats | None = None
 
@@ -111,14 +109,11 @@ class LocalPlanRecorder:
 
 
 class CostmapRecorder:
-    """Pictures of the local costmap, ``rate`` [Hz] of them, at most one a second; none with 0.
+    """Pictures of the local costmap in ``frame``: ``rate`` [Hz], at most one a second; 0: none."""
 
-    ``frame`` is the frame it is in.
-    """
-
-    def __init__(self, rate: float, frame: Literal["map", "odom"] = "odom") -> None:
+    def __init__(self, rate: float, frame: Literal["map", "odom"]) -> None:
         self._frame = frame
-        period = 1.0 / min(rate, _COSTMAP_RATE) if rate > 0.0 else math.inf
+        period = max(_PERIOD, 1.0 / rate) if rate > 0.0 else math.inf
         self._interval = MinimumInterval(period, due=0.0 if rate > 0.0 else math.inf)
 
     def take(self, now: float, grid: CostGrid) -> CostmapPicture | None:
@@ -133,8 +128,8 @@ class EstimateRecorder:
 
     def __init__(self, covariance: Floats) -> None:
         self._covariance = covariance
-        self._estimates = MinimumInterval(_ESTIMATE_PERIOD)
-        self._particles = MinimumInterval(_PARTICLES_PERIOD)
+        self._estimates = MinimumInterval(_PERIOD)
+        self._particles = MinimumInterval(_PERIOD)
 
     def record_published(self, latest: AmclPose) -> tuple[Estimate, Cloud]:
         """Return the estimate AMCL has just published, and the summary of its particles."""

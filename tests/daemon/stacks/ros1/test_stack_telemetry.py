@@ -108,12 +108,12 @@ def test_at_most_a_hundred_particles_once_a_second():
 
 def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_at_most():
     grid = CostGrid(0.05, 1.0, 2.0, np.zeros((4, 5), np.uint8))
-    picture = CostmapRecorder(0.5).take(0.0, grid)
+    picture = CostmapRecorder(0.5, "odom").take(0.0, grid)
     assert picture is not None
     assert (picture.frame, picture.x, picture.y) == ("odom", 1.0, 2.0)
     grid.cells[:] = 254
     assert picture.cells.max() == 0, "a copy"
     for rate, count in ((0.0, 0), (0.5, 3), (1.0, 5), (5.0, 5)):
-        log = CostmapRecorder(rate)
+        log = CostmapRecorder(rate, "odom")
         shown = [log.take(0.1 * k, grid) for k in range(50)]
         assert len(shown) - shown.count(None) == count
