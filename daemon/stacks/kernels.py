@@ -1,10 +1,9 @@
-"""Small kernels that several stacks use: angles, interpolation, the exact distance transform."""
+"""Small kernels that several stacks use: angles and the exact distance transform."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,6 @@ from daemon.model.kernels import kernel
 
 Singles: TypeAlias = npt.NDArray[np.float32]
 Integers: TypeAlias = npt.NDArray[np.int32]
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 # Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it
@@ -22,21 +20,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 def wrap_angle_modulo(angle: float) -> float:
     """Map an angle [rad] to [-pi, pi)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
-
-
-@kernel
-def interpolate_at(
-    field: Singles, x0: float, y0: float, resolution: float, x: float, y: float
-) -> float:
-    """Return the value of a field at (x, y), interpolated between cell centres; -1 outside."""
-    u, v = (x - x0) / resolution - 0.5, (y - y0) / resolution - 0.5
-    row, column = math.floor(v), math.floor(u)
-    if row < 0 or column < 0 or row + 1 >= field.shape[0] or column + 1 >= field.shape[1]:
-        return -1.0
-    a, b = u - column, v - row
-    lower = (1.0 - a) * field[row, column] + a * field[row, column + 1]
-    upper = (1.0 - a) * field[row + 1, column] + a * field[row + 1, column + 1]
-    return float((1.0 - b) * lower + b * upper)
 
 
 FAR = 1.0e6

@@ -1,7 +1,7 @@
 """The small stack that ships with the project: ``pilot``, and ``idle`` that does nothing.
 
 The pilot is a small honest stack: scan matching on the map's signed distance field fused with
-odometry, A* with any-angle shortcuts, a layer of obstacles the map does not show, pure pursuit
+odometry, A* and a smoothed path, a layer of obstacles the map does not show, pure pursuit
 behind a guard that sweeps the footprint. It knows what :mod:`daemon.model.sut` gives it and no
 more.
 """

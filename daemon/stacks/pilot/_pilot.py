@@ -9,7 +9,7 @@ from daemon.stacks.pilot._parameters import PilotParameters
 from grammars.model.geometry import Twist2
 
 if TYPE_CHECKING:
-    from daemon.stacks.pilot._driver import Driver
+    from daemon.stacks.pilot.driver import Driver
 
 PERIOD: Final = 0.05
 """Seconds between two decisions."""
@@ -35,7 +35,7 @@ class Pilot:
     def start(self, briefing: Briefing) -> None:
         """Prepare the map for one run; raises ``ValueError`` for a map without free cells."""
         # Compiled kernels are only needed to drive, not to check a campaign's parameters.
-        from daemon.stacks.pilot._driver import Driver
+        from daemon.stacks.pilot.driver import Driver
 
         self._driver = Driver(briefing, self.parameters, PERIOD)
 

@@ -1,85 +1,204 @@
-"""Where the robot is: odometry predicts, scans correct, a covariance says how sure that is."""
+"""Localisation: odometry predicts the pose, scans matched to the map correct it.
+
+Gauss-Newton on the signed distance of the returns to the painted walls, as in direct scan
+matching on a map gradient (Kohlbrecher et al. 2011, Hector SLAM), but signed: a wall pulls from
+both sides and its painted thickness does no harm. The odometry enters through its information
+matrix, which makes the solution the update of an iterated Kalman filter.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.model.sut import Estimate, Odometry
-from daemon.stacks.kernels import wrap_angle_modulo
 from daemon.stacks.pilot._parameters import PilotParameters
-from daemon.stacks.pilot.map_field import MapField
-from daemon.stacks.pilot.scan_matching import match_scan
-from grammars.model.geometry import Floats, Pose2, Twist2
+from daemon.stacks.pilot.maps import MapField, interpolate
+from grammars.model.geometry import Floats, Pose2, wrap_angle
 from grammars.model.robot import Laser, OdometryNoise
+
+_INSET = 0.5
+"""Mean depth of a wall behind its painted edge where it paints every cell it touches [cells]."""
+_STENCIL = 1.5
+"""Half the width over which the direction of a wall is taken from the field [cells]."""
+_LEAST_SLOPE, _MOST_SLOPE = 0.3, 1.5
+"""A distance field has slope 1; ridges between walls and edges of the known map have not."""
+_FEIGNED = 0.02
+"""Part of the information across a corridor that its raster feigns along it."""
+_ITERATIONS = 12
+_LEAST_INLIERS = 8
+_NARROW = 0.05
+"""Width of the matcher's weights when the pose is sure [m]."""
+
+
+class Fit(NamedTuple):
+    """Returns to match: ``points`` (n, 2) in the map, seen by a laser at ``eye`` (x, y).
+
+    They are as seen from the pose ``mean`` (x, y, yaw) of the base. ``sigma`` is the standard
+    deviation of one of them [m].
+    """
+
+    points: Floats
+    mean: tuple[float, float, float]
+    eye: tuple[float, float]
+    sigma: float
 
 
 @kernel
-def predict_pose(
-    mean: Floats,
-    covariance: Floats,
-    dx: float,
-    dy: float,
-    turn: float,
-    var_along: float,
-    var_turn: float,
-) -> None:
-    """Move ``mean`` and ``covariance`` in place by a body-frame displacement (dx, dy, turn).
+def _normal_equations(
+    field: MapField, fit: Fit, pose: Floats, width: float, hessian: Floats, slope: Floats
+) -> int:
+    """Add the weighted normal equations at ``pose`` to ``hessian`` (3, 3) and ``slope`` (3,).
 
-    ``var_along`` [m^2] is the variance of each translation component, ``var_turn`` [rad^2] that
-    of the turn.
+    Weights are Geman-McClure's with scale ``width`` [m]; points farther than three widths from
+    any wall (doors, people) count nothing. Returns the number of inliers.
     """
-    c, s = math.cos(mean[2]), math.sin(mean[2])
-    wx, wy = c * dx - s * dy, s * dx + c * dy
-    mean[0] += wx
-    mean[1] += wy
-    mean[2] = wrap_angle_modulo(mean[2] + turn)
-    pxt, pyt, ptt = covariance[0, 2], covariance[1, 2], covariance[2, 2]
-    covariance[0, 0] += -2.0 * wy * pxt + wy * wy * ptt + var_along
-    covariance[0, 1] += wx * pxt - wy * pyt - wx * wy * ptt
-    covariance[1, 1] += 2.0 * wx * pyt + wx * wx * ptt + var_along
-    covariance[0, 2] = pxt - wy * ptt
-    covariance[1, 2] = pyt + wx * ptt
-    covariance[2, 2] = ptt + var_turn
-    covariance[1, 0], covariance[2, 0] = covariance[0, 1], covariance[0, 2]
-    covariance[2, 1] = covariance[1, 2]
+    size, surface = field.resolution, field.surface
+    c, s = math.cos(pose[2] - fit.mean[2]), math.sin(pose[2] - fit.mean[2])
+    inliers = 0
+    last_x = last_y = 1e9
+    for i in range(fit.points.shape[0]):
+        px, py = fit.points[i, 0] - fit.mean[0], fit.points[i, 1] - fit.mean[1]
+        # Returns closer together than a cell share its error, so only the first counts.
+        if (px - last_x) ** 2 + (py - last_y) ** 2 < size * size:
+            continue
+        last_x, last_y = px, py
+        rx, ry = c * px - s * py, s * px + c * py
+        u = (pose[0] + rx - field.x) / size - 0.5
+        v = (pose[1] + ry - field.y) / size - 0.5
+        residual = interpolate(surface, u, v) + _INSET * size
+        if abs(residual) > 3.0 * width:
+            continue
+        # Right at a slanted wall the field follows the steps of its raster; its direction shows
+        # from a little further away.
+        gx = interpolate(surface, u + _STENCIL, v) - interpolate(surface, u - _STENCIL, v)
+        gy = interpolate(surface, u, v + _STENCIL) - interpolate(surface, u, v - _STENCIL)
+        steep = math.hypot(gx, gy)
+        seen_x, seen_y = fit.points[i, 0] - fit.eye[0], fit.points[i, 1] - fit.eye[1]
+        # A laser sees faces that look towards it, never the back of a wall.
+        faces = gx * seen_x + gy * seen_y <= 0.0
+        sloped = _LEAST_SLOPE < steep / (2.0 * _STENCIL * size) < _MOST_SLOPE
+        if not (faces and sloped):
+            continue
+        gx, gy = gx / steep, gy / steep
+        towards = (gx, gy, gy * rx - gx * ry)
+        ratio = residual / width
+        weight = 1.0 / (fit.sigma * (1.0 + ratio * ratio)) ** 2
+        for k in range(3):
+            slope[k] += weight * towards[k] * residual
+            for j in range(3):
+                hessian[k, j] += weight * towards[k] * towards[j]
+        inliers += 1
+    return inliers
 
 
-_ITERATIONS = 12
-_LEAST_INLIERS = 8
-_NARROW, _WIDE = 0.05, 0.45
-"""Kernel widths of the matcher when it is sure of the pose and when it is not [m]."""
-_LEVER = 2.0
+@kernel
+def _distrust_weak_direction(hessian: Floats, slope: Floats) -> None:
+    """Take what the raster of the map feigns off the direction that is seen worst, in place.
+
+    The gradients of a painted wall are off by some degrees, so a corridor seems to tell a little
+    about the position along it.
+    """
+    a, b, c = hessian[0, 0], hessian[0, 1], hessian[1, 1]
+    middle, spread = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
+    weak, feigned = max(1e-9, middle - spread), _FEIGNED * (middle + spread)
+    cut = 1.0 - math.sqrt(max(0.0, weak - feigned) / weak)
+    angle = 0.5 * math.atan2(2.0 * b, a - c)
+    wx, wy = -math.sin(angle), math.cos(angle)
+    along = cut * (wx * slope[0] + wy * slope[1])
+    slope[0], slope[1] = slope[0] - along * wx, slope[1] - along * wy
+    for k in range(3):
+        along = cut * (wx * hessian[0, k] + wy * hessian[1, k])
+        hessian[0, k], hessian[1, k] = hessian[0, k] - along * wx, hessian[1, k] - along * wy
+    for k in range(3):
+        along = cut * (wx * hessian[k, 0] + wy * hessian[k, 1])
+        hessian[k, 0], hessian[k, 1] = hessian[k, 0] - along * wx, hessian[k, 1] - along * wy
+
+
+@kernel
+def _invert(a: Floats, result: Floats) -> None:
+    """Write the inverse of a symmetric positive definite (3, 3) matrix into ``result``."""
+    for k in range(3):
+        k1, k2 = (k + 1) % 3, (k + 2) % 3
+        for j in range(3):
+            j1, j2 = (j + 1) % 3, (j + 2) % 3
+            result[k, j] = a[k1, j1] * a[k2, j2] - a[k1, j2] * a[k2, j1]
+    determinant = a[0, 0] * result[0, 0] + a[0, 1] * result[0, 1] + a[0, 2] * result[0, 2]
+    for k in range(3):
+        for j in range(3):
+            result[k, j] /= determinant
+
+
+@kernel
+def match_scan(field: MapField, fit: Fit, covariance: Floats, width: float) -> Floats:
+    """Return the pose (3,) that fits a scan.
+
+    The weights narrow from ``width`` to ``_NARROW`` [m] (graduated non-convexity). ``covariance``
+    (3, 3) is that of the predicted pose and becomes that of the result. With too few inliers
+    nothing changes.
+    """
+    prior, inverse = np.empty((3, 3)), np.empty((3, 3))
+    pose, step, mean = np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        pose[k] = mean[k] = fit.mean[k]
+    _invert(covariance, prior)
+    for _ in range(_ITERATIONS):
+        hessian, slope = np.zeros((3, 3)), np.zeros(3)
+        inliers = _normal_equations(field, fit, pose, width, hessian, slope)
+        if inliers < _LEAST_INLIERS:
+            return mean
+        _distrust_weak_direction(hessian, slope)
+        for k in range(3):
+            for j in range(3):
+                slope[k] += prior[k, j] * (pose[j] - mean[j])
+                hessian[k, j] += prior[k, j]
+        _invert(hessian, inverse)
+        for k in range(3):
+            step[k] = inverse[k, 0] * slope[0] + inverse[k, 1] * slope[1] + inverse[k, 2] * slope[2]
+            pose[k] -= step[k]
+        settled = abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4
+        if settled and width <= _NARROW:
+            break
+        width = max(_NARROW, 0.6 * width)
+    # Element by element: for arrays of two shapes numba compiles the words of an error, in 3 s.
+    for k in range(3):
+        for j in range(3):
+            covariance[k, j] = inverse[k, j]
+    return pose
+
+
+@kernel
+def spread(covariance: Floats, dx: float, dy: float, along: float, around: float) -> None:
+    """Let a covariance (3, 3) grow by a displacement [m], in place.
+
+    ``along`` [m^2] is the variance of each translation, ``around`` [rad^2] that of the turn.
+    """
+    heading = (covariance[0, 2], covariance[1, 2], covariance[2, 2])
+    lever = (-dy, dx, 0.0)
+    for k in range(3):
+        for j in range(3):
+            covariance[k, j] += lever[k] * heading[j] + lever[j] * heading[k]
+            covariance[k, j] += lever[k] * lever[j] * heading[2]
+        covariance[k, k] += along if k < 2 else around
+
+
+_WIDE: Final = 0.45
+"""Width of the matcher's weights when the pose is not sure [m]."""
+_RASTER: Final = 0.015
+"""Error of one return beyond the laser's own noise, mostly the raster of the map [m]."""
+_ALIKE: Final = 2.0
+"""So many neighbouring rays share the error of a map cell and count as one."""
+_MAP_COVARIANCE: Final = np.diag([0.02**2, 0.02**2, 0.005**2])
+"""Systematic error of the map, which no number of scans averages away [m^2, rad^2]."""
+_LEVER: Final = 2.0
 """Distance at which an error in heading is felt [m]."""
-_FEW = 0.6
-"""With a smaller share of returns near walls, the pose is doubted."""
-_DOUBT, _YAW_DOUBT = 0.01, 0.01
-"""Standard deviations added per scan in doubt [m, rad]."""
-_LEARNING = 0.03
-"""How fast the depth of walls behind their painted edge is learned, per scan."""
-_CAUTION = 1.5
+_CAUTION: Final = 1.5
 """Odometry is trusted with this many times the variance its description gives."""
-_LEAST_NOISE = 0.002
-"""Noise of a displacement beyond what the odometry's description says [m or rad per sqrt]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _LaserView:
-    """Where a laser sits on the base (x, y, yaw), and the error a return of it counts with [m]."""
-
-    mount: Floats
-    sigma: float
-
-    @classmethod
-    def of(cls, laser: Laser, parameters: PilotParameters) -> _LaserView:
-        """Return the view of a laser, as it is mounted."""
-        mount = np.array([laser.mount.x, laser.mount.y, laser.mount.yaw])
-        spread = laser.noise**2 + parameters.range_sigma**2
-        return cls(mount, math.sqrt(max(spread, 1e-6) * parameters.independent_rays))
+_LEAST_NOISE: Final = 0.002**2
+"""Variance of a displacement beyond what the odometry's description says, per metre or radian."""
 
 
 class Localiser:
@@ -88,92 +207,64 @@ class Localiser:
     Odometry noise follows the robot's description. Errors of the map itself do not average out
     over scans; they are added to the covariance that is reported, not to the filter's own.
 
-    Maps differ in which cells a wall paints (those it touches, or those whose centre it covers),
-    so walls stand up to a cell behind or before their painted edge. The mean residual of matched
-    scans tells how much: between walls on both sides no pose explains it away. It is learned
-    slowly.
+    Attributes:
+        pose: the best estimate of the base's pose in the map frame.
     """
 
     def __init__(
-        self,
-        field: MapField,
-        lasers: Sequence[Laser],
-        noise: OdometryNoise,
-        start: Pose2,
-        parameters: PilotParameters,
+        self, field: MapField, noise: OdometryNoise, start: Pose2, parameters: PilotParameters
     ) -> None:
         self._field, self._noise = field, noise
-        self._views = {laser.name: _LaserView.of(laser, parameters) for laser in lasers}
-        self._mean = np.array([start.x, start.y, start.yaw])
+        self.pose = self._spread_at = start
         position, heading = parameters.start_sigma**2, parameters.start_yaw_sigma**2
         self._covariance = np.diag([position, position, heading])
-        bias, turned = parameters.map_sigma**2, parameters.map_yaw_sigma**2
-        self._bias = np.diag([bias, bias, turned])
-        # Where walls paint every cell they touch, this is the mean depth behind the edge.
-        self._inset = 0.5 * field.resolution
         self._last: Odometry | None = None
-        self._reference: Pose2 | None = None
-
-    @property
-    def pose(self) -> Pose2:
-        """The best estimate of the base's pose in the map frame."""
-        x, y, yaw = self._mean.tolist()
-        return Pose2(x, y, yaw)
+        self._odometry = Pose2()
+        self._distance = self._turn = 0.0
 
     def estimate(self, time: float) -> Estimate:
         """Return the estimate with a covariance that includes the map's own error."""
-        return Estimate(time, self.pose, self._covariance + self._bias)
+        self._spread()
+        return Estimate(time, self.pose, self._covariance + _MAP_COVARIANCE)
 
     def move(self, sample: Odometry) -> None:
         """Take a wheel odometry sample."""
-        self._move_to(sample.pose)
+        if self._last is None:
+            self._odometry = sample.pose
         self._last = sample
+        self._move_to(sample.pose)
 
-    def move_until(self, time: float, following: Odometry | None = None) -> None:
-        """Predict to ``time`` [s]: towards the sample ``following``, else at the last twist."""
+    def move_until(self, time: float) -> None:
+        """Predict to ``time`` [s] at the twist of the last sample."""
         last = self._last
-        if last is None or time <= last.time:
-            return
-        if following is not None and following.time > last.time:
-            ahead = last.pose.inverse() @ following.pose
-            share = min(1.0, (time - last.time) / (following.time - last.time))
-            step = Pose2(ahead.x * share, ahead.y * share, ahead.yaw * share)
-        else:
-            twist: Twist2 = last.twist
-            gap = time - last.time
-            step = Pose2(twist.vx * gap, twist.vy * gap, twist.wz * gap)
-        self._move_to(last.pose @ step)
+        if last is not None and time > last.time:
+            gap, twist = time - last.time, last.twist
+            self._move_to(last.pose @ Pose2(twist.vx * gap, twist.vy * gap, twist.wz * gap))
 
-    def correct(self, points: Floats, count: int, laser: str = "") -> int:
-        """Match returns ``points[:count]`` (base frame) to the map; return how many fit.
-
-        ``laser`` is the name of the one that saw them.
-        """
-        field, covariance, view = self._field, self._covariance, self._views[laser]
+    def correct(self, points: Floats, laser: Laser) -> None:
+        """Match returns ``points`` (n, 2) of a laser, which are in the map as seen at the pose."""
+        self._spread()
+        covariance, pose = self._covariance, self.pose
         unsure = math.sqrt(covariance[0, 0] + covariance[1, 1])
         unsure += _LEVER * math.sqrt(covariance[2, 2])
-        inliers, residual = match_scan(
-            field.surface, field.x, field.y, field.resolution, points, count, view.mount,
-            self._mean, covariance, self._inset, min(_WIDE, _NARROW + unsure), _NARROW,
-            view.sigma, _ITERATIONS, _LEAST_INLIERS,
-        )  # fmt: skip
-        if inliers >= _LEAST_INLIERS:
-            learned = self._inset - _LEARNING * residual
-            self._inset = max(-field.resolution, min(field.resolution, learned))
-        if inliers < _FEW * count:
-            covariance[0, 0] += _DOUBT**2
-            covariance[1, 1] += _DOUBT**2
-            covariance[2, 2] += _YAW_DOUBT**2
-        return inliers
+        sigma = math.sqrt((laser.noise**2 + _RASTER**2) * _ALIKE)
+        eye = pose.apply((laser.mount.x, laser.mount.y))
+        fit = Fit(points, (pose.x, pose.y, pose.yaw), eye, sigma)
+        matched = match_scan(self._field, fit, covariance, min(_WIDE, _NARROW + unsure))
+        x, y, yaw = matched.tolist()
+        self.pose = self._spread_at = Pose2(x, y, wrap_angle(yaw))
 
     def _move_to(self, odometry: Pose2) -> None:
-        reference, self._reference = self._reference, odometry
-        if reference is None:
-            return
-        step = reference.inverse() @ odometry
-        distance, turn = math.hypot(step.x, step.y), abs(step.yaw)
-        noise = self._noise
-        along = (_CAUTION * noise.translation**2 + _LEAST_NOISE**2) * distance
-        around = (_CAUTION * noise.rotation**2 + _LEAST_NOISE**2) * turn
-        around += (_CAUTION * noise.drift**2 + _LEAST_NOISE**2) * distance
-        predict_pose(self._mean, self._covariance, step.x, step.y, step.yaw, along, around)
+        step = self._odometry.inverse() @ odometry
+        self._odometry, self.pose = odometry, self.pose @ step
+        self._distance += math.hypot(step.x, step.y)
+        self._turn += abs(step.yaw)
+
+    def _spread(self) -> None:
+        """Let the covariance grow by the way since it last did."""
+        noise, before = self._noise, self._spread_at
+        along = (_CAUTION * noise.translation**2 + _LEAST_NOISE) * self._distance
+        around = (_CAUTION * noise.rotation**2 + _LEAST_NOISE) * self._turn
+        around += (_CAUTION * noise.drift**2 + _LEAST_NOISE) * self._distance
+        spread(self._covariance, self.pose.x - before.x, self.pose.y - before.y, along, around)
+        self._spread_at, self._distance, self._turn = self.pose, 0.0, 0.0

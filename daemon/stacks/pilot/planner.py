@@ -1,4 +1,4 @@
-"""The global planner: from here to a waypoint on the map, keeping off walls and obstacles.
+"""Global planner: from here to a waypoint on the map, keeping off walls and obstacles.
 
 A* on the clearance field (eight neighbours, a binary heap, a cost that keeps off the walls),
 then any-angle shortcuts that cost no more, then even resampling.
@@ -6,305 +6,95 @@ then any-angle shortcuts that cost no more, then even resampling.
 
 from __future__ import annotations
 
+import heapq
 import math
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
-from daemon.stacks.pilot.map_field import MapField
+from daemon.stacks.pilot.maps import MapField
 from grammars.model.geometry import Floats, Point2
 
-_ROWS = (0, 0, 1, -1, 1, 1, -1, -1)
-_COLUMNS = (1, -1, 0, 0, 1, -1, 1, -1)
-_ESCAPE_FACTOR = 30.0
-"""Cost factor of cells too tight for the robot that it may only cross to get out of them."""
+_WEIGHT = 6.0
+"""How much more a metre costs at the tightest passable place than in the open."""
 
 
 @kernel
-def cost_factor(clearance: float, lethal: float, preferred: float, weight: float) -> float:
-    """Return what a metre costs at ``clearance`` [m]: 1 in the open, 1 + weight at ``lethal``."""
-    if clearance >= preferred:
-        return 1.0
-    near = (preferred - clearance) / (preferred - lethal)
-    return 1.0 + weight * near * near
-
-
-@kernel
-def _factor(
-    clearance: Singles,
-    row: int,
-    column: int,
-    start_row: int,
-    start_column: int,
-    escape2: float,
-    lethal: float,
-    preferred: float,
-    weight: float,
-) -> float:
-    """Return the cost factor of a cell, 0 when it cannot be crossed."""
-    value = float(clearance[row, column])
-    if value >= lethal:
-        return cost_factor(value, lethal, preferred, weight)
-    away2 = float((row - start_row) ** 2 + (column - start_column) ** 2)
-    if away2 <= escape2 and value >= 0.5 * lethal:
-        return _ESCAPE_FACTOR * (1.0 + weight)
-    return 0.0
-
-
-@kernel
-def _push(keys: Singles, items: Integers, count: int, key: float, item: int) -> None:
-    child = count
-    while child > 0:
-        parent = (child - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[child], items[child] = keys[parent], items[parent]
-        child = parent
-    keys[child], items[child] = key, item
-
-
-@kernel
-def _pop(keys: Singles, items: Integers, last: int) -> None:
-    """Remove the root of a heap whose last entry is at ``last``."""
-    key, item = keys[last], items[last]
-    parent = 0
-    while True:
-        child = 2 * parent + 1
-        if child >= last:
-            break
-        if child + 1 < last and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[parent], items[parent] = keys[child], items[child]
-        parent = child
-    keys[parent], items[parent] = key, item
+def cost_factor(clearance: float, lethal: float, preferred: float) -> float:
+    """Return the cost of a metre at ``clearance`` [m]: 1 in the open, infinite below ``lethal``."""
+    if clearance < lethal:
+        return math.inf
+    near = max(0.0, preferred - clearance) / (preferred - lethal)
+    return 1.0 + _WEIGHT * near * near
 
 
 @kernel
 def search_astar(
     clearance: Singles,
-    start_row: int,
-    start_column: int,
-    goal_row: int,
-    goal_column: int,
+    spent: Singles,
+    start: tuple[int, int],
+    goal: tuple[int, int],
     lethal: float,
     preferred: float,
-    weight: float,
-    escape: float,
-) -> tuple[Integers, float]:
-    """Return the cheapest path as flat cell indices from start to goal, and its cost [cells].
+) -> Integers:
+    """Return the cheapest path as flat cell indices from start to goal, empty if there is none.
 
-    Cells with ``clearance`` below ``lethal`` [m] are closed; within ``escape`` cells of the start,
-    where the robot may already stand too close to something, only those below half of it. A step
-    costs its length times the mean cost factor of its two cells; a diagonal needs both cells
-    beside it. Without a path the result is empty and the cost infinite.
+    Cells with ``clearance`` below ``lethal`` [m] are closed. A step costs its length times the
+    mean cost factor of its two cells; a diagonal needs both cells beside it. ``spent``
+    (rows * columns,), infinite everywhere, receives the cost of reaching each cell [cells].
     """
-    # One kernel: heap, costs and parents are flat arrays that every step of the search touches.
     rows, columns = clearance.shape
-    goal = goal_row * columns + goal_column
-    start = start_row * columns + start_column
-    # Filled one by one, and later copied so: numba compiles numpy's functions for each type.
-    spent = np.empty(rows * columns, dtype=np.float32)
-    came, done = np.empty(rows * columns, dtype=np.int8), np.empty(rows * columns, dtype=np.int8)
-    for cell in range(rows * columns):
-        spent[cell], came[cell], done[cell] = np.inf, -1, 0
-    keys, items = np.empty(1 << 16, dtype=np.float32), np.empty(1 << 16, dtype=np.int32)
-    diagonal = math.sqrt(2.0)
-    spent[start] = 0.0
-    keys[0], items[0] = 0.0, start
-    count = 1
-    escape2 = escape * escape
-    while count > 0:
-        here = items[0]
-        count -= 1
-        _pop(keys, items, count)
-        if done[here]:
-            continue
-        done[here] = 1
-        if here == goal:
+    came = np.empty(rows * columns, dtype=np.int32)
+    first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
+    spent[first] = 0.0
+    queue = [(np.float32(0.0), np.float32(0.0), first)]
+    while queue:
+        _, cost, here = heapq.heappop(queue)
+        if here == last:
             break
+        if cost > spent[here]:
+            continue
         row, column = here // columns, here % columns
-        factor = _factor(
-            clearance, row, column, start_row, start_column, escape2, lethal, preferred, weight
-        )
-        for k in range(8):
-            r, c = row + _ROWS[k], column + _COLUMNS[k]
+        factor = cost_factor(clearance[row, column], lethal, preferred)
+        for k in range(9):
+            dr, dc = k // 3 - 1, k % 3 - 1
+            r, c = row + dr, column + dc
             if r < 0 or c < 0 or r >= rows or c >= columns:
                 continue
+            if clearance[row, c] < lethal or clearance[r, column] < lethal:
+                continue
             there = r * columns + c
-            if done[there]:
-                continue
-            other = _factor(
-                clearance, r, c, start_row, start_column, escape2, lethal, preferred, weight
-            )
-            if other == 0.0:
-                continue
-            length = 1.0
-            if k >= 4:
-                length = diagonal
-                if (
-                    _factor(clearance, row, c, start_row, start_column, escape2, lethal,
-                            preferred, weight) == 0.0
-                    or _factor(clearance, r, column, start_row, start_column, escape2, lethal,
-                               preferred, weight) == 0.0
-                ):  # fmt: skip
-                    continue
-            cost = spent[here] + 0.5 * length * (factor + other)
-            if cost >= spent[there]:
-                continue
-            spent[there] = cost
-            came[there] = k
-            dr, dc = abs(r - goal_row), abs(c - goal_column)
-            ahead = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
-            if count == keys.shape[0]:
-                more_keys = np.empty(2 * count, dtype=np.float32)
-                more_items = np.empty(2 * count, dtype=np.int32)
-                for i in range(count):
-                    more_keys[i], more_items[i] = keys[i], items[i]
-                keys, items = more_keys, more_items
-            _push(keys, items, count, cost + ahead, there)
-            count += 1
-    if not done[goal]:
-        return np.empty(0, dtype=np.int32), np.inf
-    length_of_path = 1
-    cell = goal
-    while cell != start:
-        cell -= _ROWS[came[cell]] * columns + _COLUMNS[came[cell]]
-        length_of_path += 1
-    path = np.empty(length_of_path, dtype=np.int32)
-    cell = goal
-    for i in range(length_of_path - 1, -1, -1):
-        path[i] = cell
-        if cell != start:
-            cell -= _ROWS[came[cell]] * columns + _COLUMNS[came[cell]]
-    return path, float(spent[goal])
+            length = 0.5 * math.hypot(float(dr), float(dc))
+            other = cost_factor(clearance[r, c], lethal, preferred)
+            total = np.float32(cost + length * (factor + other))
+            if total < spent[there]:
+                spent[there], came[there] = total, here
+                ahead = math.hypot(float(r - goal[0]), float(c - goal[1]))
+                heapq.heappush(queue, (np.float32(total + ahead), total, there))
+    if math.isinf(spent[last]):
+        return np.empty(0, dtype=np.int32)
+    path = [last]
+    while path[-1] != first:
+        path.append(came[path[-1]])
+    return np.array(path[::-1], dtype=np.int32)
 
 
-@kernel
-def _line_cost(
-    clearance: Singles,
-    row0: int,
-    column0: int,
-    row1: int,
-    column1: int,
-    lethal: float,
-    preferred: float,
-    weight: float,
-) -> float:
-    """Return the cost of the straight line between two cell centres [cells], inf if closed."""
-    dr, dc = float(row1 - row0), float(column1 - column0)
-    length = math.hypot(dr, dc)
-    steps = max(1, math.ceil(2.0 * length))
-    total = 0.0
-    for i in range(steps + 1):
-        t = i / steps
-        value = clearance[round(row0 + t * dr), round(column0 + t * dc)]
-        if value < lethal:
-            return np.inf
-        share = 0.5 if i == 0 or i == steps else 1.0
-        total += share * cost_factor(value, lethal, preferred, weight)
-    return total * length / steps
-
-
-@kernel
-def shortcut_path(
-    clearance: Singles,
-    path: Integers,
-    lethal: float,
-    preferred: float,
-    weight: float,
-    reach: int,
-) -> Integers:
-    """Return the corners of ``path`` (flat cell indices) after taking every worthwhile shortcut.
-
-    A straight line replaces a stretch of at most ``reach`` cells when it costs no more, so that a
-    shortcut never trades the middle of a doorway for its jamb.
-    """
-    columns = clearance.shape[1]
-    count = path.shape[0]
-    corners = np.empty(count, dtype=np.int32)
-    corners[0] = path[0]
-    kept = 1
-    i = 0
-    while i < count - 1:
-        row, column = path[i] // columns, path[i] % columns
-        spent = 0.0
-        best = i + 1
-        for j in range(i + 1, min(count, i + reach + 1)):
-            before, here = path[j - 1], path[j]
-            r, c = here // columns, here % columns
-            length = math.hypot(float(r - before // columns), float(c - before % columns))
-            spent += 0.5 * length * (
-                cost_factor(clearance[before // columns, before % columns], lethal, preferred,
-                            weight)
-                + cost_factor(clearance[r, c], lethal, preferred, weight)
-            )  # fmt: skip
-            if j - i > 1:
-                line = _line_cost(clearance, row, column, r, c, lethal, preferred, weight)
-                if line <= 1.002 * spent:
-                    best = j
-        corners[kept] = path[best]
-        kept += 1
-        i = best
-    return corners[:kept].copy()
-
-
-@kernel
-def resample(corners: Floats, spacing: float) -> Floats:
-    """Return points (n, 2) along the polyline ``corners`` (m, 2), at most ``spacing`` [m] apart.
-
-    Corners are kept.
-    """
-    total = 1
-    for i in range(corners.shape[0] - 1):
-        length = math.hypot(corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1])
-        total += max(1, math.ceil(length / spacing - 1e-9))
-    points = np.empty((total, 2))
-    points[0, 0], points[0, 1] = corners[0, 0], corners[0, 1]
-    k = 1
-    for i in range(corners.shape[0] - 1):
-        dx, dy = corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1]
-        steps = max(1, math.ceil(math.hypot(dx, dy) / spacing - 1e-9))
-        for j in range(1, steps + 1):
-            points[k, 0] = corners[i, 0] + dx * j / steps
-            points[k, 1] = corners[i, 1] + dy * j / steps
-            k += 1
-    return points
-
-
-@kernel
-def cumulative_lengths(points: Floats) -> Floats:
-    """Return the distance travelled at each point of a polyline (n, 2) [m]."""
-    travelled = np.empty(points.shape[0])
-    travelled[0] = 0.0
-    for i in range(1, points.shape[0]):
-        step = math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
-        travelled[i] = travelled[i - 1] + step
-    return travelled
-
-
-SPACING = 0.05
-"""Distance between two points of a path [m]."""
-_ESCAPE = 0.45
+_SPACING: Final = 0.05
+"""Distance between two points of a path, at most [m]."""
+_ESCAPE: Final = 0.45
 """Around the start, tight cells may be crossed out to here [m]."""
-_SHORTCUT = 6.0
-"""Longest stretch of a grid path that one shortcut replaces [m]."""
+_SMOOTHING: Final = 8
+"""How often the path is smoothed."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlannedPath:
-    """Where to drive: ``points`` (n, 2) in the map frame, ``travelled`` (n,) distance there [m]."""
+class PlannedPath(NamedTuple):
+    """A way to drive: ``points`` (n, 2) in the map, evenly ``spacing`` [m] apart."""
 
     points: Floats
-    travelled: Floats
-
-    @property
-    def length(self) -> float:
-        """Total length [m]."""
-        return float(self.travelled[-1])
+    spacing: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,14 +102,13 @@ class Planner:
     """Plans on a map. Distances in metres.
 
     ``lethal`` is the least clearance of the base's centre, ``preferred`` the clearance beyond
-    which nothing is gained, ``weight`` how much more a metre costs at ``lethal`` than in the open.
-    ``tolerance`` is how far from a goal that cannot be stood on the path may end.
+    which nothing is gained. ``tolerance`` is how far from a goal that cannot be stood on the path
+    may end.
     """
 
     field: MapField
     lethal: float
     preferred: float
-    weight: float
     tolerance: float
 
     def plan(
@@ -332,40 +121,54 @@ class Planner:
         field = self.field
         clearance = field.clearance if clearance is None else clearance
         here, there = field.cell(*start), self._footing(goal, clearance)
-        if there is None or not field.inside(*here):
+        rows, columns = clearance.shape
+        if there is None or not (0 <= here[0] < rows and 0 <= here[1] < columns):
             return None
-        cells, _ = search_astar(
-            clearance, here[0], here[1], there[0], there[1],
-            self.lethal, self.preferred, self.weight, _ESCAPE / field.resolution,
-        )  # fmt: skip
+        if clearance[here] < self.lethal:
+            clearance = self._with_way_out(clearance, here)
+        spent = np.full(clearance.size, np.inf, dtype=np.float32)
+        cells = search_astar(clearance, spent, here, there, self.lethal, self.preferred)
         if cells.size == 0:
             return None
-        reach = round(_SHORTCUT / field.resolution)
-        corners = shortcut_path(clearance, cells, self.lethal, self.preferred, self.weight, reach)
-        rows, columns = np.divmod(corners, clearance.shape[1])
-        points = np.empty((max(2, corners.size), 2))
-        points[: corners.size, 0] = field.x + (columns + 0.5) * field.resolution
-        points[: corners.size, 1] = field.y + (rows + 0.5) * field.resolution
+        cells = np.column_stack(np.divmod(cells, columns)).astype(np.float64)
+        for _ in range(_SMOOTHING):
+            # Each point goes to the middle of its neighbours: the steps of the grid vanish.
+            cells[1:-1] = 0.25 * (cells[:-2] + 2.0 * cells[1:-1] + cells[2:])
+        points = (cells[:, ::-1] + 0.5) * field.resolution + (field.x, field.y)
         # The first and last cell centre would only be a kink beside the true start and goal.
-        points[-1] = goal if there == field.cell(*goal) else points[corners.size - 1]
-        points[0] = start
-        line = resample(points, SPACING)
-        return PlannedPath(line, cumulative_lengths(line))
+        end = goal if there == field.cell(*goal) else points[-1]
+        return _resampled(np.concatenate(([start], points[1:-1], [end])))
+
+    def _with_way_out(self, clearance: Singles, start: tuple[int, int]) -> Singles:
+        """Return ``clearance`` with tight cells opened around a start that is too tight itself.
+
+        Cells with less than half of the least clearance stay closed.
+        """
+        opened = clearance.copy()
+        span = math.floor(_ESCAPE / self.field.resolution)
+        top, left = max(0, start[0] - span), max(0, start[1] - span)
+        part = opened[top : start[0] + span + 1, left : start[1] + span + 1]
+        part[(part >= 0.5 * self.lethal) & (part < self.lethal)] = self.lethal
+        return opened
 
     def _footing(self, goal: Point2, clearance: Singles) -> tuple[int, int] | None:
         """Return the cell nearest to ``goal`` the robot can stand on, within the tolerance."""
-        field = self.field
-        row, column = field.cell(*goal)
-        if field.inside(row, column) and clearance[row, column] >= self.lethal:
-            return row, column
-        span = math.floor(self.tolerance / field.resolution)
-        best: tuple[int, int] | None = None
-        nearest = math.inf
-        for r in range(row - span, row + span + 1):
-            for c in range(column - span, column + span + 1):
-                away = math.hypot(r - row, c - column)
-                if away <= min(span, nearest) and away < nearest and field.inside(r, c):
-                    if clearance[r, c] < self.lethal:
-                        continue
-                    best, nearest = (r, c), away
-        return best
+        row, column = self.field.cell(*goal)
+        span = math.floor(self.tolerance / self.field.resolution)
+        top, left = max(0, row - span), max(0, column - span)
+        part = clearance[top : max(0, row + span + 1), left : max(0, column + span + 1)]
+        rows, columns = np.nonzero(part >= self.lethal)
+        away = np.hypot(rows + top - row, columns + left - column)
+        if not away.size or away.min() > span:
+            return None
+        best = away.argmin()
+        return int(rows[best] + top), int(columns[best] + left)
+
+
+def _resampled(corners: Floats) -> PlannedPath:
+    """Return the path along the polyline ``corners`` (m, 2)."""
+    legs = np.hypot(np.diff(corners[:, 0]), np.diff(corners[:, 1]))
+    at = np.concatenate(([0.0], legs.cumsum()))
+    ways = np.linspace(0.0, at[-1], max(2, math.ceil(at[-1] / _SPACING) + 1))
+    points = np.column_stack([np.interp(ways, at, corners[:, k]) for k in (0, 1)])
+    return PlannedPath(points, float(ways[1]))

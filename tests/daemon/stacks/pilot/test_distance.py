@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.kernels import FAR, distance_transform
-from daemon.stacks.pilot.map_field import map_field
+from daemon.stacks.pilot.maps import map_field
 from grammars.model.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.daemon.stacks.pilot.world import draw
 

@@ -1,47 +1,38 @@
-import math
-
 import numpy as np
 import pytest
 
 from daemon.stacks.pilot import PilotParameters
-from daemon.stacks.pilot.guard import (
-    CollisionGuard,
-    Surroundings,
-    find_escape,
-    half_planes,
-    outline,
-)
-from daemon.stacks.pilot.map_field import map_field
-from daemon.stacks.pilot.pursuit import DriveLimits
+from daemon.stacks.pilot.maps import map_field
+from daemon.stacks.pilot.motion import CollisionGuard, DriveLimits, body_of
+from daemon.stacks.pilot.sensing import Surroundings
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.pilot.plans import OUTER, SIZE
 from tests.daemon.stacks.pilot.world import a_robot, draw
 
 ROBOT = a_robot()
 PARAMETERS = PilotParameters()
-LIMITS = DriveLimits.of(ROBOT.drive, PARAMETERS)
-GUARD = CollisionGuard(ROBOT, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
+LIMITS = DriveLimits.of(ROBOT, PARAMETERS)
+BODY = body_of(ROBOT.footprint)
+GUARD = CollisionGuard(BODY, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
 MIDDLE = Pose2(4.5, 2.5, 0.0)
 FORWARD = Twist2(0.5, 0.0, 0.0)
 
 
-def seeing(*points, known=False):
-    shown = np.full(len(points), known, dtype=np.uint8)
-    return Surroundings(np.array(points).reshape(-1, 2), shown, len(points), len(points))
+def seeing(*points):
+    """Return surroundings with points that are given in the base frame at ``MIDDLE``."""
+    known = np.zeros(len(points), dtype=np.uint8)
+    return Surroundings(np.add(np.reshape(points, (-1, 2)), (4.5, 2.5)), known, len(points))
 
 
-def test_half_planes_measure_distance_to_the_footprint():
+def test_edges_measure_distance_to_the_footprint():
     points = np.array([(0.5495, 0.0), (0.0, -0.333), (0.0, 0.0)])
-    for ring in (ROBOT.footprint, ROBOT.footprint[::-1]):
-        planes = half_planes(ring)
-        outside = (points @ planes[:, :2].T - planes[:, 2]).max(axis=1)
-        np.testing.assert_allclose(outside, [0.2, 0.1, -0.233])
+    outside = (points @ BODY.planes[:, :2].T - BODY.planes[:, 2]).max(axis=1)
+    np.testing.assert_allclose(outside, [0.2, 0.1, -0.233])
 
 
-def test_the_outline_has_the_corners_and_no_gaps():
-    points = outline(ROBOT.footprint)
-    assert {tuple(corner) for corner in ROBOT.footprint} <= {tuple(p) for p in points.tolist()}
-    steps = np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1)
+def test_the_rim_has_the_corners_and_no_gaps():
+    assert {tuple(corner) for corner in ROBOT.footprint} <= {tuple(p) for p in BODY.rim.tolist()}
+    steps = np.linalg.norm(BODY.rim - np.roll(BODY.rim, -1, axis=0), axis=1)
     assert steps.max() <= 0.1 + 1e-9
 
 
@@ -93,16 +84,18 @@ def test_walls_of_the_map_stop_motion_the_laser_does_not_see():
 
 
 def test_accelerations_are_bounded_and_braking_is_harder():
-    assert GUARD.ramp(Twist2(), FORWARD, 0.05).vx == pytest.approx(0.025)
-    assert GUARD.ramp(FORWARD, Twist2(), 0.05).vx == pytest.approx(0.45)
+    assert LIMITS.ramp(Twist2(), FORWARD, 0.05).vx == pytest.approx(0.025)
+    assert LIMITS.ramp(FORWARD, Twist2(), 0.05).vx == pytest.approx(0.45)
 
 
-def test_the_way_out_is_the_free_one():
-    ahead = seeing((0.37, 0.0), (0.37, 0.2), (0.37, -0.2))
-    escape = find_escape(GUARD, LIMITS, MIDDLE, ahead, now=10.0)
-    assert escape is not None
-    assert escape.name == "backing off"
-    assert 10.0 < escape.until <= 12.5
-    corners = [(x * 0.37, y * 0.25) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
-    boxed_in = seeing(*corners, *[(math.copysign(0.36, x), y) for x, y in corners])
-    assert find_escape(GUARD, LIMITS, MIDDLE, boxed_in, now=0.0) is None
+def test_a_way_out_is_free_until_something_is_near():
+    back, ahead = Twist2(-0.15, 0.0, 0.0), Twist2(0.15, 0.0, 0.0)
+    around = seeing((0.47, 0.0), (-0.6, 0.0))
+    assert GUARD.free(back, MIDDLE, around, 2.5) == pytest.approx((0.2505 - 0.02) / 0.15, abs=0.3)
+    assert GUARD.free(ahead, MIDDLE, around, 2.5) < 1.0
+    assert GUARD.free(back, MIDDLE, seeing(), 2.5) == 2.5
+
+
+def test_it_knows_the_nearest_thing_that_the_map_does_not_show():
+    GUARD.limit(Twist2(), MIDDLE, seeing((0.5495, 0.0), (0.0, -0.5)))
+    assert GUARD.nearest == pytest.approx(0.2)

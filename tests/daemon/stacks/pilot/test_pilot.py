@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from daemon.model.sut import Observation
-from daemon.stacks.pilot import _driver
+from daemon.stacks.pilot import driver
 from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Pose2, wrap_angle
 from grammars.model.robot import OdometryNoise
@@ -93,7 +93,7 @@ def test_it_gives_up_when_the_door_stays_shut():
 def test_backing_off_takes_nothing_from_its_patience(monkeypatch):
     shut = {DOOR: lambda _: True}
     moving = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors=shut, patience=25.0)
-    monkeypatch.setattr(_driver, "_RETREATS", 0)
+    monkeypatch.setattr(driver, "_RETREATS", 0)
     standing = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors=shut, patience=25.0)
     assert moving.said("to make room") is not None
     assert standing.said("to make room") is None

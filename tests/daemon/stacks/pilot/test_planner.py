@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.pilot.map_field import map_field
+from daemon.stacks.pilot.maps import map_field
 from daemon.stacks.pilot.planner import Planner, cost_factor, search_astar
 from tests.daemon.stacks.pilot.plans import ONE_DOORWAY, OUTER, SIZE
 from tests.daemon.stacks.pilot.world import draw
 
-LETHAL, PREFERRED, WEIGHT = 0.25, 0.9, 5.0
+LETHAL, PREFERRED = 0.25, 0.9
 
 
 def dijkstra(clearance, start, goal):
@@ -20,7 +20,7 @@ def dijkstra(clearance, start, goal):
         if not all(0 <= k < n for k, n in zip(cell, clearance.shape, strict=True)):
             return 0.0
         value = float(clearance[cell])
-        return cost_factor(value, LETHAL, PREFERRED, WEIGHT) if value >= LETHAL else 0.0
+        return cost_factor(value, LETHAL, PREFERRED) if value >= LETHAL else 0.0
 
     spent = {start: 0.0}
     queue = [(0.0, start)]
@@ -55,7 +55,9 @@ def test_paths_cost_what_dijkstra_finds(rows, columns, closed, seed):
     start = (0, 0)
     goal = (rows - 1, columns - 1)
     clearance[start] = clearance[goal] = 0.5
-    path, cost = search_astar(clearance, *start, *goal, LETHAL, PREFERRED, WEIGHT, 0.0)
+    spent = np.full(clearance.size, np.inf, dtype=np.float32)
+    path = search_astar(clearance, spent, start, goal, LETHAL, PREFERRED)
+    cost = float(spent[-1])
     assert cost == pytest.approx(dijkstra(clearance, start, goal), rel=1e-5)
     if math.isfinite(cost):
         cells = np.column_stack(np.divmod(path, columns))
@@ -67,7 +69,11 @@ def test_paths_cost_what_dijkstra_finds(rows, columns, closed, seed):
 
 
 def a_planner(walls):
-    return Planner(map_field(draw(walls, SIZE)), LETHAL, PREFERRED, WEIGHT, tolerance=0.15)
+    return Planner(map_field(draw(walls, SIZE)), LETHAL, PREFERRED, tolerance=0.15)
+
+
+def length(path):
+    return path.spacing * (len(path.points) - 1)
 
 
 def test_a_path_leads_through_the_middle_of_the_doorway():
@@ -82,10 +88,11 @@ def test_a_path_leads_through_the_middle_of_the_doorway():
     assert planner.field.clearance[rows, columns].min() >= LETHAL
 
 
-def test_a_path_in_the_open_is_straight():
+def test_a_path_in_the_open_is_hardly_longer_than_a_straight_line():
     path = a_planner(OUTER).plan((1.5, 1.5), (7.3, 3.1))
     assert path is not None
-    assert path.length == pytest.approx(math.hypot(5.8, 1.6), rel=0.01)
+    # Steps to eight neighbours make a way at most 8.3 % longer.
+    assert length(path) < 1.083 * math.hypot(5.8, 1.6)
 
 
 def test_there_is_no_path_through_walls_or_the_unknown():
@@ -107,7 +114,7 @@ def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance():
 def test_a_robot_too_close_to_a_wall_finds_its_way_out():
     path = a_planner(OUTER).plan((0.35, 2.5), (4.0, 2.5))
     assert path is not None
-    assert path.length == pytest.approx(3.65, abs=0.1)
+    assert length(path) == pytest.approx(3.65, abs=0.1)
 
 
 def test_getting_out_of_a_tight_spot_never_leads_through_a_wall():

@@ -1,0 +1,264 @@
+"""One run of the pilot: waypoints in order, waiting, replanning, getting free, giving up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from daemon.model.sut import Briefing, Decision, Observation, Progress
+from daemon.stacks.pilot._parameters import PilotParameters
+from daemon.stacks.pilot.maps import first_blocked, map_field
+from daemon.stacks.pilot.motion import (
+    ESCAPES,
+    STILL,
+    CollisionGuard,
+    DriveLimits,
+    Pursuit,
+    body_of,
+    scaled,
+    stoppable,
+)
+from daemon.stacks.pilot.planner import PlannedPath, Planner
+from daemon.stacks.pilot.sensing import Sensing
+from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
+from grammars.model.mission import Waypoint
+
+_SETTLED: Final = 2.0
+"""Standing this long, a robot within the tolerance is there, else within half of it [s]."""
+_WATCHED: Final = 4.0
+"""Length of the path ahead that is watched for obstacles [m]."""
+_OFF_PATH: Final = 0.6
+"""Farther than this from its path the robot plans a new one [m]."""
+_CLEARANCE: Final = 0.02
+"""Kept free beyond the inscribed circle of the footprint [m]."""
+_STUCK: Final = 4.0
+"""Standing for this long, a robot that wants to move is stuck [s]."""
+_MAKE_ROOM: Final = 8.0
+"""Blocked for this long without another way, the robot backs off, for a door to swing [s]."""
+_RETREATS: Final = 3
+"""How often it does so at most; it stays within sight of what blocks its way."""
+_TOO_CLOSE: Final = 0.4
+"""From something that comes closer than this the standing robot backs off [m]."""
+_APPROACH: Final = 0.05
+"""How much closer it must have come since the previous scan [m]."""
+_TOUCHING: Final = 0.05
+"""From something this near the standing robot backs off even if it does not move [m]."""
+_LEANING: Final = 1.0
+"""Standing this long, it takes something that near for leaning on it [s]."""
+_SHORTEST, _LONGEST = 0.4, 3.0
+"""A way out is free for at least this long, and is followed for at most this long [s]."""
+_GAINED: Final = 1.0
+"""Coming this much closer to the waypoint renews the patience [m]."""
+
+
+@dataclass(slots=True)
+class _Blockage:
+    """The way is blocked since ``since``, ``distance`` ahead [m]; look again at ``retry`` [s]."""
+
+    since: float
+    retry: float
+    distance: float = 0.0
+    announced: bool = False
+
+
+class Driver:
+    """Drives one mission; ``update`` is called every ``period`` seconds."""
+
+    def __init__(self, briefing: Briefing, parameters: PilotParameters, period: float) -> None:
+        field, body = map_field(briefing.map), body_of(briefing.robot.footprint)
+        self._parameters, self._period = parameters, period
+        self._waypoints = briefing.mission.waypoints
+        self._limits = DriveLimits.of(briefing.robot, parameters)
+        self._sensing = Sensing(briefing, field, parameters)
+        self._guard = CollisionGuard(body, field, self._limits, parameters)
+        self._front = float(body.rim[:, 0].max())
+        lethal = float(body.planes[:, 2].min()) + _CLEARANCE
+        preferred = max(parameters.preferred_clearance, lethal + field.resolution)
+        self._planner = Planner(field, lethal, preferred, parameters.goal_tolerance)
+        self._state: Literal["active", "succeeded", "aborted"] = "active"
+        self._command = STILL
+        self._new_plan: Floats | None = None
+        self._events: list[str] = []
+        self._nearest = math.inf
+        # How long it stands, and how often it tried to get free since it last came closer.
+        self._standing, self._attempts = 0.0, 0
+        self._reached = -1
+        self._begin_waypoint()
+
+    def _begin_waypoint(self) -> None:
+        self._reached += 1
+        self._pursuit: Pursuit | None = None
+        self._blockage: _Blockage | None = None
+        self._escape, self._escapes_until = STILL, 0.0
+        self._turning = False
+        # How long it stood since it was nearest to the waypoint, and how near that was.
+        self._waited, self._closest = 0.0, math.inf
+
+    def update(self, observation: Observation) -> Decision:
+        """Take one observation and decide."""
+        self._events.clear()
+        self._new_plan = None
+        estimate = self._sensing.take(observation)
+        pose, now = self._sensing.pose, observation.time
+        wanted = self._wanted_velocity(now, pose)
+        if self._state == "active":
+            # Accelerations first, the guard last: what it allows is what is sent.
+            ramped = self._limits.ramp(self._command, wanted, self._period)
+            self._command = self._guard.limit(ramped, pose, self._sensing.around)
+        else:
+            self._command = STILL
+        stands = abs(self._command.vx) <= 0.03 and abs(self._command.wz) <= 0.05
+        self._standing = self._standing + self._period if stands else 0.0
+        # Patience is for waiting: what passes in motion does not count.
+        self._waited += self._period if stands else 0.0
+        last = max(0, len(self._waypoints) - 1)
+        return Decision(
+            command=self._command,
+            progress=Progress(min(self._reached, last), self._reached, self._state),
+            estimate=estimate,
+            plan=self._new_plan,
+            events=tuple(self._events),
+        )
+
+    def _wanted_velocity(self, now: float, pose: Pose2) -> Twist2:
+        """Return the velocity wanted now, before accelerations and the guard have their say."""
+        while self._reached < len(self._waypoints):
+            goal = self._waypoints[self._reached]
+            if not self._is_reached(pose, goal):
+                return self._towards(now, pose, goal)
+            self._log(f"waypoint {self._reached + 1} reached")
+            self._begin_waypoint()
+        self._state = "succeeded"
+        self._log("mission complete")
+        return STILL
+
+    def _is_reached(self, pose: Pose2, goal: Waypoint) -> bool:
+        """Tell whether the robot is there: first the position counts, then the heading if any."""
+        share = 1.0 if self._standing >= _SETTLED else 0.5
+        away = math.hypot(goal.x - pose.x, goal.y - pose.y) / self._parameters.goal_tolerance
+        self._turning = away <= (1.5 if self._turning else share)
+        if not self._turning or goal.yaw is None:
+            return self._turning
+        return abs(wrap_angle(goal.yaw - pose.yaw)) <= share * self._parameters.yaw_tolerance
+
+    def _towards(self, now: float, pose: Pose2, goal: Waypoint) -> Twist2:
+        # Getting free goes before everything: a path is of no use to a robot that cannot move.
+        if now >= self._escapes_until:
+            self._get_free_if_needed(now, pose)
+        if now < self._escapes_until or self._state != "active":
+            return self._escape
+        if self._turning and goal.yaw is not None:
+            return Twist2(0.0, 0.0, self._limits.towards(wrap_angle(goal.yaw - pose.yaw)))
+        pursuit = self._pursuit or self._find_way(pose, goal)
+        if pursuit is None:
+            return STILL
+        if pursuit.locate(pose) > _OFF_PATH:
+            self._pursuit = None
+            return STILL
+        if pursuit.remaining < self._closest - _GAINED:
+            self._waited, self._attempts, self._closest = 0.0, 0, pursuit.remaining
+        self._watch(now, pose, goal, pursuit)
+        if self._pursuit is not pursuit:
+            return STILL
+        wanted = pursuit.steer(pose, self._command.vx)
+        if self._blockage is None:
+            return wanted
+        if self._attempts:
+            return STILL
+        room = self._blockage.distance - self._front - self._parameters.blocked_distance
+        allowed = stoppable(room, self._limits.acceleration)
+        return scaled(wanted, allowed / wanted.vx) if wanted.vx > allowed else wanted
+
+    def _find_way(self, pose: Pose2, goal: Waypoint) -> Pursuit | None:
+        """Plan to ``goal`` around what is known to be in the way, else as the map says."""
+        path = self._plan_around(pose, goal)
+        path = path or self._planner.plan((pose.x, pose.y), (goal.x, goal.y))
+        if path is None:
+            self._give_up(f"no way to waypoint {self._reached + 1}")
+            return None
+        return self._take(path)
+
+    def _plan_around(self, pose: Pose2, goal: Waypoint) -> PlannedPath | None:
+        clearance = self._sensing.obstacles.clearance(self._planner.preferred)
+        return self._planner.plan((pose.x, pose.y), (goal.x, goal.y), clearance)
+
+    def _take(self, path: PlannedPath) -> Pursuit:
+        self._pursuit = Pursuit(path, self._limits, self._parameters.lookahead)
+        self._new_plan = path.points
+        self._standing = 0.0
+        return self._pursuit
+
+    def _watch(self, now: float, pose: Pose2, goal: Waypoint, pursuit: Pursuit) -> None:
+        """Look for obstacles on the path ahead; wait, or take another way."""
+        points, spacing = pursuit.path
+        # Things beside the robot are no obstacles ahead; the guard minds them.
+        begin = pursuit.index + round(self._planner.lethal / spacing)
+        ahead = points[begin : pursuit.index + round(_WATCHED / spacing)]
+        hit = first_blocked(ahead, self._sensing.obstacles.centres, self._planner.lethal)
+        wait = self._parameters.wait_before_replanning
+        if hit < 0:
+            if self._blockage is not None and self._blockage.announced:
+                self._log("the way is free again")
+                self._standing = 0.0
+            self._blockage = None
+            return
+        blockage = self._blockage = self._blockage or _Blockage(now, now + wait)
+        blockage.distance = (begin + hit - pursuit.index) * spacing
+        if now < blockage.retry:
+            return
+        path = self._plan_around(pose, goal)
+        if path is not None:
+            self._log("replanning around an obstacle")
+            self._blockage = None
+            self._take(path)
+            return
+        blockage.retry = now + max(wait, now - blockage.since)
+        if not blockage.announced:
+            blockage.announced = True
+            self._log("blocked, waiting")
+
+    def _get_free_if_needed(self, now: float, pose: Pose2) -> None:
+        """Start a way out when something comes close, leans on the robot or holds it.
+
+        Gives up when the patience ends.
+        """
+        before, self._nearest = self._nearest, self._guard.nearest
+        blocked = self._blockage is not None
+        may_try = self._attempts < self._parameters.recoveries
+        comes = self._standing > 0.0 and self._nearest < min(_TOO_CLOSE, before - _APPROACH)
+        leans = self._standing > _LEANING and self._nearest < _TOUCHING and may_try
+        if self._waited >= self._parameters.patience:
+            why = "no way to" if blocked else "stuck on the way to"
+            self._give_up(f"{why} waypoint {self._reached + 1}")
+        elif comes or leans:
+            self._start_escape(now, pose, "something comes close, {}", hurry=2.0)
+        elif self._blockage is not None and self._blockage.announced:
+            room_at = self._blockage.since + (1 + self._attempts) * _MAKE_ROOM
+            if now >= room_at and self._attempts < min(_RETREATS, self._parameters.recoveries):
+                self._start_escape(now, pose, "blocked, {} to make room", turns=False)
+        elif may_try and not blocked and self._standing > _STUCK:
+            self._start_escape(now, pose, "stuck, {}")
+
+    def _start_escape(
+        self, now: float, pose: Pose2, words: str, *, hurry: float = 1.0, turns: bool = True
+    ) -> None:
+        """Start the motion that stays free longest, backing off first among equals, if any does."""
+        longest = _SHORTEST
+        for name, usual in ESCAPES if turns else ESCAPES[:1]:
+            command = scaled(usual, hurry)
+            free = self._guard.free(command, pose, self._sensing.around, _LONGEST)
+            if free > longest:
+                longest, best = free, name
+                self._escape, self._escapes_until = command, now + free
+        if longest > _SHORTEST:
+            self._attempts += 1
+            self._pursuit = None
+            self._log(words.format(best))
+
+    def _give_up(self, why: str) -> None:
+        self._state = "aborted"
+        self._log(f"giving up: {why}")
+
+    def _log(self, sentence: str) -> None:
+        self._events.append(sentence)

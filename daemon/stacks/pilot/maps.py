@@ -1,0 +1,245 @@
+"""The building as the pilot knows it: the map as distance fields, and obstacles the map lacks."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles, distance_transform
+from grammars.model.geometry import Floats
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+
+_BORDER = 2
+"""Unknown cells kept around the known part of the map."""
+_EXPLAINED = 0.15
+"""Returns nearer to a wall of the map than this are the wall [m]."""
+_NEIGHBOURS = 5
+"""Returns this near, in rays, to one the map does not explain may belong to the same thing."""
+_REACH = 4.0
+"""Returns farther from the base than this are not remembered [m]."""
+
+
+class MapField(NamedTuple):
+    """Distance fields over the known part of a map, (rows, columns), float32, in metres.
+
+    The lower-left corner of cell (0, 0) lies at (``x``, ``y``). ``surface`` is the signed
+    distance of a cell centre to the painted surface of the walls: positive outside occupied
+    cells, negative inside, zero on the edge between the last free and the first occupied cell,
+    which is where a laser sees the wall. ``clearance`` is the distance to the nearest cell that
+    is not free, 0 in such cells.
+    """
+
+    surface: Singles
+    clearance: Singles
+    x: float
+    y: float
+    resolution: float
+
+    def cell(self, x: float, y: float) -> tuple[int, int]:
+        """Return the (row, column) that holds a point; may lie outside the field."""
+        row = math.floor((y - self.y) / self.resolution)
+        return row, math.floor((x - self.x) / self.resolution)
+
+
+def map_field(grid: OccupancyGrid) -> MapField:
+    """Prepare the distance fields of ``grid``; raises ``ValueError`` for a map without free cells.
+
+    Distances run between cell centres, so the surface lies half a cell before the first centre on
+    the other side.
+    """
+    free = grid.cells == FREE
+    if not free.any():
+        raise ValueError("the map has no free cell: nothing can be planned on it")
+    known = (grid.cells == OCCUPIED) | free
+    rows, columns = _extent(known.any(axis=1)), _extent(known.any(axis=0))
+    cells = grid.cells[rows, columns]
+    half = np.float32(0.5)
+    to_occupied = distance_transform((cells == OCCUPIED).astype(np.uint8))
+    to_free = distance_transform((cells == FREE).astype(np.uint8))
+    to_blocked = distance_transform((cells != FREE).astype(np.uint8))
+    surface = np.where(cells == OCCUPIED, half - to_free, to_occupied - half)
+    scale = np.float32(grid.resolution)
+    return MapField(
+        surface=surface * scale,
+        clearance=np.maximum(to_blocked - half, np.float32(0.0)) * scale,
+        x=grid.x + columns.start * grid.resolution,
+        y=grid.y + rows.start * grid.resolution,
+        resolution=grid.resolution,
+    )
+
+
+def _extent(used: np.ndarray) -> slice:
+    """Return the range of true entries, with a border."""
+    indices = np.flatnonzero(used)
+    return slice(max(0, int(indices[0]) - _BORDER), int(indices[-1]) + 1 + _BORDER)
+
+
+@kernel
+def interpolate(values: Singles, u: float, v: float) -> float:
+    """Return a field at column ``u``, row ``v``, interpolated between centres; -1 outside."""
+    column, row = math.floor(u), math.floor(v)
+    if row < 0 or column < 0 or row + 1 >= values.shape[0] or column + 1 >= values.shape[1]:
+        return -1.0
+    a, b = u - column, v - row
+    lower = (1.0 - a) * values[row, column] + a * values[row, column + 1]
+    upper = (1.0 - a) * values[row + 1, column] + a * values[row + 1, column + 1]
+    return float((1.0 - b) * lower + b * upper)
+
+
+class Scan(NamedTuple):
+    """One scan: ``ranges`` (rays,) [m], the pose of the laser in the map, its angles and reach."""
+
+    ranges: Singles
+    x: float
+    y: float
+    yaw: float
+    first: float
+    step: float
+    least: float
+    most: float
+
+
+@kernel
+def project(field: MapField, scan: Scan) -> tuple[Floats, np.ndarray, np.ndarray]:
+    """Return the returns of a scan (n, 2) in the map, which it explains, and which for sure (n,).
+
+    Rays that are lost or saw nothing are left out (REP 117). The map explains a return near a
+    painted wall or behind it: 1, else 0. Neighbours of others are not sure: the end of a leaf
+    that touches its wall would turn the wall with it.
+    """
+    rows, columns = field.surface.shape
+    points = np.empty((scan.ranges.shape[0], 2))
+    known = np.empty(scan.ranges.shape[0], dtype=np.uint8)
+    c, s = math.cos(scan.yaw + scan.first), math.sin(scan.yaw + scan.first)
+    turn_c, turn_s = math.cos(scan.step), math.sin(scan.step)
+    count = 0
+    for i in range(scan.ranges.shape[0]):
+        away = float(scan.ranges[i])
+        x, y = scan.x + away * c, scan.y + away * s
+        # Turned from ray to ray: a sine for each would take most of the time.
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        if not (scan.least <= away <= scan.most):
+            continue
+        column = math.floor((x - field.x) / field.resolution)
+        row = math.floor((y - field.y) / field.resolution)
+        inside = 0 <= row < rows and 0 <= column < columns
+        known[count] = inside and field.surface[row, column] <= _EXPLAINED
+        points[count, 0], points[count, 1] = x, y
+        count += 1
+    sure = known[:count].copy()
+    for i in range(count):
+        if not known[i]:
+            for k in range(max(0, i - _NEIGHBOURS), min(count, i + _NEIGHBOURS + 1)):
+                sure[k] = 0
+    return points[:count], known[:count], sure
+
+
+@kernel
+def _is_seen_through(scan: Scan, x: float, y: float, margin: float) -> bool:
+    """Tell whether the ray towards a point goes on beyond it by ``margin`` [m]."""
+    away = math.hypot(x - scan.x, y - scan.y)
+    angle = math.atan2(y - scan.y, x - scan.x) - scan.yaw - scan.first
+    angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
+    ray = round(angle / scan.step) if scan.step > 0.0 else 0
+    if away >= scan.most or ray >= scan.ranges.shape[0]:
+        return False
+    # A lost ray is nan and compares false: it clears nothing.
+    return bool(abs(angle - ray * scan.step) <= scan.step and scan.ranges[ray] > away + margin)
+
+
+class Marks(NamedTuple):
+    """Marked cells: ``centres`` (n, 2) [m], and ``stamps`` (rows, columns), 0 where unmarked.
+
+    A stamp is the number of the scan that saw the cell last. This scan is ``now``; cells with a
+    stamp below ``oldest`` are forgotten.
+    """
+
+    centres: Floats
+    stamps: Integers
+    now: int
+    oldest: int
+
+
+@kernel
+def update_marks(
+    field: MapField, marks: Marks, scan: Scan, points: Floats, known: np.ndarray
+) -> Floats:
+    """Return the centres of the marked cells (n, 2) after one scan; ``stamps`` change in place.
+
+    Cells that a ray looks through go. Each marked cell asks the ray that points at it: this costs
+    nothing for the empty space that other rays cross and leaves no gaps between rays. Then the
+    returns that the map does not explain are marked.
+    """
+    size, stamps = field.resolution, marks.stamps
+    kept = np.empty((marks.centres.shape[0] + points.shape[0], 2))
+    count = 0
+    for i in range(marks.centres.shape[0]):
+        x, y = marks.centres[i, 0], marks.centres[i, 1]
+        row, column = math.floor((y - field.y) / size), math.floor((x - field.x) / size)
+        if stamps[row, column] < marks.oldest or _is_seen_through(scan, x, y, 2.0 * size):
+            stamps[row, column] = 0
+        else:
+            kept[count, 0], kept[count, 1] = x, y
+            count += 1
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        row, column = math.floor((y - field.y) / size), math.floor((x - field.x) / size)
+        inside = 0 <= row < stamps.shape[0] and 0 <= column < stamps.shape[1]
+        if known[i] or not inside or math.hypot(x - scan.x, y - scan.y) > _REACH:
+            continue
+        if stamps[row, column] == 0:
+            kept[count, 0] = field.x + (column + 0.5) * size
+            kept[count, 1] = field.y + (row + 0.5) * size
+            count += 1
+        stamps[row, column] = marks.now
+    return kept[:count]
+
+
+@kernel
+def first_blocked(path: Floats, centres: Floats, radius: float) -> int:
+    """Return the index of the first point of ``path`` (n, 2) this near to a mark, or -1."""
+    for i in range(path.shape[0]):
+        for k in range(centres.shape[0]):
+            dx, dy = path[i, 0] - centres[k, 0], path[i, 1] - centres[k, 1]
+            if dx * dx + dy * dy < radius * radius:
+                return i
+    return -1
+
+
+class UnmappedObstacles:
+    """Cells that scans show occupied although the map says free.
+
+    Attributes:
+        centres: the centres of the marked cells (n, 2) in the map [m].
+    """
+
+    def __init__(self, field: MapField, memory: int) -> None:
+        """Keep a cell for ``memory`` scans, of whatever laser, after it was last seen."""
+        self._field, self._memory, self._now = field, memory, 0
+        self._stamps = np.zeros(field.clearance.shape, dtype=np.int32)
+        self.centres = np.empty((0, 2))
+
+    def update(self, scan: Scan, points: Floats, known: np.ndarray) -> None:
+        """Take a scan as it was projected."""
+        self._now += 1
+        marks = Marks(self.centres, self._stamps, self._now, self._now - self._memory)
+        self.centres = update_marks(self._field, marks, scan, points, known)
+
+    def clearance(self, reach: float) -> Singles:
+        """Return the clearance of the map with the marks, which count out to ``reach`` [m]."""
+        field = self._field
+        combined = field.clearance.copy()
+        if len(self.centres):
+            cells = (self.centres - (field.x, field.y)) / field.resolution
+            columns, rows = cells.astype(np.int64).T
+            span = math.ceil(reach / field.resolution)
+            top, left = max(0, rows.min() - span), max(0, columns.min() - span)
+            part = combined[top : rows.max() + span + 1, left : columns.max() + span + 1]
+            solid = np.zeros(part.shape, dtype=np.uint8)
+            solid[rows - top, columns - left] = 1
+            away = (distance_transform(solid) - np.float32(0.5)) * np.float32(field.resolution)
+            np.minimum(part, away.clip(0.0), out=part)
+        return combined

@@ -1,0 +1,373 @@
+"""Motion: pure pursuit of a path (Coulter 1992), a guard behind it, ways out of a tight spot.
+
+The guard lets no command through that could not be stopped before the footprint meets something.
+It sweeps the footprint along the arc of the command. The obstacles are returns of the lasers,
+remembered obstacles beside and behind the robot and the walls of the map. A point already closer
+than the margin only stops motion that brings it closer still, so that a robot can always back
+out of a tight spot.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from daemon.model.kernels import kernel
+from daemon.stacks.pilot._parameters import PilotParameters
+from daemon.stacks.pilot.maps import MapField, interpolate
+from daemon.stacks.pilot.planner import PlannedPath
+from daemon.stacks.pilot.sensing import Surroundings
+from grammars.model.geometry import Floats, Point2, Pose2, Ring, Twist2, wrap_angle
+from grammars.model.robot import Robot
+
+STILL: Final = Twist2()
+ESCAPES: Final = (
+    ("backing off", Twist2(-0.15, 0.0, 0.0)),
+    ("turning left", Twist2(0.0, 0.0, 0.5)),
+    ("turning right", Twist2(0.0, 0.0, -0.5)),
+)
+"""Motions out of a tight spot, by their names."""
+_TURN_IN_PLACE, _TURNED = 0.9, 0.25
+"""Bearing of the target at which turning on the spot begins and ends [rad]."""
+_GAIN: Final = 2.0
+"""Turn rate per bearing error [1/s]."""
+_TURN_ACCELERATION: Final = 1.5
+"""Bounded also by the drive [rad/s^2]."""
+_LATERAL: Final = 0.6
+"""Highest lateral acceleration in a bend [m/s^2]."""
+_LOOKAHEAD_TIME: Final = 0.6
+"""Seconds of driving that speed adds to the lookahead."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveLimits:
+    """Speeds and accelerations of the pilot on this base: m/s, rad/s, m/s^2, rad/s^2."""
+
+    speed: float
+    turn: float
+    acceleration: float
+    braking: float
+    turn_acceleration: float
+
+    @staticmethod
+    def of(robot: Robot, parameters: PilotParameters) -> DriveLimits:
+        """Return the limits that both the drive and the parameters allow."""
+        drive = robot.drive
+        return DriveLimits(
+            speed=min(drive.max_vx, parameters.max_speed),
+            turn=min(drive.max_wz, parameters.max_turn),
+            acceleration=min(drive.max_ax, parameters.acceleration),
+            braking=min(drive.max_ax, max(1.0, parameters.acceleration)),
+            turn_acceleration=min(drive.max_az, _TURN_ACCELERATION),
+        )
+
+    def towards(self, bearing: float) -> float:
+        """Return the turn rate that takes off a bearing error [rad]."""
+        rate = math.sqrt(1.6 * self.turn_acceleration * abs(bearing))
+        return math.copysign(min(self.turn, _GAIN * abs(bearing), rate), bearing)
+
+    def ramp(self, last: Twist2, wanted: Twist2, period: float) -> Twist2:
+        """Return ``wanted`` as far as accelerations allow within ``period`` [s] of ``last``."""
+        speeding, braking = self.acceleration * period, self.braking * period
+        turning = self.turn_acceleration * period
+        return Twist2(
+            _ramp_axis(last.vx, wanted.vx, speeding, braking),
+            _ramp_axis(last.vy, wanted.vy, speeding, braking),
+            _ramp_axis(last.wz, wanted.wz, turning, 2.0 * turning),
+        )
+
+
+def _ramp_axis(last: float, wanted: float, speeding: float, braking: float) -> float:
+    """Move ``last`` towards ``wanted``: towards zero by ``braking``, away by ``speeding``."""
+    change = wanted - last
+    most = braking if last * change < 0.0 else speeding
+    return last + max(-most, min(most, change))
+
+
+def scaled(command: Twist2, scale: float) -> Twist2:
+    """Return a command on the same arc, faster or slower."""
+    return Twist2(command.vx * scale, command.vy * scale, command.wz * scale)
+
+
+def stoppable(distance: float, braking: float) -> float:
+    """Return the speed from which one can stop within ``distance``."""
+    return math.sqrt(2.0 * braking * max(0.0, distance))
+
+
+class Pursuit:
+    """Follows one path: remembers how far it has come and whether it turns on the spot.
+
+    Attributes:
+        index: the point of the path nearest to the base.
+    """
+
+    def __init__(self, path: PlannedPath, limits: DriveLimits, lookahead: float) -> None:
+        self.path = path
+        self.index = 0
+        self._points: list[Point2] = path.points.tolist()
+        self._limits, self._lookahead = limits, lookahead
+        self._turning = False
+
+    @property
+    def remaining(self) -> float:
+        """Distance left along the path [m]."""
+        return (len(self._points) - 1 - self.index) * self.path.spacing
+
+    def locate(self, pose: Pose2) -> float:
+        """Move on while the path comes nearer to ``pose``; return the distance to it [m]."""
+        here = (pose.x, pose.y)
+        away = math.dist(self._points[self.index], here)
+        for point in self._points[self.index + 1 :]:
+            if math.dist(point, here) > away:
+                break
+            away = math.dist(point, here)
+            self.index += 1
+        return away
+
+    def steer(self, pose: Pose2, speed: float) -> Twist2:
+        """Return the wanted body-frame velocity at ``pose`` when driving at ``speed`` [m/s]."""
+        limits = self._limits
+        ahead = math.ceil((self._lookahead + _LOOKAHEAD_TIME * speed) / self.path.spacing)
+        x, y = self._points[min(len(self._points) - 1, self.index + ahead)]
+        bearing = wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.yaw)
+        self._turning = abs(bearing) > (_TURNED if self._turning else _TURN_IN_PLACE)
+        if self._turning:
+            return Twist2(0.0, 0.0, limits.towards(bearing))
+        curvature = 2.0 * math.sin(bearing) / max(0.1, math.hypot(x - pose.x, y - pose.y))
+        top = min(limits.speed, stoppable(max(self.remaining, 0.02), limits.acceleration))
+        if abs(curvature) > 1e-6:
+            top = min(top, limits.turn / abs(curvature), math.sqrt(_LATERAL / abs(curvature)))
+        top *= max(0.3, math.cos(bearing))
+        return Twist2(top, 0.0, top * curvature)
+
+
+class Body(NamedTuple):
+    """A convex footprint: its edges ``planes`` (m, 3) and points ``rim`` (n, 2) on them [m].
+
+    An edge is its outward unit normal and offset: a point is outside by
+    ``max(normal . p - offset)`` metres, exact beside edges, less at corners.
+    """
+
+    planes: Floats
+    rim: Floats
+
+
+def body_of(footprint: Ring, spacing: float = 0.1) -> Body:
+    """Return the body of a ring, counter-clockwise, with points at most ``spacing`` [m] apart."""
+    planes, rim = [], []
+    for (ax, ay), (bx, by) in zip(footprint, footprint[1:] + footprint[:1], strict=True):
+        length = math.hypot(bx - ax, by - ay)
+        nx, ny = (by - ay) / length, (ax - bx) / length
+        planes.append((nx, ny, nx * ax + ny * ay))
+        steps = math.ceil(length / spacing)
+        rim += [(ax + (bx - ax) * k / steps, ay + (by - ay) * k / steps) for k in range(steps)]
+    return Body(np.array(planes), np.array(rim))
+
+
+@kernel
+def _distance_outside(planes: Floats, x: float, y: float) -> float:
+    """Return by how much a point of the base frame lies outside the footprint [m]."""
+    most = -1e9
+    for k in range(planes.shape[0]):
+        most = max(most, planes[k, 0] * x + planes[k, 1] * y - planes[k, 2])
+    return most
+
+
+class Clear(NamedTuple):
+    """How clear a command keeps: times [s] and distances [m].
+
+    ``walls`` is the time until something the map shows comes too near, ``others`` the same for
+    everything else. ``room`` is the least distance to points that are passed without being met,
+    ``nearest`` that to what a laser sees now and the map does not show.
+    """
+
+    walls: float
+    others: float
+    room: float
+    nearest: float
+
+
+@kernel
+def keep_clear(
+    body: Body,
+    around: Surroundings,
+    field: MapField,
+    pose: tuple[float, float, float],
+    command: tuple[float, float, float],
+    look: tuple[float, float, float, float],
+) -> Clear:
+    """Return how clear the body-frame command (vx, vy, wz) keeps the footprint.
+
+    ``look`` are the horizon [s], at which times end, the step of the sweep [s], the margin around
+    the footprint [m] and the distance from the base beyond which points do not matter [m].
+    """
+    # One kernel: the sweep is computed once and serves points and walls.
+    (vx, vy, wz), (horizon, step, margin, reach) = command, look
+    planes, rim, points = body.planes, body.rim, around.points
+    steps = max(1, math.ceil(horizon / step))
+    sweep = np.empty((steps + 1, 4))
+    x = y = 0.0
+    for k in range(steps + 1):
+        sweep[k, 0], sweep[k, 1] = x, y
+        sweep[k, 2], sweep[k, 3] = math.cos(k * step * wz), math.sin(k * step * wz)
+        c, s = math.cos((k + 0.5) * step * wz), math.sin((k + 0.5) * step * wz)
+        x, y = x + step * (c * vx - s * vy), y + step * (s * vx + c * vy)
+    walls = others = horizon
+    room = nearest = 1e9
+    c0, s0 = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(points.shape[0]):
+        x, y = points[i, 0] - pose[0], points[i, 1] - pose[1]
+        if x * x + y * y > reach * reach:
+            continue
+        x, y = c0 * x + s0 * y, c0 * y - s0 * x
+        before = _distance_outside(planes, x, y)
+        if i < around.seen and not around.known[i]:
+            nearest = min(nearest, before)
+        # Closer than the margin already: only coming closer still, by more than 2 mm, is in the
+        # way, or the robot could never leave a tight spot.
+        limit = min(margin, before - 0.002)
+        end = walls if around.known[i] else others
+        least, away, met, closing = before, before, False, False
+        for k in range(1, steps + 1):
+            if k * step > end:
+                break
+            dx, dy, c, s = x - sweep[k, 0], y - sweep[k, 1], sweep[k, 2], sweep[k, 3]
+            previous, away = away, _distance_outside(planes, c * dx + s * dy, c * dy - s * dx)
+            closing = away < previous - 1e-6
+            least = min(least, away)
+            if away < limit:
+                met = True
+                if around.known[i]:
+                    walls = (k - 1) * step
+                else:
+                    others = (k - 1) * step
+                break
+        # Points still ahead at the end of the sweep, or left behind by it, are not beside the way.
+        left = least >= before and away > before + 0.01
+        if not met and not closing and not left:
+            room = min(room, least)
+    for i in range(rim.shape[0]):
+        limit = margin
+        for k in range(steps + 1):
+            if k * step > walls:
+                break
+            rx, ry, c, s = rim[i, 0], rim[i, 1], sweep[k, 2], sweep[k, 3]
+            x, y = sweep[k, 0] + c * rx - s * ry, sweep[k, 1] + s * rx + c * ry
+            u = (pose[0] + c0 * x - s0 * y - field.x) / field.resolution - 0.5
+            v = (pose[1] + s0 * x + c0 * y - field.y) / field.resolution - 0.5
+            away = interpolate(field.surface, u, v)
+            if k == 0:
+                limit = min(margin, away - 0.002)
+            elif away < limit:
+                walls = (k - 1) * step
+                break
+    return Clear(walls, others, room, nearest)
+
+
+_REACTION: Final = 0.15
+"""Time from a scan to the brakes [s]."""
+_STRIDE: Final = 0.04
+"""Farthest a point of the footprint moves between two checks of the sweep [m]."""
+_AMPLE: Final = 0.35
+"""With less room beside it the robot slows down [m]."""
+_KEPT_OFF: Final = 0.02
+"""Distance kept around the footprint on a way out [m]."""
+_BESIDE: Final = 0.5
+"""Points farther than this from the footprint on its way do not matter [m]."""
+_TIGHT: Final = 0.3
+"""Part of the safety margin that is kept when creeping through a tight spot."""
+_LONGEST: Final = 3.0
+"""Longest look ahead [s]."""
+_CREEP: Final = 0.12
+"""The speed it slows down to [m/s]."""
+
+
+class CollisionGuard:
+    """Lets no command through that could not be stopped before the footprint meets something.
+
+    Attributes:
+        nearest: the distance to the nearest thing a laser sees that the map does not show [m].
+    """
+
+    def __init__(
+        self, body: Body, field: MapField, limits: DriveLimits, parameters: PilotParameters
+    ) -> None:
+        self._body, self._field, self._limits = body, field, limits
+        self._margin, self._spare = parameters.safety_margin, parameters.stop_distance
+        self._radius = float(np.hypot(body.rim[:, 0], body.rim[:, 1]).max())
+        self._creep = min(_CREEP, limits.speed)
+        self.nearest = math.inf
+
+    def limit(self, command: Twist2, pose: Pose2, around: Surroundings) -> Twist2:
+        """Return ``command`` slowed down on its own arc until it is safe; ``STILL`` if it is not.
+
+        The base can always stop before walls of the map. Before anything else it also keeps a
+        distance that grows with its speed, to ``stop_distance`` at full speed: things that the
+        map does not show may move. With little room beside it, it slows down.
+        """
+        pace = self._pace(command)
+        if pace < 1e-3:
+            self._look(command, pose, around, _LONGEST, self._margin)
+            return command
+        safe = self._slowed(command, pose, around, self._margin)
+        if self._pace(safe) >= min(self._creep, pace) - 1e-6:
+            return safe
+        # A tight spot may be passed with less room, as slowly as it can be watched.
+        slow = scaled(command, min(1.0, self._creep / pace))
+        tight = self._slowed(slow, pose, around, _TIGHT * self._margin)
+        return max(safe, tight, key=self._pace)
+
+    def _pace(self, command: Twist2) -> float:
+        """Return how fast the fastest point of the footprint may move [m/s]."""
+        return math.hypot(command.vx, command.vy) + self._radius * abs(command.wz)
+
+    def _slowed(self, command: Twist2, pose: Pose2, around: Surroundings, margin: float) -> Twist2:
+        """Return ``command`` scaled down so that it keeps ``margin`` [m] around the footprint."""
+        speed, turn = math.hypot(command.vx, command.vy), abs(command.wz)
+        limits, horizon = self._limits, _LONGEST
+        if speed > 0.02:
+            brakes = speed / limits.braking + _REACTION + (self._spare + 0.1) / speed
+            horizon = min(_LONGEST, brakes)
+        clear = self._look(command, pose, around, horizon, margin)
+        if speed > 0.02:
+            ample = max(1e-6, _AMPLE - self._margin)
+            share = max(0.0, min(1.0, (clear.room - self._margin) / ample))
+            allowed = self._creep + share * (limits.speed - self._creep)
+            if clear.walls < horizon:
+                way = speed * (clear.walls - _REACTION)
+                allowed = min(allowed, stoppable(way, limits.braking))
+            if clear.others < horizon:
+                allowed = min(allowed, self._keeping_off(speed * (clear.others - _REACTION)))
+            return scaled(command, min(1.0, allowed / speed))
+        free = min(clear.walls, clear.others)
+        if turn < 1e-3 or free >= horizon:
+            return command
+        fast = stoppable(turn * (free - _REACTION), limits.turn_acceleration)
+        return scaled(command, min(1.0, fast / turn))
+
+    def free(self, command: Twist2, pose: Pose2, around: Surroundings, horizon: float) -> float:
+        """Return how long [s], at most ``horizon``, a way out of a tight spot stays free."""
+        clear = self._look(command, pose, around, horizon, _KEPT_OFF)
+        return min(clear.walls, clear.others)
+
+    def _look(
+        self, command: Twist2, pose: Pose2, around: Surroundings, horizon: float, margin: float
+    ) -> Clear:
+        """Return how clear a command keeps for at most ``horizon`` [s], with ``margin`` [m]."""
+        pace = max(self._pace(command), 0.02)
+        reach = self._radius + _BESIDE + math.hypot(command.vx, command.vy) * horizon
+        clear = keep_clear(
+            self._body, around, self._field, (pose.x, pose.y, pose.yaw),
+            (command.vx, command.vy, command.wz), (horizon, _STRIDE / pace, margin, reach),
+        )  # fmt: skip
+        self.nearest = clear.nearest
+        return clear
+
+    def _keeping_off(self, distance: float) -> float:
+        """Return the speed v that fits ``distance``: braking from v and stop_distance * v / top."""
+        braking, spare = self._limits.braking, self._spare / self._limits.speed
+        distance = max(0.0, distance)
+        return braking * (math.sqrt(spare * spare + 2.0 * distance / braking) - spare)

@@ -1,0 +1,95 @@
+"""Sensing: observations in, a pose, the things around the base and the obstacles out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
+from daemon.stacks.pilot._parameters import PilotParameters
+from daemon.stacks.pilot.localisation import Localiser
+from daemon.stacks.pilot.maps import MapField, Scan, UnmappedObstacles, project
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.robot import Laser
+
+
+class Surroundings(NamedTuple):
+    """The things around the base: ``points`` (n, 2) in the map; ``known`` ones are walls of it.
+
+    The first ``seen`` are returns of the latest scan of each laser, the others are remembered.
+    """
+
+    points: Floats
+    known: npt.NDArray[np.uint8]
+    seen: int
+
+
+class Sensing:
+    """Keeps the pose, the latest scan of each laser and the obstacles up to date.
+
+    All lasers see obstacles. Those at the height of the first, at which the map is drawn, also
+    tell the pose: at another height there are other walls.
+
+    Attributes:
+        obstacles: the obstacles that the map lacks.
+        around: the surroundings at the latest scan.
+    """
+
+    def __init__(self, briefing: Briefing, field: MapField, parameters: PilotParameters) -> None:
+        robot = briefing.robot
+        self._lasers = {laser.name: laser for laser in robot.lasers}
+        self._map_height = robot.laser.z
+        self._localiser = Localiser(field, robot.odometry, briefing.start, parameters)
+        self._field = field
+        scans = parameters.obstacle_memory * sum(laser.rate for laser in robot.lasers)
+        self.obstacles = UnmappedObstacles(field, max(1, round(scans)))
+        nothing = np.empty((0, 2)), np.empty(0, dtype=np.uint8)
+        self._returns = dict.fromkeys(self._lasers, nothing)
+        self.around = Surroundings(*nothing, 0)
+
+    @property
+    def pose(self) -> Pose2:
+        """The estimated pose of the base in the map."""
+        return self._localiser.pose
+
+    def take(self, observation: Observation) -> Estimate | None:
+        """Take a new observation; return a new estimate when it has a scan."""
+        localiser = self._localiser
+        samples = list(observation.odometry)
+        for scan in observation.scans:
+            while samples and samples[0].time <= scan.time:
+                localiser.move(samples.pop(0))
+            localiser.move_until(scan.time)
+            self._look(scan)
+        for sample in samples:
+            localiser.move(sample)
+        localiser.move_until(observation.time)
+        return localiser.estimate(observation.time) if observation.scans else None
+
+    def _look(self, scan: LaserScan) -> None:
+        """Correct the pose by a scan, take its obstacles and note what is around the base."""
+        laser = self._lasers[scan.laser]
+        if laser.z == self._map_height:
+            points, _, sure = project(self._field, self._placed(scan, laser))
+            self._localiser.correct(points[sure != 0], laser)
+        placed = self._placed(scan, laser)
+        points, known, _ = project(self._field, placed)
+        self.obstacles.update(placed, points, known)
+        self._returns[scan.laser] = points, known
+        returns, shown = zip(*self._returns.values(), strict=True)
+        marks = self.obstacles.centres
+        everything = np.concatenate((*returns, marks))
+        known = np.concatenate((*shown, np.zeros(len(marks), dtype=np.uint8)))
+        self.around = Surroundings(everything, known, len(everything) - len(marks))
+
+    def _placed(self, scan: LaserScan, laser: Laser) -> Scan:
+        """Return a scan at the pose; raises ``ValueError`` for other rays than the laser's."""
+        if scan.ranges.shape != (laser.rays,):
+            raise ValueError(f"a scan of {scan.ranges.size} rays from a laser of {laser.rays}")
+        at = self.pose @ laser.mount
+        return Scan(
+            scan.ranges, at.x, at.y, at.yaw, laser.angle_min, laser.angle_increment,
+            laser.range_min, laser.range_max,
+        )  # fmt: skip
