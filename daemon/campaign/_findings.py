@@ -1,4 +1,4 @@
-"""What the pre-flight says about the worlds and cells of a campaign, each thing once."""
+"""Findings of the pre-flight about the worlds and cells of a campaign, each once."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class AllowedWarning:
     why: str
     where: Where
 
-    def covers(self, found: Diagnostic) -> bool:
-        """Whether a finding is such a warning; errors are never allowed."""
-        return found.severity is Severity.WARNING and fnmatchcase(found.message, self.pattern)
+    def covers(self, finding: Diagnostic) -> bool:
+        """Return whether a finding is such a warning; errors are never allowed."""
+        return finding.severity is Severity.WARNING and fnmatchcase(finding.message, self.pattern)
 
 
 def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[AllowedWarning, ...]:
@@ -102,10 +102,9 @@ def find_problems(
 
 
 def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diagnostic]:
-    """Yield what sensors of robots and the stacks that listen to them have against each other.
+    """Yield the warnings of kinds of systems about the sensors of robots, once for each pair.
 
-    ``pairs`` of a system and a robot come with the place of the scenario they meet in; what is
-    said of a pair is said once.
+    ``pairs`` of a system and a robot come with the place of the scenario they meet in.
     """
     once: dict[tuple[str, str], tuple[SutReference, Robot, Where]] = {}
     for sut, robot, where in pairs:
@@ -113,10 +112,10 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
     for sut, robot, where in once.values():
         kind = stack_kind(sut.kind)
         settings = kind.read(resolve_paths(sut.parameters, sut.files))
-        for found in kind.advise(settings, robot):
-            place = "" if kind.keys else f" {format_path(found.path)}"
-            message = f"{sut.name}:{place} {found.message}"
-            yield Diagnostic(where, message, found.hint, Severity.WARNING)
+        for finding in kind.advise(settings, robot):
+            place = "" if kind.keys else f" {format_path(finding.path)}"
+            message = f"{sut.name}:{place} {finding.message}"
+            yield Diagnostic(where, message, finding.hint, Severity.WARNING)
 
 
 def _top_speed(sut: SutReference, robot: Robot) -> float:

@@ -109,7 +109,7 @@ class SutLayer:
 
 @dataclass(frozen=True, slots=True)
 class SutText:
-    """What a SUT file says, with all it stands on, before anything is checked."""
+    """Text of a SUT file, with all it stands on, before anything is checked."""
 
     layer: SutLayer
     document: YamlDocument
@@ -171,14 +171,14 @@ def _load(
     if text.ros is not None and text.ros.folder:
         where = document.where(("ros", "folder"))
         folder = path.parent / text.ros.folder
-        found = load_package_folder(folder, where, warnings, whole=base is None)
-        settings = over(settings, found)
-        loaded |= _files_of(found)
+        values = load_package_folder(folder, where, warnings, whole=base is None)
+        settings = over(settings, values)
+        loaded |= _files_of(values)
     attached = {} if base is None else base.attached
     if kind.files == "parameters":
-        found = load_parameter_files(_named_files(path, document, text), warnings)
-        settings = over(settings, found)
-        loaded |= _files_of(found)
+        values = load_parameter_files(_named_files(path, document, text), warnings)
+        settings = over(settings, values)
+        loaded |= _files_of(values)
     else:
         attached = attached | _attached(path, document, text)
     settings = over(settings, _written(document, text, kind))
@@ -187,10 +187,10 @@ def _load(
 
 
 def merge_over(
-    settings: ParameterValues, found: ParameterValues, *, launched: bool
+    settings: ParameterValues, changes: ParameterValues, *, launched: bool
 ) -> ParameterValues:
-    """Return settings, from launch files or not, changed by what was found above them."""
-    return merge_parameters(settings, spread_common(found, settings) if launched else found)
+    """Return settings, from launch files or not, changed by files above them."""
+    return merge_parameters(settings, spread_common(changes, settings) if launched else changes)
 
 
 def _files_of(settings: ParameterValues) -> dict[str, None]:
@@ -199,7 +199,7 @@ def _files_of(settings: ParameterValues) -> dict[str, None]:
 
 def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Path]:
     """Return the files that travel, by name."""
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for name, places in _named_files(path, document, text).items():
         if len(places) != 1 or not is_file(places[0][0]):
             where = document.where(("files", name))
@@ -207,8 +207,8 @@ def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Pa
                 "no file " + str(places[0][0]) if len(places) == 1 else "is one file, not several"
             )
             raise InputError(Diagnostic(where, f"{name}: {what}"))
-        found[name] = places[0][0]
-    return found
+        files[name] = places[0][0]
+    return files
 
 
 def _base(

@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -96,6 +97,8 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
             refuse_unread(settings, error.findings, layer.parameter_files)
         raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
     refuse_unread(settings, findings, layer.parameter_files)
+    place = partial(_placed, document=document, settings=settings, severity=Severity.WARNING)
+    warnings = dict.fromkeys(map(place, findings.problems))
     idle = _idle_warning(findings, layer, document, settings)
     return LoadedSut(
         reference=reference,
@@ -103,7 +106,7 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
         settings=settings,
         findings=findings,
         files=layer.files,
-        warnings=(*layer.warnings, *_warnings(findings, document, settings), *idle),
+        warnings=(*layer.warnings, *warnings, *idle),
         idle=idle,
     )
 
@@ -140,35 +143,35 @@ _OF_FILES: Final = frozenset(SutFile.model_fields) & {
 
 
 def _settings(
-    overrides: Sequence[Override], written: ParameterValues, kind: StackKind[Any]
+    overrides: Sequence[Override], settings: ParameterValues, kind: StackKind[Any]
 ) -> ParameterValues:
     """Return overrides as settings: dots and slashes lead into namespaces."""
-    found: ParameterValues = {}
+    changes: ParameterValues = {}
     for override in overrides:
-        path = parameter_path(override.key, written)
-        if path[0] in _OF_FILES and not any(known[0] == path[0] for known in written):
+        path = parameter_path(override.key, settings)
+        if path[0] in _OF_FILES and not any(other[0] == path[0] for other in settings):
             message = f'"{path[0]}" is no parameter'
             hint = "write a file of its own: suts/NAME.yaml with like: this one"
             if path[0] == "parameters" and len(path) > 1:
                 hint = f"write {'.'.join(path[1:])} alone"
             raise InputError.at(override.where, message, hint)
-        before = written.get(path)
+        before = settings.get(path)
         value = override.value
         if kind.plain_numbers and not (before and isinstance(before.value, str)):
             value = _plain(value)
-        found[path] = ParameterValue(value, override.where)
-    return found
+        changes[path] = ParameterValue(value, override.where)
+    return changes
 
 
 def parameter_path(key: str, settings: ParameterValues) -> ParameterPath:
     """Return the path that a dotted or slashed key means; names that are there may have dots."""
-    known, rest = list(settings), key.strip("/")
+    paths, rest = list(settings), key.strip("/")
     path: ParameterPath = ()
     while rest:
-        names = dict.fromkeys(p[len(path)] for p in known if len(p) > len(path))
+        names = dict.fromkeys(p[len(path)] for p in paths if len(p) > len(path))
         name, rest = split_key(names, rest, "./")
         path = (*path, name)
-        known = [p for p in known if p[: len(path)] == path]
+        paths = [p for p in paths if p[: len(path)] == path]
     return path or (key,)
 
 
@@ -190,10 +193,9 @@ def _diagnostics(
 ) -> list[Diagnostic]:
     """Put complaints where the values they are about stand."""
     if isinstance(error, ParameterError):
-        found = [_placed(problem, document, settings) for problem in error.problems]
-        return list(dict.fromkeys(found))
-    # Only a kind that plugs in raises a plain ValueError, in words of its own: the best guess is
-    # the first parameter they name. What ships here raises ParameterError, with paths.
+        place = partial(_placed, document=document, settings=settings)
+        return list(dict.fromkeys(map(place, error.problems)))
+    # A plain ValueError says no path: the best guess is the first parameter that it names.
     message = str(error)
     where = _named_place(message, settings)
     if where is not None:
@@ -210,15 +212,6 @@ def _named_place(message: str, settings: ParameterValues) -> Where | None:
     return None
 
 
-def _warnings(
-    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
-) -> list[Diagnostic]:
-    found = [
-        _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
-    ]
-    return list(dict.fromkeys(found))
-
-
 def _idle_warning(
     findings: ParameterFindings,
     layer: SutLayer,
@@ -227,7 +220,10 @@ def _idle_warning(
 ) -> tuple[Diagnostic, ...]:
     """Return the warning that names values without effect, if there are any."""
     # What both costmaps have in common is one line of a file, so it is said once.
-    idle = {parameter_place(settings, f.path): _short(f.path) for f in findings.without_effect}
+    idle = {
+        parameter_place(settings, finding.path): "/".join(map(str, finding.path[-2:]))
+        for finding in findings.without_effect
+    }
     if not idle:
         return ()
     names = list(idle.values())
@@ -237,24 +233,18 @@ def _idle_warning(
     return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
 
 
-def _short(path: tuple[str | int, ...]) -> str:
-    return "/".join(str(part) for part in path[-2:])
-
-
 def _placed(
     finding: ParameterFinding,
     document: YamlDocument,
     settings: ParameterValues,
     severity: Severity = Severity.ERROR,
 ) -> Diagnostic:
-    where = parameter_place(settings, finding.path) or _place_of_key(finding, document)
+    where = parameter_place(settings, finding.path)
+    if where is None:
+        # A key that is no parameter, such as a file's name.
+        is_key = finding.path and finding.path[0] in document.data
+        where = document.where(finding.path if is_key else ("sut",))
     return Diagnostic(where, _named(finding), finding.hint, severity)
-
-
-def _place_of_key(finding: ParameterFinding, document: YamlDocument) -> Where:
-    """Return where a key stands that is no parameter, such as a file's name."""
-    found = finding.path and finding.path[0] in document.data
-    return document.where(finding.path if found else ("sut",))
 
 
 def _named(finding: ParameterFinding) -> str:

@@ -1,4 +1,4 @@
-"""What is found while parameters of a stack are read: what cannot run, what means nothing."""
+"""Findings about the parameters of a stack: errors, warnings, values without effect."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ParameterLocation: TypeAlias = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class ParameterFinding:
-    """One thing to say about the value at ``path``, with what to do about it in ``hint``.
+    """A message about the value at ``path``, with the remedy in ``hint``.
 
     ``unread``: no part of the stack reads a value of that name.
     """
@@ -29,7 +29,7 @@ class ParameterFinding:
 
 @dataclass(frozen=True, slots=True)
 class ParameterFindings:
-    """What a run can live with: ``problems`` are warnings, most of them unknown names.
+    """Findings that stop no run: ``problems`` are warnings, most of them about unknown names.
 
     ``without_effect`` are known parameters that change nothing here, each with the reason.
     """
@@ -41,7 +41,7 @@ class ParameterFindings:
 class ParameterError(ValueError):
     """Parameters no robot could be driven with: ``problems`` holds everything wrong.
 
-    ``findings`` is what a run could live with beside it.
+    ``findings`` are the warnings about the other values.
     """
 
     def __init__(
@@ -61,11 +61,11 @@ class FindingCollector:
     without_effect: list[ParameterFinding] = field(default_factory=list)
 
     def refuse(self, path: ParameterLocation, message: str, hint: str = "") -> None:
-        """Add what no run can live with."""
+        """Add an error."""
         self.fatal.append(ParameterFinding(path, message, hint))
 
     def warn(self, path: ParameterLocation, message: str, hint: str = "") -> None:
-        """Add what is probably a slip."""
+        """Add a warning."""
         self.problems.append(ParameterFinding(path, message, hint))
 
     def ignore(self, path: ParameterLocation, reason: str) -> None:
@@ -73,7 +73,7 @@ class FindingCollector:
         self.without_effect.append(ParameterFinding(path, reason))
 
     def findings(self) -> ParameterFindings:
-        """Return what was found; raises :class:`ParameterError` for what is fatal."""
+        """Return the findings; raises :class:`ParameterError` if one is fatal."""
         findings = ParameterFindings(
             tuple(dict.fromkeys(self.problems)), tuple(dict.fromkeys(self.without_effect))
         )

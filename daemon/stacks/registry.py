@@ -60,14 +60,14 @@ def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     made or is no system under test; :class:`daemon.model.attachments.SutMissing`, a
     ``ValueError`` too, for a kind that is unknown on this machine or cannot be loaded.
     """
-    known = stack_kind(kind)
-    return known.make(known.read(parameters))
+    system_kind = stack_kind(kind)
+    return system_kind.make(system_kind.read(parameters))
 
 
 def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindings:
     """Return the warnings of a kind about parameters; raises ``ValueError`` as it does."""
-    known = stack_kind(kind)
-    return known.findings(known.read(parameters))
+    system_kind = stack_kind(kind)
+    return system_kind.findings(system_kind.read(parameters))
 
 
 class PluggedKind(StackKind[Mapping[str, Any]]):
@@ -85,29 +85,29 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
 
     def make(self, settings: Mapping[str, Any]) -> SystemUnderTest:
         """Call the factory: code of other people, of which anything may come."""
-        # What cannot be loaded is missing here and may be there on another worker; what cannot be
-        # made of these parameters is wrong everywhere.
+        # Another worker may have a package that does not load here. A factory that fails with these
+        # parameters fails everywhere.
         try:
             factory: Factory = self._entry.load()
         except (Exception, SystemExit) as error:
             raise SutMissing(self._cannot("loaded", error)) from error
         try:
-            made = factory(settings)
+            system = factory(settings)
         except ValueError:
             raise
         except (Exception, SystemExit) as error:
             raise ValueError(self._cannot("made", error)) from error
-        problem = _unlike_protocol(made)
+        problem = _unlike_protocol(system)
         if problem:
             raise ValueError(
                 f'what the system under test "{self.name}" makes {problem}, see scenario_tui/sut.py'
             )
-        return made
+        return system
 
     def findings(self, settings: Mapping[str, Any]) -> ParameterFindings:
         """Make the system once, in this process, for what it refuses.
 
-        It has :data:`CHECK_LIMIT` seconds. What it prints goes to standard error, where it spoils
+        It has :data:`CHECK_LIMIT` seconds. Its output goes to standard error, so that it spoils
         no answer of a command.
         """
         try:
@@ -133,14 +133,14 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
         return explain_plugin_error(f"{self._title()} cannot be {done}", error, __file__)
 
 
-def _unlike_protocol(made: object) -> str:
+def _unlike_protocol(system: object) -> str:
     """Say what keeps an object from being a system under test, empty when nothing does."""
     for name in ("start", "update"):
-        if not callable(getattr(made, name, None)):
+        if not callable(getattr(system, name, None)):
             return f"has no method {name}()"
-    if not isinstance(getattr(made, "needs_ground_truth", None), bool):
+    if not isinstance(getattr(system, "needs_ground_truth", None), bool):
         return "does not say needs_ground_truth: True or False"
-    period = getattr(made, "period", None)
+    period = getattr(system, "period", None)
     if isinstance(period, bool) or not isinstance(period, int | float):
         return "has no period in seconds"
     ticks = TICK_RATE * period

@@ -84,7 +84,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     local_planner = read_local_planner(
         tree, move_base.base_local_planner, move_base.controller_frequency
     )
-    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report)
+    names = read_section(TopicParameters, tree.at("topics"), ("topics",), report)
     localisation = read_section(
         AmclParameters,
         tree.at("amcl"),
@@ -92,7 +92,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
         report,
         without_effect=usual_frames(tree.at("amcl")),
     )
-    costmaps, topics = read_costmaps(tree, given, localisation)
+    costmaps, topics = read_costmaps(tree, names, localisation)
     resets = {name: _read_reset(tree, name) for name in _resets(move_base)}
     for name, reset in resets.items():
         _check_layer_names(tree, name, reset, costmaps)
@@ -129,28 +129,28 @@ def _check_sections(parameters: Mapping[str, Any], report: FindingCollector) -> 
 
 
 def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
-    given = tree.at("move_base")
-    names = [name for entry in _listed(given) if (name := entry.get("name"))]
+    entries = tree.at("move_base")
+    names = [name for entry in _listed(entries) if (name := entry.get("name"))]
     recoveries = {"rotate_recovery", "conservative_reset", "aggressive_reset", *map(str, names)}
-    if "DWAPlannerROS" in given and "base_local_planner" not in given:
+    if "DWAPlannerROS" in entries and "base_local_planner" not in entries:
         message = f"base_local_planner is not given: ROS takes {TRAJECTORY}, and nobody reads this"
         hint = f"write base_local_planner: {DWA}"
         tree.report.warn(("move_base", "DWAPlannerROS"), message, hint)
-    if "footprint_padding" in given:
+    if "footprint_padding" in entries:
         message = "costmap_2d looks for it in the namespaces of the costmaps only"
         hint = "write it under global_costmap and local_costmap"
         tree.report.warn(("move_base", "footprint_padding"), message, hint)
     return read_section(
         MoveBaseParameters,
-        given,
+        entries,
         ("move_base",),
         tree.report,
         elsewhere=frozenset({*COSTMAPS, *NAMESPACES, *recoveries, *_BODY, "footprint_padding"}),
     )
 
 
-def _listed(given: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    listed = given.get("recovery_behaviors")
+def _listed(entries: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    listed = entries.get("recovery_behaviors")
     return [e for e in listed if isinstance(e, Mapping)] if isinstance(listed, list) else []
 
 
@@ -221,13 +221,13 @@ def _limit_places(tree: ParameterTree, local_planner: str) -> dict[str, tuple[st
     """
     path = ("move_base", "TrajectoryPlannerROS")
     names = {field.name for field in fields(RotateRecoveryParameters)} - _ROTATION_OWN
-    written = tree.at(*path)
+    entries = tree.at(*path)
     # Of two names of a limit the newer one counts (nav_core ``loadParameterWithDeprecation``).
-    limits = {OTHER_NAMES[name]: name for name in written if name in OTHER_NAMES}
-    limits |= {name: name for name in written if name in names}
+    limits = {OTHER_NAMES[name]: name for name in entries if name in OTHER_NAMES}
+    limits |= {name: name for name in entries if name in names}
     if namespace_of(local_planner) != path[-1]:
         reason = f"{local_planner} drives; rotate_recovery reads only the limits"
-        for name in written:
+        for name in entries:
             if name not in limits.values():
                 tree.report.ignore((*path, name), reason)
     return {limit: (*path, name) for limit, name in limits.items()}

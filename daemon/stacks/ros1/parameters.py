@@ -1,7 +1,7 @@
 """From one namespace of a ROS parameter tree to the model of the component that reads it.
 
 The original ignores names it does not know and values of another type without a word, and then
-runs with a default nobody asked for. Here a name nobody reads is a warning; a value of another
+runs with a default that nobody asked for. Here an unknown name is a warning; a value of another
 type or out of range is an error.
 """
 
@@ -50,9 +50,9 @@ class ParameterTree:
 
 
 class Objection(NamedTuple):
-    """Words against values that contradict each other: the ``names`` they stand under, the reason.
+    """A message against values that contradict each other, and the ``names`` they stand under.
 
-    What is not ``fatal`` will probably not do what its user wants.
+    One that is not ``fatal`` is a doubt: the values will probably not do what their user wants.
     """
 
     names: tuple[str, ...]
@@ -72,7 +72,7 @@ class Section:
     """No ROS node reads this section, so that an unknown name is an error."""
 
     def rules(self) -> Iterator[Objection]:
-        """Yield what is wrong with the values together."""
+        """Yield the objections to the values together."""
         yield from ()
 
 
@@ -114,8 +114,8 @@ def read_section(
     # A default in the place of a bad value contradicts nothing that anybody wrote.
     objections = list(section.rules()) if len(report.fatal) == errors else []
     for each in [one for one in objections if one.fatal] or objections:
-        written = next((name for name in each.names if name in values), None)
-        place = path if written is None else moved.get(written, (*path, written))
+        anchor = next((name for name in each.names if name in values), None)
+        place = path if anchor is None else moved.get(anchor, (*path, anchor))
         (report.refuse if each.fatal else report.warn)(place, each.text)
     return section
 
@@ -152,7 +152,7 @@ def _say_renamed(
 def _unknown_name(
     place: ParameterLocation, value: Any, names: Iterable[str], namespaces: Iterable[str]
 ) -> ParameterFinding:
-    """Say that nobody reads a name, with the nearest one of the same sort."""
+    """Return the finding that a name is unknown, with the nearest one of the same sort."""
     name = str(place[-1])
     if isinstance(value, Mapping):
         # A list of what else there is would say nothing of a namespace that belongs to others.
@@ -212,21 +212,21 @@ def _finding(issue: Any, path: ParameterLocation) -> ParameterFinding:
     place = (*path, *(part for part in parts if not str(part).startswith(ALTERNATIVE)))
     few_corners = (issue["type"], place[-1]) == ("too_short", "footprint")
     message = "a polygon needs at least three points" if few_corners else plain_message(issue)
-    given = issue["input"]
-    simple = isinstance(given, str | int | float) or given is None
+    value = issue["input"]
+    simple = isinstance(value, str | int | float) or value is None
     return ParameterFinding(
-        place, f"{message} (given: {given!r})" if simple else message, _advice(given)
+        place, f"{message} (given: {value!r})" if simple else message, _advice(value)
     )
 
 
-def _advice(given: Any) -> str:
+def _advice(value: Any) -> str:
     """Say what a text in the place of a number usually is."""
-    if not isinstance(given, str):
+    if not isinstance(value, str):
         return ""
-    if "$(" in given:
+    if "$(" in value:
         return "that is for launch files to fill in: write the value"
     try:
-        float(given)
+        float(value)
     except ValueError:
         return ""
     return "ROS takes that for text: write it with a point and without quotes, such as 1.0e-3"

@@ -1,13 +1,13 @@
 """The planners that are built in, by the names pluginlib knows them by, and their parameters.
 
 move_base loads a planner by its full name (``navfn/NavfnROS``) and calls its namespace by the last
-part of it. Only the namespaces of the planners that are chosen are read.
+part of it. Only the namespaces of the planners that are plugin are read.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, TypeAlias, TypeVar
 
 from daemon.stacks.ros1.dwa import DwaParameters
@@ -45,54 +45,53 @@ NAMESPACES: Final = frozenset(namespace_of(name) for name in (*GLOBAL, *LOCAL))
 """The namespaces of the planners that are built in."""
 
 
-def read_global_planner(tree: ParameterTree, chosen: str) -> GlobalPlannerChoice:
-    """Return the parameters of the global planner called ``chosen``; others are refused."""
-    return _read(tree, "global", chosen, GLOBAL, {})
+def read_global_planner(tree: ParameterTree, plugin: str) -> GlobalPlannerChoice:
+    """Return the parameters of the global planner called ``plugin``; others are refused."""
+    return _read(tree, "global", plugin, GLOBAL, {})
 
 
 def read_local_planner(
-    tree: ParameterTree, chosen: str, controller_frequency: float
+    tree: ParameterTree, plugin: str, controller_frequency: float
 ) -> LocalPlannerChoice:
-    """Return the parameters of the local planner called ``chosen``; others are refused.
+    """Return the parameters of the local planner called ``plugin``; others are refused.
 
     It inherits ``controller_frequency`` [Hz] where it has none of its own.
     """
     inherited = {"controller_frequency": controller_frequency}
-    return _read(tree, "local", chosen, LOCAL, inherited)
+    return _read(tree, "local", plugin, LOCAL, inherited)
 
 
 def _read(
     tree: ParameterTree,
     kind: str,
-    chosen: str,
+    plugin: str,
     planners: Mapping[str, type[P]],
     inherited: Mapping[str, Any],
 ) -> P:
     """Read a planner's section; a planner that is not built in is refused."""
-    if chosen in planners:
-        path = ("move_base", namespace_of(chosen))
+    if plugin in planners:
+        path = ("move_base", namespace_of(plugin))
         return read_section(
-            planners[chosen], tree.at(*path), path, tree.report, inherited=inherited
+            planners[plugin], tree.at(*path), path, tree.report, inherited=inherited
         )
     place = ("move_base", f"base_{kind}_planner")
-    near = [full for full in planners if namespace_of(full) == namespace_of(chosen.strip())]
+    near = [full for full in planners if namespace_of(full) == namespace_of(plugin.strip())]
     if near:
-        message = f'pluginlib knows no {kind} planner "{chosen}": a name is taken to the letter'
+        message = f'pluginlib knows no {kind} planner "{plugin}": a name is taken to the letter'
         tree.report.refuse(place, message, f"write {near[0]}")
     else:
-        message = f"the {kind} planner {chosen} is not built in, {', '.join(planners)} are"
+        message = f"the {kind} planner {plugin} is not built in, {', '.join(planners)} are"
         tree.report.refuse(place, message, _ELSEWHERE)
     return next(iter(planners.values()))()
 
 
-def say_unread(tree: ParameterTree, chosen: Iterable[str]) -> None:
-    """Say of the namespaces of planners that are not ``chosen`` that nobody reads them.
+def say_unread(tree: ParameterTree, plugins: tuple[str, str]) -> None:
+    """Report the values in namespaces of planners other than the two ``plugins``.
 
     ``TrajectoryPlannerROS`` is left to the recovery that turns on the spot, which reads it.
     """
-    names = tuple(chosen)
-    read = {namespace_of(name) for name in names}
+    read = {namespace_of(name) for name in plugins}
     for space in sorted(NAMESPACES - read - {"TrajectoryPlannerROS"}):
-        reason = f"the planners are {' and '.join(names)}"
+        reason = f"the planners are {' and '.join(plugins)}"
         for name in tree.at("move_base", space):
             tree.report.ignore(("move_base", space, name), reason)

@@ -19,7 +19,7 @@ from grammars.text.diagnostics import did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Quirks:
-    """What the original does that nobody would ask for; ``False`` is the sane behaviour."""
+    """Oddities of the original that nobody would ask for; ``False`` is the sane behaviour."""
 
     amcl_half_cell_shift: bool = True
     """AMCL looks its likelihood field up half a cell off, a bias of 2.5 cm in x and y (amcl
@@ -97,16 +97,16 @@ PROFILES: Final = {"fast": FAST, "original": ORIGINAL, "fixed": FIXED}
 DEFAULT_PROFILE: Final = "fast"
 
 
-def read_quirks(given: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
-    """Return the quirks ``given``: the name of a profile, or ``{like: PROFILE, NAME: bool}``."""
-    if isinstance(given, str):
-        return _profile(given, path, report)
-    if not isinstance(given, Mapping):
+def read_quirks(entry: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
+    """Return the quirks in ``entry``: the name of a profile, or ``{like: PROFILE, NAME: bool}``."""
+    if isinstance(entry, str):
+        return _profile(entry, path, report)
+    if not isinstance(entry, Mapping):
         report.refuse(path, "must be fast, original, fixed, or switches with true or false")
         return FAST
     names = [field.name for field in fields(Quirks)]
     switches: dict[str, bool] = {}
-    for name, value in given.items():
+    for name, value in entry.items():
         if name == "like":
             continue
         if name not in names:
@@ -116,7 +116,7 @@ def read_quirks(given: object, path: ParameterLocation, report: FindingCollector
             report.refuse((*path, name), f"must be true or false (given: {value!r})")
         else:
             switches[name] = value
-    profile = _profile(given.get("like", DEFAULT_PROFILE), (*path, "like"), report)
+    profile = _profile(entry.get("like", DEFAULT_PROFILE), (*path, "like"), report)
     return replace(profile, **switches)
 
 

@@ -28,8 +28,11 @@ _BEAM_SKIPPING = "only the sensor model likelihood_field_prob reads it"
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
 class AmclParameters(Section):
-    """What can be set on amcl. Defaults are those of the node's source, which where they differ
-    (the recovery rates) are not those of its wiki page and of its dynamic_reconfigure file."""
+    """Parameters of amcl.
+
+    Defaults are those of the node's source. Its wiki page and its dynamic_reconfigure file have
+    other recovery rates.
+    """
 
     min_particles: _Particles = 100
     """Fewest particles after resampling."""

@@ -18,7 +18,7 @@ _Samples: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class DwaParameters(Section):
-    """What can be set on the controller (section ``DWAPlannerROS``).
+    """Parameters of the controller (section ``DWAPlannerROS``).
 
     Source: dynamic reconfigure descriptions of dwa_local_planner and base_local_planner, Noetic.
     """

@@ -18,7 +18,7 @@ FORWARD: Final = 1
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
 class GlobalPlannerParameters(Section):
-    """What can be set under ``GlobalPlanner``.
+    """Parameters under ``GlobalPlanner``.
 
     Source: ``planner_core.cpp`` and ``GlobalPlanner.cfg`` of global_planner, Noetic.
     """

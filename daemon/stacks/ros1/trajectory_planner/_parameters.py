@@ -29,7 +29,7 @@ _DEBUG: Final = "it only publishes a debug point cloud"
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class TrajectoryPlannerParameters(Section):
-    """What can be set on the controller (section ``TrajectoryPlannerROS``).
+    """Parameters of the controller (section ``TrajectoryPlannerROS``).
 
     Source: base_local_planner of Noetic, ``TrajectoryPlannerROS::initialize`` and its dynamic
     reconfigure description, whose defaults differ from those in the wiki.
@@ -229,7 +229,7 @@ _RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "escape_vel": (-2.0, 2.0),
     "heading_scoring_timestep": (0.0, 1.0),
 }
-"""What dynamic reconfigure puts values back into, without a word."""
+"""Ranges into which dynamic reconfigure puts values back, without a word."""
 
 
 def in_range(parameters: TrajectoryPlannerParameters, name: str) -> float:
@@ -253,15 +253,15 @@ def goal_bias(parameters: TrajectoryPlannerParameters) -> float:
 
 def slowest_turn(parameters: TrajectoryPlannerParameters) -> float:
     """Return the slowest turn on the spot [rad/s] that is sampled."""
-    written = parameters.min_in_place_vel_theta is not None
-    return in_range(parameters, "min_in_place_vel_theta") if written else 0.4
+    is_written = parameters.min_in_place_vel_theta is not None
+    return in_range(parameters, "min_in_place_vel_theta") if is_written else 0.4
 
 
 def slowest_turn_at_goal(parameters: TrajectoryPlannerParameters) -> float:
     """Return the slowest turn at the goal [rad/s]: by either name, within no range."""
-    for written in (parameters.min_in_place_vel_theta, parameters.min_in_place_rotational_vel):
-        if written is not None:
-            return float(written)
+    for speed in (parameters.min_in_place_vel_theta, parameters.min_in_place_rotational_vel):
+        if speed is not None:
+            return float(speed)
     return 0.4
 
 
@@ -274,5 +274,5 @@ def strafe_speeds(parameters: TrajectoryPlannerParameters) -> tuple[float, ...]:
     text = parameters.y_vels
     if not isinstance(text, str):
         text = _STRAFE_SPEEDS
-    found = (_NUMBER.match(part) for part in re.split("[, ]+", text))
-    return tuple(float(number.group()) if number else 0.0 for number in found)
+    numbers = (_NUMBER.match(part) for part in re.split("[, ]+", text))
+    return tuple(float(number.group()) if number else 0.0 for number in numbers)
