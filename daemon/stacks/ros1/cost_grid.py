@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,23 +12,22 @@ FREE_SPACE: Final = 0
 INSCRIBED: Final = 253
 LETHAL: Final = 254
 NO_INFORMATION: Final = 255
+Window: TypeAlias = tuple[int, int, int, int]
+"""Half-open window of cells: first column, first row, end column, end row."""
 EMPTY_WINDOW: Final = (0, 0, 0, 0)
 
 
 @dataclass(slots=True, eq=False)
 class ChangedWindow:
-    """What was touched of a grid since its reader last took it, as a half-open window.
+    """Window of a grid that was touched since its reader last took it."""
 
-    First column, first row, end column, end row.
-    """
+    window: Window = EMPTY_WINDOW
 
-    window: tuple[int, int, int, int] = EMPTY_WINDOW
-
-    def add(self, window: tuple[int, int, int, int]) -> None:
+    def add(self, window: Window) -> None:
         """Grow to the union with another window."""
         self.window = _window_union(self.window, window)
 
-    def take(self) -> tuple[int, int, int, int]:
+    def take(self) -> Window:
         """Return the window, and begin anew."""
         window, self.window = self.window, EMPTY_WINDOW
         return window
@@ -48,13 +47,12 @@ class CostGrid:
     y: float
     cells: npt.NDArray[np.uint8]
     version: int = 0
-    disturbed: tuple[int, int, int, int] = EMPTY_WINDOW
-    """Half-open window of what was touched since the costmap's last update: what others wrote over
-    its cells."""
+    disturbed: Window = EMPTY_WINDOW
+    """Window in which others wrote cells since the costmap's last update."""
     readers: list[ChangedWindow] = field(default_factory=list)
 
-    def touch(self, window: tuple[int, int, int, int]) -> None:
-        """Say that cells of the half-open ``window`` may have changed."""
+    def touch(self, window: Window) -> None:
+        """Say that cells of the ``window`` may have changed."""
         if window[0] >= window[2] or window[1] >= window[3]:
             return
         self.version += 1
@@ -76,9 +74,7 @@ class CostGrid:
         return (column, row) if column < columns and row < rows else None
 
 
-def _window_union(
-    old: tuple[int, int, int, int], window: tuple[int, int, int, int]
-) -> tuple[int, int, int, int]:
+def _window_union(old: Window, window: Window) -> Window:
     if old[0] >= old[2]:
         return window
     return (

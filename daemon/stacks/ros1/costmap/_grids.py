@@ -13,12 +13,11 @@ import numpy.typing as npt
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.cost_grid import Window
 from grammars.model.geometry import Floats
 
 Cells: TypeAlias = npt.NDArray[np.uint8]
 Numbers: TypeAlias = npt.NDArray[np.int64]
-Window: TypeAlias = tuple[int, int, int, int]
-"""Half-open window of cells: first column, first row, end column, end row."""
 
 # Flags are bytes and no plain numbers, for each of which numba would compile a kernel anew.
 STALE = np.uint8(1)
@@ -26,19 +25,20 @@ STALE = np.uint8(1)
 WRITTEN = np.uint8(3)
 """Flags of a cell whose value in the master others wrote: stale, and perhaps too low."""
 LOW = np.uint8(2)
+"""Flag: the master's value may be too low."""
 LISTED = np.uint8(128)
 """Flag: on the list of this update."""
-QUEUED, LEFT = 0, 1
-"""Places in the counts: cells on the list, and flagged cells that earlier updates left."""
+QUEUED, OVERDUE = 0, 1
+"""Places in the counts: cells on the list, and cells that earlier updates flagged only."""
 
 
 class Frame(NamedTuple):
-    """Size of a grid, with the lower left corner of its first cell at (``left``, ``low``) [m]."""
+    """Size of a grid, with the lower left corner of its first cell at (``x``, ``y``) [m]."""
 
     rows: int
     columns: int
-    left: float
-    low: float
+    x: float
+    y: float
     resolution: float
 
 
@@ -70,10 +70,10 @@ def cell_value(cells: Cells, cell: int) -> int:
 @kernel
 def cell_at(frame: Frame, x: float, y: float) -> tuple[int, int]:
     """Return column and row of a point [m], both -1 off the grid (``worldToMap``)."""
-    if x < frame.left or y < frame.low:
+    if x < frame.x or y < frame.y:
         return -1, -1
-    column = int((x - frame.left) / frame.resolution)
-    row = int((y - frame.low) / frame.resolution)
+    column = int((x - frame.x) / frame.resolution)
+    row = int((y - frame.y) / frame.resolution)
     if column >= frame.columns or row >= frame.rows:
         return -1, -1
     return column, row
@@ -92,13 +92,13 @@ def note_change(changes: Changes, cell: int) -> None:
 
 @kernel
 def list_cell(changes: Changes, cell: int, flag: np.uint8) -> None:
-    """Flag a cell and list it unless it is listed; it is no longer left."""
+    """Flag a cell and list it unless it is listed; it is no longer overdue."""
     old = changes.flags[cell]
     changes.flags[cell] = old | flag | LISTED
     if old & LISTED:
         return
     if old != 0:
-        changes.counts[LEFT] -= 1
+        changes.counts[OVERDUE] -= 1
     changes.queue[changes.counts[QUEUED]] = cell
     changes.counts[QUEUED] += 1
 
@@ -121,7 +121,7 @@ def grow_window(changed: Numbers, x: int, y: int) -> None:
 def reach_of(window: Window, radius: int, frame: Frame) -> Window:
     """Return the window and a ``radius`` [cells] around it; an empty one stays empty."""
     x0, y0, x1, y1 = window
-    left, low = max(0, x0 - radius), max(0, y0 - radius)
+    u, v = max(0, x0 - radius), max(0, y0 - radius)
     if x0 >= x1 or y0 >= y1:
-        return left, low, left, low
-    return left, low, min(frame.columns, x1 + radius), min(frame.rows, y1 + radius)
+        return u, v, u, v
+    return u, v, min(frame.columns, x1 + radius), min(frame.rows, y1 + radius)

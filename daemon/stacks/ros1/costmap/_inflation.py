@@ -1,4 +1,4 @@
-"""What an obstacle costs at a distance, and kernels that write it around lethal cells.
+"""Costs of an obstacle by distance, and kernels that write them around lethal cells.
 
 Costs follow costmap_2d's ``inflation_layer``: by the Euclidean distance between cell centres from
 the nearest lethal cell. The original finds that cell by passing sources on to the four neighbours,
@@ -17,12 +17,11 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION
+from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, Window
 from daemon.stacks.ros1.costmap._grids import (
     Cells,
     Grid,
     Numbers,
-    Window,
     cell_value,
     grow_window,
     reach_of,

@@ -14,11 +14,10 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import LETHAL
+from daemon.stacks.ros1.cost_grid import LETHAL, Window
 from daemon.stacks.ros1.costmap._grids import (
     Grid,
     Numbers,
-    Window,
     cell_value,
     grow_window,
     reach_of,

@@ -1,7 +1,7 @@
-"""The layers of a costmap while it lives: what each keeps between two cycles.
+"""Layers of a living costmap, with the values that each keeps between two cycles.
 
 In every cycle each layer, in its order, takes in what is new and extends the bounds of what is to
-be redone (``updateBounds``); merging and inflating are the costmap's (:mod:`._costmap`).
+be redone (``updateBounds``); merging and inflating are the costmap's (:mod:`.costmap`).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 
 from daemon.model.kernels import machine_code
 from daemon.stacks.kernels import Singles
-from daemon.stacks.ros1.cost_grid import NO_INFORMATION
-from daemon.stacks.ros1.costmap._grids import Cells, Changes, Frame, Grid, Numbers, Window
+from daemon.stacks.ros1.cost_grid import NO_INFORMATION, Window
+from daemon.stacks.ros1.costmap._grids import Cells, Changes, Frame, Grid, Numbers
 from daemon.stacks.ros1.costmap._inflation import InflationTable
 from daemon.stacks.ros1.costmap._observations import (
     Hears,
@@ -74,24 +74,28 @@ class EndPoints:
                     f"{len(scan.ranges)} ranges at {len(scan.angles)} angles are no scan"
                 )
 
-    def reaching(self, seen: Observation) -> tuple[Laser, Singles]:
+    def reaching(self, observation: Observation) -> tuple[Laser, Singles]:
         """Return the laser and the end points (n, 2) [m] that reach the source.
 
         They are overwritten when those of another scan are asked for.
         """
-        if self._last == (seen.scan, seen.source.inf_is_valid, seen.has_points):
+        if self._last == (
+            observation.scan,
+            observation.source.inf_is_valid,
+            observation.has_points,
+        ):
             return self._reaching
-        self._last = seen.scan, seen.source.inf_is_valid, seen.has_points
-        scan, count = self.scans[seen.scan], 0
+        self._last = observation.scan, observation.source.inf_is_valid, observation.has_points
+        scan, count = self.scans[observation.scan], 0
         pose = scan.pose
         laser = Laser(pose.x, pose.y, pose.yaw, scan.height, scan.range_min, scan.range_max)
-        if seen.has_points:
+        if observation.has_points:
             if len(self._room) < len(scan.ranges):
                 self._room = np.empty((len(scan.ranges), 2), dtype=np.float32)
             # Machine code takes the ranges for what it was compiled for, whatever they are.
             ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
             count = self._project(
-                laser, ranges, self._rays(scan), seen.source.inf_is_valid, self._room
+                laser, ranges, self._rays(scan), observation.source.inf_is_valid, self._room
             )
         self._reaching = laser, self._room[:count]
         return self._reaching
@@ -141,10 +145,10 @@ class Workspace:
         """
         x0, y0, x1, y1 = self.changes.bounds.tolist()
         return (
-            _cell(x0, frame.left, frame.resolution, frame.columns),
-            _cell(y0, frame.low, frame.resolution, frame.rows),
-            min(frame.columns, _cell(x1, frame.left, frame.resolution, frame.columns) + 1),
-            min(frame.rows, _cell(y1, frame.low, frame.resolution, frame.rows) + 1),
+            _cell(x0, frame.x, frame.resolution, frame.columns),
+            _cell(y0, frame.y, frame.resolution, frame.rows),
+            min(frame.columns, _cell(x1, frame.x, frame.resolution, frame.columns) + 1),
+            min(frame.rows, _cell(y1, frame.y, frame.resolution, frame.rows) + 1),
         )
 
 
@@ -163,9 +167,9 @@ class _ClearedBounds:
         self._bounds: tuple[float, float, float, float] | None = None
 
     def note(self, frame: Frame) -> None:
-        right = frame.left + (frame.columns - 0.5) * frame.resolution
-        high = frame.low + (frame.rows - 0.5) * frame.resolution
-        self._bounds = (frame.left, frame.low, right, high)
+        right = frame.x + (frame.columns - 0.5) * frame.resolution
+        high = frame.y + (frame.rows - 0.5) * frame.resolution
+        self._bounds = (frame.x, frame.y, right, high)
 
     def use(self, work: Workspace) -> bool:
         """Extend the cycle's bounds by what was cleared; tell whether anything was."""
@@ -254,8 +258,8 @@ class SensedLayer:
     ) -> None:
         self.name, self.default, self.grid = layer.name, default, grid
         grid.cells[:] = default
-        known = layer.combination_method in (OVERWRITE, MAXIMUM)
-        self.method = layer.combination_method if known else NOTHING
+        method = layer.combination_method
+        self.method = method if method in (OVERWRITE, MAXIMUM) else NOTHING
         self._footprint = np.ascontiguousarray(footprint, dtype=np.float64)
         self._frees_footprint = layer.footprint_clearing_enabled
         self._heard, self._cleared = ObservationTable(layer, hears), _ClearedBounds()
@@ -283,12 +287,16 @@ class SensedLayer:
         observations = self._heard.observations(points.scans)
         # All sources clear before any marks, as in ``updateBounds``: marked cells survive the rays
         # of other sources.
-        for seen in observations:
-            if seen.source.clearing:
-                self._clear(*target, *points.reaching(seen), seen.source.raytrace_range)
-        for seen in observations:
-            if seen.marks:
-                self._mark(*target, *points.reaching(seen), seen.source.obstacle_range)
+        for observation in observations:
+            if observation.source.clearing:
+                self._clear(
+                    *target, *points.reaching(observation), observation.source.raytrace_range
+                )
+        for observation in observations:
+            if observation.marks:
+                self._mark(
+                    *target, *points.reaching(observation), observation.source.obstacle_range
+                )
         # The footprint last: where the robot stands is free, whatever was marked there. Its columns
         # of voxels stay as they are.
         if self._frees_footprint:

@@ -1,4 +1,4 @@
-"""What the obstacle layers of a costmap have heard: scans, as long as they count, and of whom.
+"""Scans that the obstacle layers of a costmap have heard, as long as they count.
 
 The rules are those of costmap_2d's ``ObservationBuffer``. A source with an
 ``observation_persistence`` of 0 knows the scan received last, whichever of its lasers it is from;
@@ -59,7 +59,7 @@ class Observation(NamedTuple):
 
 
 class ObservationTable:
-    """What each source of one obstacle layer knows of, in their order."""
+    """Observations of each source of one obstacle layer, in their order."""
 
     def __init__(self, layer: ObstacleLayer, hears: Hears | None) -> None:
         self._sources = tuple(
@@ -71,7 +71,7 @@ class ObservationTable:
         self._observations: list[Observation] = []
 
     def observations(self, scans: Sequence[SensedScan]) -> list[Observation]:
-        """Return what the sources know of ``scans``, in the order of the original's buffers."""
+        """Return the observations among ``scans``, in the order of the original's buffers."""
         known = [
             (index, number, scans[number].height)
             for index, (source, lasers) in enumerate(self._sources)

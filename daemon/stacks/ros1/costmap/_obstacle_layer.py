@@ -74,7 +74,7 @@ def project(
 @kernel
 def _cut_ray(frame: Frame, ox: float, oy: float, wx: float, wy: float) -> tuple[float, float]:
     """Return where a ray from (ox, oy) to (wx, wy) [m] ends, at most at the edge of the grid."""
-    left, low, resolution = frame.left, frame.low, frame.resolution
+    left, low, resolution = frame.x, frame.y, frame.resolution
     right, high = left + frame.columns * resolution, low + frame.rows * resolution
     a, b = wx - ox, wy - oy
     if wx < left:

@@ -7,15 +7,15 @@ import math
 import numpy as np
 
 from daemon.model.kernels import kernel
-from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
-from daemon.stacks.ros1.costmap._grids import Frame, Grid, Window, cell_at, cell_value
+from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
+from daemon.stacks.ros1.costmap._grids import Frame, Grid, cell_at, cell_value
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OCCUPIED, OccupancyGrid
 from grammars.model.grid import UNKNOWN as UNKNOWN_IN_MAP
 
 
 def map_grid(world: OccupancyGrid, *, track_unknown: bool) -> Grid:
-    """Return the costs of a map: occupied is lethal, the rest free or, tracked, unknown."""
+    """Return the costs of a map: lethal, free, and if tracked unknown."""
     costs = np.zeros(world.cells.shape, dtype=np.uint8)
     costs[world.cells == OCCUPIED] = LETHAL
     costs[world.cells == UNKNOWN_IN_MAP] = NO_INFORMATION if track_unknown else FREE_SPACE
@@ -47,8 +47,8 @@ def show_map(master: Grid, window: Window, world: Grid, to_map: Floats, maximum:
     for r in range(window[1], window[3]):
         for c in range(window[0], window[2]):
             x, y = (
-                frame.left + (c + 0.5) * frame.resolution,
-                frame.low + (r + 0.5) * frame.resolution,
+                frame.x + (c + 0.5) * frame.resolution,
+                frame.y + (r + 0.5) * frame.resolution,
             )
             column, row = cell_at(
                 world.frame,

@@ -157,9 +157,9 @@ def _clear_line(
 @kernel
 def _to_cells(frame: Frame, heights: Heights, x: float, y: float, z: float) -> tuple[bool, Place]:
     """Return whether a point [m] is on the grid, and where it lies in cells and voxels."""
-    u, v = (x - frame.left) / frame.resolution, (y - frame.low) / frame.resolution
+    u, v = (x - frame.x) / frame.resolution, (y - frame.y) / frame.resolution
     w = (z - heights.bottom) / heights.step
-    inside = x >= frame.left and y >= frame.low and z >= heights.bottom
+    inside = x >= frame.x and y >= frame.y and z >= heights.bottom
     return inside and u < frame.columns and v < frame.rows and w < heights.levels, (u, v, w)
 
 
@@ -186,8 +186,8 @@ def _part_inside(
         part = max(0.0, min(part, _ratio(above, z - laser.height)))
     elif z < heights.bottom:
         part = min(part, _ratio(heights.bottom - laser.height, z - laser.height))
-    part = _cut(part, laser.x, x, frame.left, frame.columns, frame.resolution)
-    return _cut(part, laser.y, y, frame.low, frame.rows, frame.resolution)
+    part = _cut(part, laser.x, x, frame.x, frame.columns, frame.resolution)
+    return _cut(part, laser.y, y, frame.y, frame.rows, frame.resolution)
 
 
 @kernel

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from daemon.model.kernels import machine_code
-from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid
-from daemon.stacks.ros1.costmap._grids import LEFT, QUEUED, Cells, Frame, Grid, Numbers, Window
+from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid, Window
+from daemon.stacks.ros1.costmap._grids import OVERDUE, QUEUED, Cells, Frame, Grid, Numbers
 from daemon.stacks.ros1.costmap._inflation import (
     column_gaps,
     inflate,
@@ -39,7 +39,7 @@ from daemon.stacks.ros1.costmap.master_grid import (
     Layers,
     follow_changes,
     list_disturbed,
-    list_left,
+    list_overdue,
     merge_window,
 )
 from daemon.stacks.ros1.quirks import Quirks
@@ -137,9 +137,9 @@ class Costmap:
                 merged.append(SensedLayer(layer, unseen, footprint, hears, grid, self._work))
                 layers.append(merged[-1])
             elif static is not None:
-                shown = MapLayer(layer, static, None if self._rolling else row)
-                layers.append(shown)
-                merged += [] if self._rolling else [shown]
+                map_layer = MapLayer(layer, static, None if self._rolling else row)
+                layers.append(map_layer)
+                merged += [] if self._rolling else [map_layer]
         self._layers = tuple(layers)
         methods = np.array([layer.method for layer in merged], dtype=np.int32)
         self._merged = Layers(own[: len(merged)], methods, default)
@@ -254,8 +254,8 @@ class Costmap:
         changes = self._work.changes
         if self.grid.disturbed != EMPTY_WINDOW:
             list_disturbed(master, changes, self.grid.disturbed)
-        if changes.counts[LEFT] > 0:
-            list_left(master, changes, window)
+        if changes.counts[OVERDUE] > 0:
+            list_overdue(master, changes, window)
         self._follow(master, self._merged, changes, window, self._values, self._changed)
 
     def clear_square(self, base: Pose2, half: float) -> None:
@@ -306,13 +306,11 @@ class Costmap:
         right, up = whole((x - left) / resolution), whole((y - low) / resolution)
         if right == 0 and up == 0:
             return
-        frame = self._master.frame._replace(
-            left=left + right * resolution, low=low + up * resolution
-        )
+        frame = self._master.frame._replace(x=left + right * resolution, y=low + up * resolution)
         shift_cells(self._master.cells, frame, right, up, self._merged.default)
         self._master = Grid(self._master.cells, frame)
         for layer in self._layers:
             if isinstance(layer, SensedLayer):
                 layer.shift(frame, right, up)
-        self.grid.x, self.grid.y = frame.left, frame.low
+        self.grid.x, self.grid.y = frame.x, frame.y
         self.grid.touch((0, 0, columns, rows))

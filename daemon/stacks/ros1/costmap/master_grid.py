@@ -5,7 +5,7 @@ costmap_2d does to a cell inside the bounds then depends on the merged value and
 within the inflation radius of it; outside, costs only rise. Only what changed can be followed where
 nothing is merged after the inflation and the nearest lethal cell decides, whoever came first.
 
-Before changes are followed, :func:`list_disturbed` and :func:`list_left` complete the list of them.
+Before :func:`follow_changes`, :func:`list_disturbed` and :func:`list_overdue` complete the list.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import LETHAL, NO_INFORMATION
+from daemon.stacks.ros1.cost_grid import LETHAL, NO_INFORMATION, Window
 from daemon.stacks.ros1.costmap._grids import (
-    LEFT,
     LISTED,
     LOW,
+    OVERDUE,
     QUEUED,
     STALE,
     WRITTEN,
@@ -28,7 +28,6 @@ from daemon.stacks.ros1.costmap._grids import (
     Changes,
     Grid,
     Numbers,
-    Window,
     cell_value,
     grow_window,
     list_cell,
@@ -36,7 +35,7 @@ from daemon.stacks.ros1.costmap._grids import (
 )
 from daemon.stacks.ros1.costmap._inflation import InflationTable, combine_costs, stamp_costs
 
-# What a layer does to the cells below it; numbers as in ``combination_method``.
+# Ways to merge a layer over the cells below it; numbers as in ``combination_method``.
 OVERWRITE, MAXIMUM, NOTHING, REPLACE = 0, 1, 2, 3
 
 
@@ -148,8 +147,8 @@ def list_disturbed(master: Inflated, changes: Changes, window: Window) -> None:
 
 
 @kernel
-def list_left(master: Inflated, changes: Changes, window: Window) -> None:
-    """List flagged cells outside the bounds of earlier updates that the window now reaches."""
+def list_overdue(master: Inflated, changes: Changes, window: Window) -> None:
+    """List cells that earlier updates flagged outside their windows and that this one reaches."""
     frame, radius = master.grid.frame, master.table.radius
     reach = reach_of(window, radius, frame)
     for y in range(max(0, reach[1] - radius), min(frame.rows, reach[3] + radius)):
@@ -204,9 +203,9 @@ def follow_changes(
 ) -> None:
     """Do what merging and inflating the window does for the listed cells, and empty the list.
 
-    ``values`` is room for their merged values. Cells outside the window keep their flags and are
-    left for later: there costmap_2d only ever raises costs, by inflation from in and around the
-    window. ``changed`` grows tightly around cells whose cost changed.
+    ``values`` is room for their merged values. Cells outside the window keep their flags: there
+    costmap_2d only ever raises costs, by inflation from in and around the window. ``changed`` grows
+    tightly around cells whose cost changed.
     """
     grid, table, gaps = master
     flags, columns = changes.flags, grid.frame.columns
@@ -240,7 +239,7 @@ def follow_changes(
             new = combine_costs(cell_value(values, k), cost, table.least)
         else:
             flags[cell] = flags[cell] & ~LISTED
-            changes.counts[LEFT] += 1
+            changes.counts[OVERDUE] += 1
             if flags[cell] & LOW:
                 new = combine_costs(old, _cost_from(master, reach, x, y), table.least)
         if new != old:

@@ -135,16 +135,16 @@ def test_without_the_quirk_the_window_moves_to_the_nearest_cell():
     assert costmap.grid.x == pytest.approx(centre + 0.05)
 
 
-def test_what_changed_is_told_tightly():
+def test_each_reader_learns_tightly_what_changed():
     costmap = build()
     scan = looking(1.5)
     costmap.update(Pose2(1.0, 1.0), (scan,))
-    changed = costmap.grid.watch()
+    readers = costmap.grid.watch(), costmap.grid.watch()
     version = costmap.grid.version
     costmap.update(Pose2(1.0, 1.0), (scan,))
     assert costmap.grid.version == version
     costmap.update(Pose2(1.0, 1.0), (looking(1.55),))
-    assert changed.take() == (40, 10, 62, 31)
+    assert [each.take() for each in readers] == [(40, 10, 62, 31)] * 2
 
 
 def test_costmaps_of_one_map_do_not_share_their_cells():
