@@ -27,22 +27,6 @@ FAR = 1.0e6
 
 
 @kernel
-def _column_distances(solid: npt.NDArray[np.uint8]) -> Singles:
-    """Return the distance to the nearest solid cell of the same column [cells]."""
-    rows, columns = solid.shape
-    gap = np.empty((rows, columns), dtype=np.float32)
-    for c in range(columns):
-        gap[0, c] = 0.0 if solid[0, c] else FAR
-    for r in range(1, rows):
-        for c in range(columns):
-            gap[r, c] = 0.0 if solid[r, c] else min(gap[r - 1, c] + 1.0, FAR)
-    for r in range(rows - 2, -1, -1):
-        for c in range(columns):
-            gap[r, c] = min(gap[r, c], gap[r + 1, c] + 1.0)
-    return gap
-
-
-@kernel
 def distance_transform(solid: npt.NDArray[np.uint8]) -> Singles:
     """Return the distance from each cell centre to the nearest solid cell centre [cells].
 
@@ -50,9 +34,16 @@ def distance_transform(solid: npt.NDArray[np.uint8]) -> Singles:
     ``FAR`` when nothing is solid. Each row takes the lower envelope of the parabolas that its
     column distances span.
     """
-    gap = _column_distances(solid)
     rows, columns = solid.shape
     result = np.empty((rows, columns), dtype=np.float32)
+    gap = np.empty((rows, columns), dtype=np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            above = gap[r - 1, c] + 1.0 if r > 0 else FAR
+            gap[r, c] = 0.0 if solid[r, c] else min(above, FAR)
+    for r in range(rows - 2, -1, -1):
+        for c in range(columns):
+            gap[r, c] = min(gap[r, c], gap[r + 1, c] + 1.0)
     apex = np.empty(columns, dtype=np.int64)
     begin = np.empty(columns + 1, dtype=np.float64)
     for r in range(rows):

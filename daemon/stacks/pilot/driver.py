@@ -69,7 +69,7 @@ class Driver:
         field, body = map_field(briefing.map), body_of(briefing.robot.footprint)
         self._parameters, self._period = parameters, period
         self._waypoints = briefing.mission.waypoints
-        self._limits = DriveLimits.of(briefing.robot, parameters)
+        self._limits = DriveLimits(briefing.robot.drive, parameters)
         self._sensing = Sensing(briefing, field, parameters)
         self._guard = CollisionGuard(body, field, self._limits, parameters)
         self._front = float(body.rim[:, 0].max())

@@ -10,7 +10,6 @@ out of a tight spot.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from daemon.stacks.pilot.maps import MapField, interpolate
 from daemon.stacks.pilot.planner import PlannedPath
 from daemon.stacks.pilot.sensing import Surroundings
 from grammars.model.geometry import Floats, Point2, Pose2, Ring, Twist2, wrap_angle
-from grammars.model.robot import Robot
+from grammars.model.robot import Drive
 
 STILL: Final = Twist2()
 ESCAPES: Final = (
@@ -42,27 +41,15 @@ _LOOKAHEAD_TIME: Final = 0.6
 """Seconds of driving that speed adds to the lookahead."""
 
 
-@dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """Speeds and accelerations of the pilot on this base: m/s, rad/s, m/s^2, rad/s^2."""
+    """Limits that both the drive and the parameters allow: m/s, rad/s, m/s^2, rad/s^2."""
 
-    speed: float
-    turn: float
-    acceleration: float
-    braking: float
-    turn_acceleration: float
-
-    @staticmethod
-    def of(robot: Robot, parameters: PilotParameters) -> DriveLimits:
-        """Return the limits that both the drive and the parameters allow."""
-        drive = robot.drive
-        return DriveLimits(
-            speed=min(drive.max_vx, parameters.max_speed),
-            turn=min(drive.max_wz, parameters.max_turn),
-            acceleration=min(drive.max_ax, parameters.acceleration),
-            braking=min(drive.max_ax, max(1.0, parameters.acceleration)),
-            turn_acceleration=min(drive.max_az, _TURN_ACCELERATION),
-        )
+    def __init__(self, drive: Drive, parameters: PilotParameters) -> None:
+        self.speed = min(drive.max_vx, parameters.max_speed)
+        self.turn = min(drive.max_wz, parameters.max_turn)
+        self.acceleration = min(drive.max_ax, parameters.acceleration)
+        self.braking = min(drive.max_ax, max(1.0, parameters.acceleration))
+        self.turn_acceleration = min(drive.max_az, _TURN_ACCELERATION)
 
     def towards(self, bearing: float) -> float:
         """Return the turn rate that takes off a bearing error [rad]."""
@@ -71,13 +58,12 @@ class DriveLimits:
 
     def ramp(self, last: Twist2, wanted: Twist2, period: float) -> Twist2:
         """Return ``wanted`` as far as accelerations allow within ``period`` [s] of ``last``."""
-        speeding, braking = self.acceleration * period, self.braking * period
         turning = self.turn_acceleration * period
+        speeding, braking = self.acceleration * period, self.braking * period
         return Twist2(
-            _ramp_axis(last.vx, wanted.vx, speeding, braking),
-            _ramp_axis(last.vy, wanted.vy, speeding, braking),
+            _ramp_axis(last.vx, wanted.vx, speeding, braking), 0.0,
             _ramp_axis(last.wz, wanted.wz, turning, 2.0 * turning),
-        )
+        )  # fmt: skip
 
 
 def _ramp_axis(last: float, wanted: float, speeding: float, braking: float) -> float:
@@ -89,7 +75,7 @@ def _ramp_axis(last: float, wanted: float, speeding: float, braking: float) -> f
 
 def scaled(command: Twist2, scale: float) -> Twist2:
     """Return a command on the same arc, faster or slower."""
-    return Twist2(command.vx * scale, command.vy * scale, command.wz * scale)
+    return Twist2(command.vx * scale, 0.0, command.wz * scale)
 
 
 def stoppable(distance: float, braking: float) -> float:
@@ -196,16 +182,16 @@ def keep_clear(
     around: Surroundings,
     field: MapField,
     pose: tuple[float, float, float],
-    command: tuple[float, float, float],
+    command: tuple[float, float],
     look: tuple[float, float, float, float],
 ) -> Clear:
-    """Return how clear the body-frame command (vx, vy, wz) keeps the footprint.
+    """Return how clear the command (vx, wz) keeps the footprint.
 
     ``look`` are the horizon [s], at which times end, the step of the sweep [s], the margin around
     the footprint [m] and the distance from the base beyond which points do not matter [m].
     """
     # One kernel: the sweep is computed once and serves points and walls.
-    (vx, vy, wz), (horizon, step, margin, reach) = command, look
+    (vx, wz), (horizon, step, margin, reach) = command, look
     planes, rim, points = body.planes, body.rim, around.points
     steps = max(1, math.ceil(horizon / step))
     sweep = np.empty((steps + 1, 4))
@@ -214,7 +200,7 @@ def keep_clear(
         sweep[k, 0], sweep[k, 1] = x, y
         sweep[k, 2], sweep[k, 3] = math.cos(k * step * wz), math.sin(k * step * wz)
         c, s = math.cos((k + 0.5) * step * wz), math.sin((k + 0.5) * step * wz)
-        x, y = x + step * (c * vx - s * vy), y + step * (s * vx + c * vy)
+        x, y = x + step * (c * vx), y + step * (s * vx)
     walls = others = horizon
     room = nearest = 1e9
     c0, s0 = math.cos(pose[2]), math.sin(pose[2])
@@ -322,11 +308,11 @@ class CollisionGuard:
 
     def _pace(self, command: Twist2) -> float:
         """Return how fast the fastest point of the footprint may move [m/s]."""
-        return math.hypot(command.vx, command.vy) + self._radius * abs(command.wz)
+        return abs(command.vx) + self._radius * abs(command.wz)
 
     def _slowed(self, command: Twist2, pose: Pose2, around: Surroundings, margin: float) -> Twist2:
         """Return ``command`` scaled down so that it keeps ``margin`` [m] around the footprint."""
-        speed, turn = math.hypot(command.vx, command.vy), abs(command.wz)
+        speed, turn = abs(command.vx), abs(command.wz)
         limits, horizon = self._limits, _LONGEST
         if speed > 0.02:
             brakes = speed / limits.braking + _REACTION + (self._spare + 0.1) / speed
@@ -340,7 +326,11 @@ class CollisionGuard:
                 way = speed * (clear.walls - _REACTION)
                 allowed = min(allowed, stoppable(way, limits.braking))
             if clear.others < horizon:
-                allowed = min(allowed, self._keeping_off(speed * (clear.others - _REACTION)))
+                # The speed v from which braking and stop_distance * v / top fit into the way.
+                way = max(0.0, speed * (clear.others - _REACTION))
+                spare, braking = self._spare / limits.speed, limits.braking
+                keeping_off = math.sqrt(spare * spare + 2.0 * way / braking) - spare
+                allowed = min(allowed, braking * keeping_off)
             return scaled(command, min(1.0, allowed / speed))
         free = min(clear.walls, clear.others)
         if turn < 1e-3 or free >= horizon:
@@ -358,16 +348,10 @@ class CollisionGuard:
     ) -> Clear:
         """Return how clear a command keeps for at most ``horizon`` [s], with ``margin`` [m]."""
         pace = max(self._pace(command), 0.02)
-        reach = self._radius + _BESIDE + math.hypot(command.vx, command.vy) * horizon
+        reach = self._radius + _BESIDE + abs(command.vx) * horizon
         clear = keep_clear(
             self._body, around, self._field, (pose.x, pose.y, pose.yaw),
-            (command.vx, command.vy, command.wz), (horizon, _STRIDE / pace, margin, reach),
+            (command.vx, command.wz), (horizon, _STRIDE / pace, margin, reach),
         )  # fmt: skip
         self.nearest = clear.nearest
         return clear
-
-    def _keeping_off(self, distance: float) -> float:
-        """Return the speed v that fits ``distance``: braking from v and stop_distance * v / top."""
-        braking, spare = self._limits.braking, self._spare / self._limits.speed
-        distance = max(0.0, distance)
-        return braking * (math.sqrt(spare * spare + 2.0 * distance / braking) - spare)

@@ -11,7 +11,7 @@ from tests.daemon.stacks.pilot.world import a_robot, draw
 
 ROBOT = a_robot()
 PARAMETERS = PilotParameters()
-LIMITS = DriveLimits.of(ROBOT, PARAMETERS)
+LIMITS = DriveLimits(ROBOT.drive, PARAMETERS)
 BODY = body_of(ROBOT.footprint)
 GUARD = CollisionGuard(BODY, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
 MIDDLE = Pose2(4.5, 2.5, 0.0)
