@@ -14,8 +14,8 @@ import numpy as np
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.navfn.propagation import (
-    MARGIN,
     NEUTRAL,
+    SPARE_ROWS,
     UNREACHED,
     VALUE,
     Wave,
@@ -50,7 +50,7 @@ def _gradient(
 
     Neighbours may be unreached.
     """
-    outermost = (MARGIN + 1) * columns
+    outermost = (SPARE_ROWS + 1) * columns
     if n < outermost or n > potentials.size - outermost:
         return np.float32(0.0), np.float32(0.0)
     here = potentials[n]
@@ -126,7 +126,7 @@ def descend_gradient(
     point was reckoned from.
     """
     # Step for step the originals' descent, with everything they remember in registers.
-    begin = MARGIN * columns
+    begin = SPARE_ROWS * columns
     size = potentials.size - 2 * begin
     first, last = (columns + 1, size - columns - 2) if as_navfn else (columns, size - columns)
     n = begin + int(goal[0]) + int(goal[1]) * columns
@@ -231,7 +231,7 @@ def fill_around_goal(wave: Wave, goal_costs: Singles, goal: int, count: int) -> 
     left out; the original writes there.
     """
     states, potentials, columns = wave.states, wave.potentials, wave.columns
-    begin = MARGIN * columns
+    begin = SPARE_ROWS * columns
     for i in range(-2, 3):
         for j in range(-2, 3):
             n = goal + i + columns * j

@@ -17,7 +17,7 @@ from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
 from daemon.stacks.ros1.navfn.descent import descend_gradient, fill_around_goal
 from daemon.stacks.ros1.navfn.propagation import (
     BUFFER,
-    MARGIN,
+    SPARE_ROWS,
     UNREACHED,
     VALUE,
     CellCosts,
@@ -98,15 +98,14 @@ class PotentialField:
         worthwhile: int = WORTHWHILE,
     ) -> None:
         rows, columns = grid.cells.shape
-        area, size = rows * columns, (rows + 2 * MARGIN) * columns
+        area, size = rows * columns, (rows + 2 * SPARE_ROWS) * columns
         self.grid, self.columns = grid, int(columns)
         self.whole, self.restricted = 0, 0
         self._shape, self._rules = grid.cells.shape, rules
         self._margins, self._worthwhile = margins, worthwhile
         self._wave = new_wave(rules.costs, size, columns, _AROUND_GOAL)
         self._doubtful = np.empty(size, dtype=np.int32)
-        self._count, self._doubts = 0, 0
-        self._level, self._steady = 0, 0
+        self._count, self._level, self._steady = 0, 0, 0
         self._remainder = CostToGo(self._wave, rules.costs)
         self._excess, self._usable = 0.0, False
         self._repeated = self._boxed_in = False
@@ -160,7 +159,7 @@ class PotentialField:
 
     def _entry(self, point: Point) -> int:
         """Return where a cell stands; what is left of the first column belongs to it."""
-        return (MARGIN + int(point[1])) * self.columns + int(point[0])
+        return (SPARE_ROWS + int(point[1])) * self.columns + int(point[0])
 
     def _make_room(self, points: int) -> None:
         self._path = np.empty((points, 2), dtype=np.float32)
@@ -212,7 +211,7 @@ class PotentialField:
                 for along in (v, 1.0 - v)
                 for across in (u, 1.0 - u)
             ]
-            end = wave.states.size - MARGIN * line
+            end = wave.states.size - SPARE_ROWS * line
             seeds = [(n, p) for n, p in zip(self._seeds(start), potentials, strict=True) if n < end]
             around = (2, -1, line - 1, line + 2, -line, 1 - line, 2 * line, 2 * line + 1)
             self._count, waiting = len(seeds), seed_wave(wave, seeds, [start + k for k in around])

@@ -6,7 +6,7 @@ with other costs (``DijkstraExpansion``, ``QuadraticCalculator``).
 The potential of a cell depends on the order of the updates, because an improvement is passed on
 only to neighbours that gain more than 0.7 of their cost; the order is therefore the original's.
 
-Arrays are flat with ``MARGIN`` rows before the first and behind the last one, which are blocked
+Arrays are flat with ``SPARE_ROWS`` rows before the first and behind the last one, which are blocked
 and never reached. GlobalPlanner looks there, off its arrays, wherever the map has no outline: what
 it finds is undefined, here there is nothing. Beside the first and the last column it looks into the
 row before or after, which is well defined and kept.
@@ -24,7 +24,7 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
 
-MARGIN: Final = 8
+SPARE_ROWS: Final = 8
 """Rows; even of a map one cell wide the neighbours of what is looked at lie within."""
 NEUTRAL: Final = 50
 BLOCKED: Final = 254
@@ -123,7 +123,7 @@ def copy_window(
     for row in range(max(window[1], border), min(window[3], rows - border)):
         for column in range(max(window[0], border), min(window[2], columns - border)):
             state = by_value[cells[row, column]]
-            n = (MARGIN + row) * columns + column
+            n = (SPARE_ROWS + row) * columns + column
             if state != states[n]:
                 states[n] = state
                 changed = True

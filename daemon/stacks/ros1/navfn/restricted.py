@@ -20,8 +20,8 @@ from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     BUFFER,
     DOUBTFUL,
-    MARGIN,
     PENDING,
+    SPARE_ROWS,
     THRESHOLD_STEP,
     UNREACHED,
     VALUE,
@@ -52,10 +52,10 @@ def relax_lowered_costs(wave: Wave, states: States, window: Window, limit: np.fl
     costs, gains = wave.costs, wave.gains
     beyond = False
     head, waiting = 0, 0
-    rows = floor.size // columns - 2 * MARGIN
+    rows = floor.size // columns - 2 * SPARE_ROWS
     for row in range(max(window[1], 0), min(window[3], rows)):
         for column in range(max(window[0], 0), min(window[2], columns)):
-            n = (MARGIN + row) * columns + column
+            n = (SPARE_ROWS + row) * columns + column
             if costs[states[n]] < costs[floor[n]]:
                 floor[n] = states[n] | np.uint16(PENDING)
                 queue[waiting] = n

@@ -5,7 +5,7 @@ import numpy as np
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn.field import PotentialField
 from daemon.stacks.ros1.navfn.planner import navfn_rules
-from daemon.stacks.ros1.navfn.propagation import BUFFER, MARGIN, navfn_costs, new_wave
+from daemon.stacks.ros1.navfn.propagation import BUFFER, SPARE_ROWS, navfn_costs, new_wave
 from grammars.model.geometry import Pose2
 
 
@@ -34,7 +34,7 @@ def path(field, start, goal):
 
 def wave_over(costs, columns, buffer=BUFFER):
     """Return a wave over flat costs of navfn, and where its map begins."""
-    begin = MARGIN * columns
+    begin = SPARE_ROWS * columns
     wave = new_wave(navfn_costs(allow_unknown=True), len(costs) + 2 * begin, columns)
     wave.states[begin:-begin] = costs
     return wave._replace(buffers=np.empty((3, buffer), dtype=np.int32)), begin
