@@ -32,8 +32,8 @@ class Sensor(NamedTuple):
 
     ``beams`` (2, k) are cosine and sine of the rays ``indices`` in the base frame, ``mount_x`` and
     ``mount_y`` [m] where the laser is in it. A return between ``least`` and ``most`` [m] counts.
-    ``squared`` is the framed field of the map whose corner is ``x``, ``y`` [m]; what is looked up
-    there is shifted by ``shift`` [cells], and ``table`` has what a beam adds by it.
+    ``squared`` is the framed field of the map whose corner is ``x``, ``y`` [m]. Look-ups there are
+    shifted by ``shift`` [cells]; ``table`` has what a beam adds by the value.
     """
 
     indices: Integers
@@ -125,9 +125,9 @@ def weigh_particles(
 ) -> float:
     """Multiply weights by 1 plus the sum over beams of ``table``; return the sum of the products.
 
-    ``corner`` (2, n), ``cells`` and ``sums`` (n,) are scratch. Beams run outside, particles inside,
-    which leaves each sum in the order of the beams and the loop that finds the cells free of
-    look-ups and dependencies, so that it runs on several particles at once.
+    ``corner`` (2, n), ``cells`` and ``sums`` (n,) are scratch. Beams run outside, particles inside:
+    each sum stays in the order of the beams. The loop that finds the cells is free of look-ups and
+    dependencies, so that it runs on several particles at once.
     """
     poses, directions, weights = cloud.poses, cloud.directions, cloud.weights
     beams, table = sensor.beams, sensor.table

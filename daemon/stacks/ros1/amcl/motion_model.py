@@ -21,7 +21,7 @@ _TURN_ON_THE_SPOT = 0.01
 
 @dataclass(frozen=True, slots=True)
 class OdometryMotion:
-    """What odometry did since the last update: a translation at ``bearing`` [rad] and a turn.
+    """Motion by odometry since the last update: a translation at ``bearing`` [rad] and a turn.
 
     ``bearing`` is relative to the heading before the motion.
     """

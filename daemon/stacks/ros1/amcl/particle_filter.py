@@ -118,7 +118,7 @@ class ParticleFilter:
 
     @property
     def count(self) -> int:
-        """How many particles there are now."""
+        """Number of particles now."""
         return self._count
 
     @property

@@ -121,7 +121,7 @@ def descend_gradient(
 ) -> int:
     """Follow the gradient from ``goal`` to ``start`` (column, row), at most ``steps`` points.
 
-    Writes (n, 2) columns and rows, float32, from the goal, and returns the length: 0 if there is no
+    Writes (n, 2) columns and rows, float32, from the goal. Returns the length: 0 if there is no
     path, -1 if the array is too short. ``cells``, as long as ``path``, takes the cell that each
     point was reckoned from.
     """

@@ -66,12 +66,13 @@ def free_cell(grid: CostGrid, cell: Cell) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldRules:
-    """What navfn and GlobalPlanner do differently, beside their costs.
+    """Costs of a planner, and what else navfn and GlobalPlanner do differently.
 
     ``threshold`` ends the first block of a wave. With ``outline`` the outermost cells are blocked
-    whatever the costmap says. ``as_navfn`` sets the limits of waves and descents. ``goal_costs``
-    (256,) by state are for exact ends: cells around the goal get a potential by them, and the start
-    seeds the four cells around it by the ``neutral`` cost. Without them ends are cells.
+    whatever the costmap says. ``as_navfn`` sets the limits of waves and descents.
+
+    ``goal_costs`` (256,) by state are for exact ends; without them ends are cells. By them the
+    cells around the goal get a potential. The start seeds four cells by the ``neutral`` cost.
     """
 
     costs: CellCosts

@@ -33,8 +33,8 @@ class Navfn:
         """Return x, y, yaw from ``start`` to ``goal`` in the grid's frame, (n, 3), or ``None``.
 
         The points are half a cell apart with yaw 0; the last one is the goal with its own yaw.
-        There is no plan from or to a point off the grid, to a goal that is blocked or out of
-        reach, or with all four cells beside the robot blocked.
+        There is no plan from or to a point off the grid, nor to a goal that is blocked or out of
+        reach. There is none either with all four cells beside the robot blocked.
         """
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
         tolerance = self._parameters.default_tolerance

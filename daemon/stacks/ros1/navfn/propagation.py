@@ -3,8 +3,8 @@
 The wave is that of ``propNavFnDijkstra`` (blocks of rising priority), which GlobalPlanner took over
 with other costs (``DijkstraExpansion``, ``QuadraticCalculator``).
 
-The potential of a cell depends on the order of the updates, because an improvement is passed on
-only to neighbours that gain more than 0.7 of their cost; the order is therefore the original's.
+An improvement is passed on only to neighbours that gain more than 0.7 of their cost. So potentials
+depend on the order of the updates, and the order is the original's.
 
 Arrays are flat with ``SPARE_ROWS`` rows before the first and behind the last one, which are blocked
 and never reached. GlobalPlanner looks there, off its arrays, wherever the map has no outline: what
@@ -177,8 +177,8 @@ def propagate_wave(
 
     It begins with the ``waiting`` cells of the first buffer; the first ``count`` cells of
     ``reached`` have a potential already. ``goal`` -1 is never reached. Returns how many cells were
-    reached, the fill, which is the largest number of cells that ever waited in one buffer, and
-    whether nothing was left to do.
+    reached, the fill, and whether nothing was left to do. The fill is the largest number of cells
+    that ever waited in one buffer.
     """
     # Event for event the original's loop: its order is the result, so it stays in one piece.
     states, potentials, reached = wave.states, wave.potentials, wave.reached

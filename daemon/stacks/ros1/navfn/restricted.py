@@ -278,8 +278,8 @@ def clear_doubts(states: States, doubtful: Integers, count: int) -> None:
 def any_is_doubtful(wave: Wave, ahead: Singles, latest: np.float32, corner: int, side: int) -> bool:
     """Tell whether any cell of a square is doubtful; its lowest left cell is ``corner``.
 
-    Neither may a cell there that was not reached be one that could have been reached in time:
-    ``latest`` is the largest remainder with which a wave through the cells left out comes too late.
+    Doubtful is also a cell not reached that could have been reached in time. With a remainder of
+    ``latest`` or less, a wave through the cells left out comes too late.
     """
     states, potentials = wave.states, wave.potentials
     for row in range(side):
