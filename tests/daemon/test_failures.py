@@ -110,7 +110,8 @@ def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged):
 
 def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(demo, tmp_path, plugged):
     path = tmp_path / "run.mcap"
-    with wall_clock_limit(0.5):
+    # Long enough for the world, which is made first.
+    with wall_clock_limit(3.0):
         result = executed(demo, path, "factory-hangs-in-a-run", {"hang": True})
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert "of them in one call of its factory" in result.note
