@@ -220,12 +220,6 @@ def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) 
 
 
 @kernel
-def is_fit(distances: Bits, row: int, column: int) -> bool:
-    """Whether a cell is reached and fit to stand in."""
-    return contains_cell(distances[FIT], row, column)
-
-
-@kernel
 def place_of(x: float, y: float, frame: Floats, rows: int, columns: int) -> tuple[int, int]:
     """Return row and column of a point, (-1, -1) off the grid (costmap_2d ``worldToMap``).
 

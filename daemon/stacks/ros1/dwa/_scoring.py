@@ -10,10 +10,11 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.base_local_planner.map_grid import (
+    FIT,
     Bits,
     Cells,
+    contains_cell,
     distance_at,
-    is_fit,
     place_of,
 )
 from daemon.stacks.ros1.dwa._settings import DwaSettings
@@ -99,16 +100,16 @@ def _end_cells(points: Floats, n: int, weights: Floats, forward: float, f: Scori
     path, goal = weights[3] != 0.0, weights[4] != 0.0
     if not (path or goal):
         return 0
-    to_path, to_goal = f.distances[PATH], f.distances[GOAL]
+    path_cells, goal_cells = f.distances[PATH, FIT], f.distances[GOAL, FIT]
     noses = weights[1] != 0.0 or weights[2] != 0.0
     at, nose = 0, 0
     for i in range(n):
         row, column = place_of(points[i, 0], points[i, 1], f.frame, rows, columns)
         if row < 0:
             return -1
-        if path and not is_fit(to_path, row, column):
+        if path and not contains_cell(path_cells, row, column):
             return -1
-        if goal and not is_fit(to_goal, row, column):
+        if goal and not contains_cell(goal_cells, row, column):
             return -1
         at = row * columns + column
         if noses:

@@ -12,11 +12,12 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost, line_cost
 from daemon.stacks.ros1.base_local_planner.map_grid import (
+    FIT,
     Bits,
     Cells,
     cell_of,
+    contains_cell,
     distance_at,
-    is_fit,
     place_of,
 )
 from daemon.stacks.ros1.cost_grid import INSCRIBED
@@ -160,7 +161,9 @@ def follow_cells(
             fit = terms[PATH] < size and terms[GOAL] < size
         else:
             # With headings only the one instant is looked at.
-            fit = s.heading_scoring or (is_fit(f.path, row, column) and is_fit(f.goal, row, column))
+            fit = s.heading_scoring or (
+                contains_cell(f.path[FIT], row, column) and contains_cell(f.goal[FIT], row, column)
+            )
         if not fit:
             terms[FAILURE] = LEADS_NOWHERE
             return i

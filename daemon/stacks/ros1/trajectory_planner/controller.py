@@ -167,7 +167,7 @@ class TrajectoryPlanner:
         del latch_goal
         self._p, self._quirks = parameters, quirks
         self._outline = np.ascontiguousarray(footprint, dtype=np.float64)
-        self._period_default = control_period_default
+        self._period = sim_period(parameters.controller_frequency, control_period_default)
         self._strafes: Floats = np.array(strafe_speeds(parameters))
         self._flags = OscillationFlags(in_range(parameters, "oscillation_reset_dist"))
         self._escape = EscapeMode(
@@ -182,7 +182,21 @@ class TrajectoryPlanner:
         self._seen: int | None = None
         self._grid: RolloutGrid
         self._room: RolloutBuffers
-        self._machine: tuple[Callable[..., Any], ...] | None = None
+        # Now, so that another process compiles it on the first run on a machine.
+        self._machine = self._load_machine_code()
+
+    def _load_machine_code(self) -> tuple[Callable[..., Any], ...]:
+        """Return the three kernels of a search, for a costmap of any shape."""
+        grid = CostGrid(0.05, 0.0, 0.0, np.zeros((1, 1), dtype=np.uint8))
+        s = settings_of(self._p, self._quirks, grid.resolution, self._period)
+        field, room = allocate_grid(grid, s, self._outline), allocate_buffers((1, 1), s, 1)
+        state, window, strafes = self._state, np.zeros((1, 2)), self._strafes
+        forbidden = self._flags.forbidden
+        return (
+            machine_code(fill_distances, state, window, 0.0, strafes, s, field, room),
+            machine_code(find_best_arc, state, window, s, field, room),
+            machine_code(find_best, state, window, forbidden, strafes, s, field, room),
+        )
 
     def set_plan(self, plan: Floats) -> None:
         """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
@@ -243,23 +257,14 @@ class TrajectoryPlanner:
         x, y, _, _, _, _ = state.tolist()
         at = (x, y)
         end_x, end_y = window[-1].tolist()
-        filling = (state, window, _length(end_x - x, end_y - y), strafes, s, grid, room)
-        arcs = (state, window, s, grid, room)
-        rest = (state, window, self._flags.forbidden, strafes, s, grid, room)
-        if self._machine is None:
-            self._machine = (
-                machine_code(fill_distances, *filling),
-                machine_code(find_best_arc, *arcs),
-                machine_code(find_best, *rest),
-            )
         fill, find_arc, find = self._machine
         room.standing[:] = room.passable
-        fill(*filling)
+        fill(state, window, _length(end_x - x, end_y - y), strafes, s, grid, room)
         room.best[:] = NO_BEST
         # A robot that escapes drives no arcs.
         if not self._escape.active:
-            find_arc(*arcs)
-        n = find(*rest)
+            find_arc(state, window, s, grid, room)
+        n = find(state, window, self._flags.forbidden, strafes, s, grid, room)
         if n == 0:
             return self._back_up(window, s)
         vx, vy, wz = room.best[:3].tolist()
@@ -286,7 +291,7 @@ class TrajectoryPlanner:
         """Make room for the costmap when it has another shape, and note what is passable."""
         settings = self._settings
         if settings is None or self._grid.cells.shape != local.cells.shape:
-            settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
+            settings = settings_of(self._p, self._quirks, local.resolution, self._period)
             self._settings = settings
             self._grid = allocate_grid(local, settings, self._outline)
             self._room = allocate_buffers(local.cells.shape, settings, 0)
@@ -306,8 +311,7 @@ class TrajectoryPlanner:
     def _brake(self, twist: Twist2) -> Twist2:
         """Stop within the limits of acceleration."""
         p = self._p
-        period = sim_period(p.controller_frequency, self._period_default)
-        return slow_down(twist, (p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta), period)
+        return slow_down(twist, (p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta), self._period)
 
     def _turn(self, error: float, wz: float) -> Twist2:
         """Turn to the goal's heading on the spot."""
@@ -315,9 +319,8 @@ class TrajectoryPlanner:
         fastest = float(p.max_rotational_vel)
         if not self._quirks.goal_turn_has_own_limit:
             fastest = abs(in_range(p, "max_vel_theta" if error > 0.0 else "min_vel_theta"))
-        period = sim_period(p.controller_frequency, self._period_default)
         speeds, raised = (slowest_turn_at_goal(p), fastest), self._quirks.rotation_raised_to_minimum
-        return turn_towards(error, wz, speeds, p.acc_lim_theta, period, raised=raised)
+        return turn_towards(error, wz, speeds, p.acc_lim_theta, self._period, raised=raised)
 
     def _is_legal(self, pose: Pose2, twist: Twist2, sample: Twist2, window: Floats) -> bool:
         """Whether a trajectory is legal by the distances of this cycle (``checkTrajectory``)."""
