@@ -93,9 +93,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
         without_effect=usual_frames(tree.at("amcl")),
     )
     costmaps, topics = read_costmaps(tree, names, localisation)
-    resets = {name: _read_reset(tree, name) for name in _resets(move_base)}
-    for name, reset in resets.items():
-        _check_layer_names(tree, name, reset, costmaps)
+    resets = _read_resets(tree, move_base, costmaps)
     global_planner = read_global_planner(tree, move_base.base_global_planner)
     say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
     return RosParameters(
@@ -154,34 +152,25 @@ def _listed(entries: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [e for e in listed if isinstance(e, Mapping)] if isinstance(listed, list) else []
 
 
-def _resets(move_base: MoveBaseParameters) -> tuple[str, ...]:
-    """Return the names of the reset recoveries."""
-    if move_base.recovery_behaviors is None:
-        return ("conservative_reset", "aggressive_reset")
-    return tuple(b.name for b in move_base.recovery_behaviors if b.type == CLEAR)
-
-
-def _read_reset(tree: ParameterTree, name: str) -> ClearCostmapParameters:
-    return read_section(
-        ClearCostmapParameters,
-        tree.at("move_base", name),
-        ("move_base", name),
-        tree.report,
-    )
-
-
-def _check_layer_names(
-    tree: ParameterTree,
-    name: str,
-    reset: ClearCostmapParameters,
-    costmaps: Iterable[LayeredCostmap],
-) -> None:
-    """Say of a reset whose layers were written that neither costmap has one of them."""
-    there = {layer.name for costmap in costmaps for layer in costmap.layers}
-    if "layer_names" in tree.at("move_base", name) and not there & set(reset.layer_names):
-        message = f"no costmap has a layer of these names, so {name} clears nothing"
-        hint = f"their layers are {', '.join(sorted(there))}"
-        tree.report.warn(("move_base", name, "layer_names"), message, hint)
+def _read_resets(
+    tree: ParameterTree, move_base: MoveBaseParameters, costmaps: Iterable[LayeredCostmap]
+) -> dict[str, ClearCostmapParameters]:
+    """Return the parameters of each reset recovery; warn of one whose layers no costmap has."""
+    names: Iterable[str] = ("conservative_reset", "aggressive_reset")
+    if move_base.recovery_behaviors is not None:
+        names = [each.name for each in move_base.recovery_behaviors if each.type == CLEAR]
+    paths = {name: ("move_base", name) for name in names}
+    resets = {
+        name: read_section(ClearCostmapParameters, tree.at(*path), path, tree.report)
+        for name, path in paths.items()
+    }
+    layers = {layer.name for costmap in costmaps for layer in costmap.layers}
+    for name, reset in resets.items():
+        if "layer_names" in tree.at(*paths[name]) and not layers & set(reset.layer_names):
+            message = f"no costmap has a layer of these names, so {name} clears nothing"
+            hint = f"their layers are {', '.join(sorted(layers))}"
+            tree.report.warn((*paths[name], "layer_names"), message, hint)
+    return resets
 
 
 def _read_rotation(
