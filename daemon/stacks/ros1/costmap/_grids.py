@@ -22,10 +22,10 @@ Numbers: TypeAlias = npt.NDArray[np.int64]
 # Flags are bytes and no plain numbers, for each of which numba would compile a kernel anew.
 STALE = np.uint8(1)
 """Flag: the master's value may be out of date."""
-WRITTEN = np.uint8(3)
-"""Flags of a cell whose value in the master others wrote: stale, and perhaps too low."""
 LOW = np.uint8(2)
 """Flag: the master's value may be too low."""
+WRITTEN = STALE | LOW
+"""Flags of a cell whose value in the master others wrote."""
 LISTED = np.uint8(128)
 """Flag: on the list of this update."""
 QUEUED, OVERDUE = 0, 1

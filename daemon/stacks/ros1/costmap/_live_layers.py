@@ -38,7 +38,12 @@ from daemon.stacks.ros1.costmap._voxel_layer import (
     mark_voxels,
     voxels_of,
 )
-from daemon.stacks.ros1.costmap.layers import ObstacleLayer, StaticLayer, VoxelLayer
+from daemon.stacks.ros1.costmap.layers import (
+    InflationLayer,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelLayer,
+)
 from daemon.stacks.ros1.costmap.master_grid import MAXIMUM, NOTHING, OVERWRITE, REPLACE
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
@@ -160,16 +165,35 @@ def _cell(at: float, begin: float, resolution: float, cells: int) -> int:
     return cells - 1 if at >= resolution * cells + begin else int(away / resolution)
 
 
-class _ClearedBounds:
-    """Bounds that a reset left behind for the next cycle (``addExtraBounds``)."""
+class _Resets:
+    """Resets of a layer, and the bounds of one for the next cycle (``addExtraBounds``)."""
 
     def __init__(self) -> None:
         self._bounds: tuple[float, float, float, float] | None = None
 
-    def note(self, frame: Frame) -> None:
-        right = frame.x + (frame.columns - 0.5) * frame.resolution
-        high = frame.y + (frame.rows - 0.5) * frame.resolution
-        self._bounds = (frame.x, frame.y, right, high)
+    def clear(self, grid: Grid, base: Pose2, side: float, *, inside: bool) -> None:
+        """Make cells outside (or ``inside``) a square of ``side`` [m] around ``base`` unknown.
+
+        Unknown in a layer lets those below show through; free would hide them. The rim of the
+        square counts as outside (``CostmapLayer::clearArea``).
+        """
+        rows, columns, left, low, resolution = grid.frame
+        x0, y0 = base.x - side / 2.0, base.y - side / 2.0
+        begin = int((x0 - left) / resolution), int((y0 - low) / resolution)
+        end = int((x0 + side - left) / resolution), int((y0 + side - low) / resolution)
+        square = (
+            slice(max(0, begin[1] + 1), max(0, end[1])),
+            slice(max(0, begin[0] + 1), max(0, end[0])),
+        )
+        cells = grid.cells.reshape(rows, columns)
+        if inside:
+            cells[square] = NO_INFORMATION
+        else:
+            inner = cells[square].copy()
+            cells[:] = NO_INFORMATION
+            cells[square] = inner
+        right, high = left + (columns - 0.5) * resolution, low + (rows - 0.5) * resolution
+        self._bounds = (left, low, right, high)
 
     def use(self, work: Workspace) -> bool:
         """Extend the cycle's bounds by what was cleared; tell whether anything was."""
@@ -178,29 +202,6 @@ class _ClearedBounds:
         work.extend(*self._bounds)
         self._bounds = None
         return True
-
-
-def _clear_area(grid: Grid, base: Pose2, side: float, *, inside: bool) -> None:
-    """Make cells outside (or ``inside``) a square of ``side`` [m] around ``base`` unknown.
-
-    Unknown in a layer lets those below show through; free would hide them. The rim of the square
-    counts as outside (``CostmapLayer::clearArea``).
-    """
-    _, _, left, low, resolution = grid.frame
-    x0, y0 = base.x - side / 2.0, base.y - side / 2.0
-    begin = int((x0 - left) / resolution), int((y0 - low) / resolution)
-    end = int((x0 + side - left) / resolution), int((y0 + side - low) / resolution)
-    square = (
-        slice(max(0, begin[1] + 1), max(0, end[1])),
-        slice(max(0, begin[0] + 1), max(0, end[0])),
-    )
-    cells = grid.cells.reshape(grid.frame[:2])
-    if inside:
-        cells[square] = NO_INFORMATION
-        return
-    inner = cells[square].copy()
-    cells[:] = NO_INFORMATION
-    cells[square] = inner
 
 
 class MapLayer:
@@ -217,7 +218,7 @@ class MapLayer:
         if row is not None:
             row[:] = self.grid.cells
             self.grid = self.grid._replace(cells=row)
-        self._rolling, self._new, self._cleared = row is None, True, _ClearedBounds()
+        self._rolling, self._new, self._cleared = row is None, True, _Resets()
 
     def extend_bounds(self, work: Workspace) -> None:
         """Ask for the whole map when it is new or cleared, under a moving window always.
@@ -237,8 +238,7 @@ class MapLayer:
 
     def clear(self, base: Pose2, side: float, *, inside: bool) -> None:
         """Forget the map outside (or ``inside``) a square of ``side`` [m], for good."""
-        _clear_area(self.grid, base, side, inside=inside)
-        self._cleared.note(self.grid.frame)
+        self._cleared.clear(self.grid, base, side, inside=inside)
 
 
 class SensedLayer:
@@ -262,7 +262,7 @@ class SensedLayer:
         self.method = method if method in (OVERWRITE, MAXIMUM) else NOTHING
         self._footprint = np.ascontiguousarray(footprint, dtype=np.float64)
         self._frees_footprint = layer.footprint_clearing_enabled
-        self._heard, self._cleared = ObservationTable(layer, hears), _ClearedBounds()
+        self._heard, self._cleared = ObservationTable(layer, hears), _Resets()
         self._voxels: Voxels | None = None
         kernels: tuple[Callable[..., None], ...] = (clear_rays, mark)
         if isinstance(layer, VoxelLayer):
@@ -314,16 +314,14 @@ class SensedLayer:
 
     def clear(self, base: Pose2, side: float, *, inside: bool) -> None:
         """Forget obstacles outside (or ``inside``) a square of ``side`` [m]; columns stay."""
-        _clear_area(self.grid, base, side, inside=inside)
-        self._cleared.note(self.grid.frame)
+        self._cleared.clear(self.grid, base, side, inside=inside)
 
 
 class InflatingLayer:
     """An inflation layer, with the bounds of the cycle before."""
 
-    def __init__(self, name: str, radius: float, table: InflationTable) -> None:
-        self.name, self.table = name, table
-        self._radius = radius
+    def __init__(self, layer: InflationLayer, table: InflationTable) -> None:
+        self.name, self.layer, self.table = layer.name, layer, table
         self._last: tuple[float, ...] | None = None
 
     def extend_bounds(self, work: Workspace) -> None:
@@ -331,7 +329,7 @@ class InflatingLayer:
 
         That is ``radius`` [m] around the bounds of this cycle and of the last.
         """
-        bounds, radius = work.changes.bounds, self._radius
+        bounds, radius = work.changes.bounds, self.layer.inflation_radius
         last, self._last = self._last, bounds.tolist()
         if last is None:
             bounds[:] = _EVERYWHERE

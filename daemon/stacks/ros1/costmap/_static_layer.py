@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from daemon.model.kernels import kernel
-from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION, Window
+from daemon.stacks.ros1.cost_grid import LETHAL, NO_INFORMATION, Window
 from daemon.stacks.ros1.costmap._grids import Frame, Grid, cell_at, cell_value
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OCCUPIED, OccupancyGrid
@@ -18,7 +18,8 @@ def map_grid(world: OccupancyGrid, *, track_unknown: bool) -> Grid:
     """Return the costs of a map: lethal, free, and if tracked unknown."""
     costs = np.zeros(world.cells.shape, dtype=np.uint8)
     costs[world.cells == OCCUPIED] = LETHAL
-    costs[world.cells == UNKNOWN_IN_MAP] = NO_INFORMATION if track_unknown else FREE_SPACE
+    if track_unknown:
+        costs[world.cells == UNKNOWN_IN_MAP] = NO_INFORMATION
     rows, columns = world.cells.shape
     return Grid(costs.ravel(), Frame(rows, columns, world.x, world.y, world.resolution))
 
