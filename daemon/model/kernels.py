@@ -128,10 +128,10 @@ def cache_folder() -> Path:
     It is what ``NUMBA_CACHE_DIR`` names, else beside the sources, else in the user's cache, else in
     the state directory: the first of these that can be written.
     """
+    if asked := os.environ.get(CACHE_VARIABLE):
+        return Path(asked) / "scenario"
     package = Path(__file__).parents[1]
     place = hashlib.sha256(bytes(package)).hexdigest()[:8]
-    if asked := os.environ.get(CACHE_VARIABLE):
-        return Path(asked) / f"scenario-{place}"
     folders = [package / "__pycache__" / "kernels"]
     folders.append(platformdirs.user_cache_path("scenario") / f"kernels-{place}")
     if state := os.environ.get("SCENARIO_STATE"):
