@@ -107,7 +107,10 @@ def test_a_short_run_that_is_killed_leaves_compiling_to_the_run(tmp_path, monkey
             wait(pool.waitables)
             pool.listen()
             if pool.preparation and not killed:
-                (zygote,) = psutil.Process().children()
+                (zygote,) = (
+                    one for one in psutil.Process().children()
+                    if "daemon.batch.zygote" in one.cmdline()
+                )  # fmt: skip
                 for child in zygote.children():
                     child.kill()
                 killed = True
