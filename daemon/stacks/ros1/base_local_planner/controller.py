@@ -15,7 +15,7 @@ NO_POINTS: Final[Floats] = np.empty((0, 2))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ControllerAnswer:
-    """What one control cycle found.
+    """Result of one control cycle.
 
     ``twist`` is zero unless ``ok``. ``local_plan`` has shape (points, 2): x, y in odom of the
     trajectory it belongs to, without points when the robot stops or turns at the goal.

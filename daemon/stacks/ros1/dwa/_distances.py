@@ -36,11 +36,12 @@ UNKNOWN: Final = -2
 
 
 class DistanceBuffers(NamedTuple):
-    """Room for spreading distances: sets of cells as in :mod:`~..base_local_planner.map_grid`.
+    """Room for spreading distances.
 
-    ``passable`` is what distances spread through. ``sources`` (3, 2) says which cell the distances
-    of goal and front lead to, -1 for none, and whether they were spread as far as they go (1);
-    whoever changes ``passable`` forgets them (:data:`UNKNOWN`).
+    Sets of cells are as in :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; distances spread
+    through ``passable``. ``sources`` (3, 2) says which cell the distances of goal and front lead
+    to, -1 for none, and whether they were spread as far as they go (1). Whoever changes
+    ``passable`` forgets them (:data:`UNKNOWN`).
     """
 
     seeds: Bits

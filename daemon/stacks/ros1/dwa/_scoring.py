@@ -1,4 +1,4 @@
-"""What a trajectory costs: the critics in the original's order."""
+"""The cost of a trajectory: the critics in the original's order."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PATH, GOAL, FRONT = range(3)
 
 
 class ScoringGrid(NamedTuple):
-    """What trajectories are scored on.
+    """The ground on which trajectories are scored.
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
     metres. ``distances`` stacks the grid distances from the path, the goal and the goal pushed
@@ -55,6 +55,7 @@ def critic_weights(s: DwaSettings, aligned: bool) -> Floats:
 
 @kernel
 def oscillates(banned: Integers, vx: float, vy: float, wz: float) -> bool:
+    """Whether oscillation forbids a velocity; ``banned`` (6,) as in :class:`ScoringGrid`."""
     return bool(
         (banned[0] and vx < 0.0)
         or (banned[1] and vx > 0.0)

@@ -37,7 +37,7 @@ trajectory ends early, and after how many points."""
 
 
 class RolloutGrid(NamedTuple):
-    """What trajectories are scored on.
+    """The ground on which trajectories are scored.
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
     metres; ``path`` and ``goal`` are grid distances, of which ``digits`` (2,) digits are used;
