@@ -190,7 +190,7 @@ _WIDE: Final = 0.45
 _RASTER: Final = 0.015
 """Error of one return beyond the laser's own noise, mostly the raster of the map [m]."""
 _ALIKE: Final = 2.0
-"""So many neighbouring rays share the error of a map cell and count as one."""
+"""Number of neighbouring rays that share the error of a map cell and count as one."""
 _MAP_COVARIANCE: Final = np.diag([0.02**2, 0.02**2, 0.005**2])
 """Systematic error of the map, which no number of scans averages away [m^2, rad^2]."""
 _LEVER: Final = 2.0

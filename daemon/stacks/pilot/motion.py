@@ -34,7 +34,7 @@ _TURN_IN_PLACE, _TURNED = 0.9, 0.25
 _GAIN: Final = 2.0
 """Turn rate per bearing error [1/s]."""
 _TURN_ACCELERATION: Final = 1.5
-"""Bounded also by the drive [rad/s^2]."""
+"""Highest acceleration of turns, also bounded by the drive [rad/s^2]."""
 _LATERAL: Final = 0.6
 """Highest lateral acceleration in a bend [m/s^2]."""
 _LOOKAHEAD_TIME: Final = 0.6

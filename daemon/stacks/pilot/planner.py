@@ -1,7 +1,7 @@
 """Global planner: from here to a waypoint on the map, keeping off walls and obstacles.
 
-A* on the clearance field (eight neighbours, a binary heap, a cost that keeps off the walls),
-then any-angle shortcuts that cost no more, then even resampling.
+A* on the clearance field (eight neighbours, a cost that keeps off the walls), then smoothing and
+even resampling.
 """
 
 from __future__ import annotations
