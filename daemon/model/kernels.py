@@ -28,7 +28,7 @@ from typing import Any, Final, TypeAlias, TypeVar, cast
 import numpy as np
 import platformdirs
 from numba import typeof
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 
@@ -192,10 +192,26 @@ class _CacheImplementation(CompileResultCacheImpl):
     _locator_classes: Any = (_Locator,)
 
 
+class _IndexFile(IndexDataCacheFile):
+    """The index of a kernel's files; one that cannot be read is as good as none."""
+
+    def _load_index(self) -> dict[Any, str]:
+        # It holds types, pickled: of a class that has moved since, or half of it is there.
+        with suppress(OSError, EOFError, UnpicklingError, AttributeError, ImportError):
+            return dict(super()._load_index())
+        return {}
+
+
 class _KernelCache(FunctionCache):
     """The machine code of one kernel on the disk, a file for each signature."""
 
     _impl_class = _CacheImplementation
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _IndexFile(
+            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )
 
     @property
     def place(self) -> int:
@@ -205,21 +221,17 @@ class _KernelCache(FunctionCache):
     def file_of(self, signature: tuple[Any, ...], context: Any) -> str:
         """Return the name of the file with machine code for ``signature``, empty if none is."""
         key = self._index_key(signature, context.codegen())
-        return str(self._index().get(key, ""))
+        return str(self._cache_file._load_index().get(key, ""))
 
     def signature_in(self, name: str) -> tuple[Any, ...] | None:
         """Return the signature of the machine code in the file ``name``."""
-        return next((key[0] for key, file in self._index().items() if file == name), None)
+        index = self._cache_file._load_index()
+        return next((key[0] for key, file in index.items() if file == name), None)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep machine code, and say that there is some more."""
         super().save_overload(sig, data)
         _compiler.tell()
-
-    def _index(self) -> dict[Any, str]:
-        with self._guard_against_spurious_io_errors():
-            return dict(self._cache_file._load_index())
-        return {}
 
     @contextmanager
     def _guard_against_spurious_io_errors(self) -> Iterator[None]:

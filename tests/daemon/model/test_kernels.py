@@ -101,6 +101,25 @@ def test_a_kernel_is_compiled_where_nothing_can_be_kept(tmp_path):
     assert said.split() == ["6.0", "0"]
 
 
+def test_an_index_that_cannot_be_read_is_written_anew(tmp_path):
+    script = tmp_path / "slow.py"
+    script.write_text(SLOW)
+    command = [sys.executable, "-B", str(script)]
+
+    def run():
+        said = subprocess.check_output(
+            command, env=environment_of(tmp_path), text=True, timeout=120
+        )
+        return said.split()
+
+    assert run() == ["6.0", "0"]
+    (index,) = (tmp_path / "cache").rglob("*.nbi")
+    # As a class that has moved: its name leads nowhere.
+    index.write_bytes(index.read_bytes().replace(b"numba.core.types", b"numba.gone.types"))
+    assert run() == ["6.0", "0"]
+    assert run() == ["6.0", "1"]
+
+
 @pytest.fixture
 def read_only(monkeypatch, tmp_path):
     """Folders below this one cannot be written, the installation among them."""
