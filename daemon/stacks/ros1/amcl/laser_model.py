@@ -20,7 +20,7 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.distance_field import DistanceField, SquaredCells, distance_field
-from daemon.stacks.ros1.amcl.resampling import Cloud
+from daemon.stacks.ros1.amcl.resampling import Particles
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats
 from grammars.model.grid import OccupancyGrid
@@ -75,7 +75,7 @@ class LaserModel:
         self._sums, self._corner = np.empty(most), np.empty((2, most))
         self._cells = np.empty(most, dtype=np.int32)
 
-    def weigh(self, ranges: Singles, cloud: Cloud, count: int) -> float:
+    def weigh(self, ranges: Singles, cloud: Particles, count: int) -> float:
         """Multiply the first ``count`` weights by the likelihood of a scan; return their sum.
 
         Lost rays (NaN) count nothing.
@@ -117,7 +117,7 @@ def _range_limits(parameters: AmclParameters, least: float, most: float) -> tupl
 def weigh_particles(
     sensor: Sensor,
     ranges: Singles,
-    cloud: Cloud,
+    cloud: Particles,
     count: int,
     corner: Floats,
     cells: Integers,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import wrap_angle_modulo
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
-from daemon.stacks.ros1.amcl.resampling import Cloud
+from daemon.stacks.ros1.amcl.resampling import Particles
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 
 _TURN_ON_THE_SPOT = 0.01
@@ -83,7 +83,7 @@ def _deviations(
 def move_particles(
     parameters: AmclParameters,
     motion: OdometryMotion,
-    cloud: Cloud,
+    cloud: Particles,
     count: int,
     normals: Floats,
     *,
@@ -105,7 +105,7 @@ def move_particles(
 
 @kernel
 def _move_omni(
-    cloud: Cloud,
+    cloud: Particles,
     count: int,
     normals: Floats,
     motion: tuple[float, float, float],
@@ -131,7 +131,7 @@ def _move_omni(
 
 @kernel
 def _move_diff(
-    cloud: Cloud,
+    cloud: Particles,
     count: int,
     normals: Floats,
     motion: tuple[float, float, float],

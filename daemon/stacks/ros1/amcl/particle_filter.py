@@ -18,8 +18,8 @@ from daemon.stacks.ros1.amcl.laser_model import LaserModel
 from daemon.stacks.ros1.amcl.motion_model import OdometryMotion, move_particles
 from daemon.stacks.ros1.amcl.resampling import (
     Bins,
-    Cloud,
     FreeCells,
+    Particles,
     clear_bins,
     fill_bins,
     label_clusters,
@@ -35,7 +35,7 @@ from grammars.model.grid import FREE, OccupancyGrid
 
 @kernel
 def summarise(
-    cloud: Cloud,
+    cloud: Particles,
     count: int,
     bins: Bins,
     labels: Integers,

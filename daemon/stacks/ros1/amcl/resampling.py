@@ -25,7 +25,7 @@ _BIN_SIZE = 0.5
 _BIN_ANGLE = 10.0 * math.pi / 180.0
 
 
-class Cloud(NamedTuple):
+class Particles(NamedTuple):
     """Particles as columns, of which the first so many count.
 
     ``poses`` (3, n), cosine and sine of their headings in ``directions`` (2, n), ``weights`` (n,).
@@ -36,9 +36,9 @@ class Cloud(NamedTuple):
     weights: Floats
 
 
-def new_cloud(most: int) -> Cloud:
+def new_cloud(most: int) -> Particles:
     """Return a cloud with room for ``most`` particles."""
-    return Cloud(np.empty((3, most)), np.empty((2, most)), np.full(most, 1.0 / most))
+    return Particles(np.empty((3, most)), np.empty((2, most)), np.full(most, 1.0 / most))
 
 
 class FreeCells(NamedTuple):
@@ -170,13 +170,13 @@ def particle_limits(parameters: AmclParameters) -> Integers:
 
 @kernel
 def resample(
-    cloud: Cloud,
+    cloud: Particles,
     count: int,
     injection: float,
     draws: Floats,
     free: FreeCells,
     limits: Integers,
-    new: Cloud,
+    new: Particles,
     bins: Bins,
     cumulative: Floats,
     guide: Integers,

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.amcl.particle_filter import summarise
-from daemon.stacks.ros1.amcl.resampling import Cloud, fill_bins, label_clusters, new_bins
+from daemon.stacks.ros1.amcl.resampling import Particles, fill_bins, label_clusters, new_bins
 from tests.daemon.stacks.ros1.amcl import plain
 
 
@@ -21,7 +21,7 @@ def summarised(poses, weights):
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(columns[2]), np.sin(columns[2])])
     result = np.empty(10)
-    cloud = Cloud(columns, directions, weights)
+    cloud = Particles(columns, directions, weights)
     summarise(cloud, len(poses), bins, labels, clusters, np.empty((len(poses), 5)), result)
     return result
 

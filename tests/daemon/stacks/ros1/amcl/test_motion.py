@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.amcl.motion_model import motion_between, move_particles
-from daemon.stacks.ros1.amcl.resampling import Cloud
+from daemon.stacks.ros1.amcl.resampling import Particles
 from grammars.model.geometry import Pose2
 from tests.daemon.stacks.ros1.amcl.plain import moved
 from tests.daemon.stacks.ros1.amcl.world import PUBLISHED
@@ -21,7 +21,7 @@ def compiled(
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     move_particles(
-        p, motion_between(before, after), Cloud(columns, directions, np.ones(len(poses))),
+        p, motion_between(before, after), Particles(columns, directions, np.ones(len(poses))),
         len(poses), normals.ravel(), full_turns=full_turns,
     )  # fmt: skip
     np.testing.assert_array_equal(directions, [np.cos(columns[2]), np.sin(columns[2])])

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.amcl.resampling import (
-    Cloud,
     FreeCells,
+    Particles,
     clear_bins,
     new_bins,
     new_cloud,
@@ -33,7 +33,7 @@ def drawn(
     everyone[: len(weights)] = weights
     new, bins = new_cloud(most), new_bins(most)
     count = resample(
-        Cloud(columns, directions, everyone), len(poses), injection, draws,
+        Particles(columns, directions, everyone), len(poses), injection, draws,
         FreeCells(free, 40, -1.0, -2.0, 0.05), particle_limits(p), new, bins, np.empty(most + 1),
         np.empty(most, dtype=np.int32),
     )  # fmt: skip

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from daemon.stacks.ros1.amcl.laser_model import LaserModel, beam_indices
-from daemon.stacks.ros1.amcl.resampling import Cloud
+from daemon.stacks.ros1.amcl.resampling import Particles
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
@@ -29,7 +29,7 @@ def weigh(
     weights = np.ones(len(poses))
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     columns = np.ascontiguousarray(poses.T)
-    cloud = Cloud(columns, directions, weights)
+    cloud = Particles(columns, directions, weights)
     total = sensor.weigh(np.asarray(ranges, dtype=np.float32), cloud, len(poses))
     assert total == pytest.approx(weights.sum())
     return weights
