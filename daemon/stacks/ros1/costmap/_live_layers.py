@@ -18,12 +18,12 @@ from daemon.stacks.ros1.costmap._grids import Cells, Changes, Frame, Grid, Numbe
 from daemon.stacks.ros1.costmap._inflation import InflationTable
 from daemon.stacks.ros1.costmap._observations import (
     Hears,
-    Observation,
     ObservationTable,
+    ObservedScan,
     SensedScan,
 )
 from daemon.stacks.ros1.costmap._obstacle_layer import (
-    Laser,
+    LaserPose,
     clear_rays,
     free_footprint,
     mark,
@@ -53,7 +53,7 @@ _NOWHERE: Final = np.array((1e30, 1e30, -1e30, -1e30))
 _FAR: Final = float(np.finfo(np.float32).max)
 _EVERYWHERE: Final = (-_FAR, -_FAR, _FAR, _FAR)
 """Bounds of a map that is to be redone as a whole [m] (costmap_2d uses the same numbers)."""
-_NO_LASER: Final = Laser(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_LASER: Final = LaserPose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NO_POINTS: Final = np.empty((0, 2), dtype=np.float32)
 
 
@@ -79,7 +79,7 @@ class EndPoints:
                     f"{len(scan.ranges)} ranges at {len(scan.angles)} angles are no scan"
                 )
 
-    def reaching(self, observation: Observation) -> tuple[Laser, Singles]:
+    def reaching(self, observation: ObservedScan) -> tuple[LaserPose, Singles]:
         """Return the laser and the end points (n, 2) [m] that reach the source.
 
         They are overwritten when those of another scan are asked for.
@@ -93,7 +93,7 @@ class EndPoints:
         self._last = observation.scan, observation.source.inf_is_valid, observation.has_points
         scan, count = self.scans[observation.scan], 0
         pose = scan.pose
-        laser = Laser(pose.x, pose.y, pose.yaw, scan.height, scan.range_min, scan.range_max)
+        laser = LaserPose(pose.x, pose.y, pose.yaw, scan.height, scan.range_min, scan.range_max)
         if observation.has_points:
             if len(self._room) < len(scan.ranges):
                 self._room = np.empty((len(scan.ranges), 2), dtype=np.float32)

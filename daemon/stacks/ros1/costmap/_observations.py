@@ -48,7 +48,7 @@ class SensedScan:
     received: float | None = None
 
 
-class Observation(NamedTuple):
+class ObservedScan(NamedTuple):
     """A scan, by its number, as one source of an obstacle layer knows it."""
 
     scan: int
@@ -68,9 +68,9 @@ class ObservationTable:
         )
         self._max_height = layer.max_obstacle_height
         self._known: list[tuple[int, int, float]] = []
-        self._observations: list[Observation] = []
+        self._observations: list[ObservedScan] = []
 
-    def observations(self, scans: Sequence[SensedScan]) -> list[Observation]:
+    def observations(self, scans: Sequence[SensedScan]) -> list[ObservedScan]:
         """Return the observations among ``scans``, in the order of the original's buffers."""
         known = [
             (index, number, scans[number].height)
@@ -83,10 +83,10 @@ class ObservationTable:
             self._observations = [self._observation(*item) for item in known]
         return self._observations
 
-    def _observation(self, index: int, number: int, height: float) -> Observation:
+    def _observation(self, index: int, number: int, height: float) -> ObservedScan:
         source = self._sources[index][0]
         marks = source.marking and point_height(height) <= self._max_height
-        return Observation(number, source, hears_height(source, height), marks)
+        return ObservedScan(number, source, hears_height(source, height), marks)
 
 
 def kept_scans(

@@ -28,7 +28,7 @@ from grammars.model.geometry import Floats
 _BELOW_MAX_RANGE = np.float32(0.0001)
 
 
-class Laser(NamedTuple):
+class LaserPose(NamedTuple):
     """Pose of a laser in the costmap's frame [m, rad], and the limits of its ranges [m]."""
 
     x: float
@@ -41,7 +41,7 @@ class Laser(NamedTuple):
 
 @kernel
 def project(
-    laser: Laser, ranges: Singles, directions: Floats, infinite: bool, points: Singles
+    laser: LaserPose, ranges: Singles, directions: Floats, infinite: bool, points: Singles
 ) -> int:
     """Write the end points of valid rays in the global frame, return how many.
 
@@ -89,7 +89,9 @@ def _cut_ray(frame: Frame, ox: float, oy: float, wx: float, wy: float) -> tuple[
 
 
 @kernel
-def clear_rays(grid: Grid, changes: Changes, laser: Laser, points: Singles, reach: float) -> None:
+def clear_rays(
+    grid: Grid, changes: Changes, laser: LaserPose, points: Singles, reach: float
+) -> None:
     """Clear from the laser to every end point, cut off at the edge of the grid.
 
     Each ray clears a Bresenham line of at most ``reach`` [m], both ends included.
@@ -133,7 +135,7 @@ def clear_rays(grid: Grid, changes: Changes, laser: Laser, points: Singles, reac
 
 
 @kernel
-def mark(grid: Grid, changes: Changes, laser: Laser, points: Singles, reach: float) -> None:
+def mark(grid: Grid, changes: Changes, laser: LaserPose, points: Singles, reach: float) -> None:
     """Make the cells of end points nearer than ``reach`` lethal."""
     for i in range(points.shape[0]):
         x, y = np.float64(points[i, 0]), np.float64(points[i, 1])

@@ -29,7 +29,7 @@ from daemon.stacks.ros1.costmap._grids import (
     grow_bounds,
     note_change,
 )
-from daemon.stacks.ros1.costmap._obstacle_layer import Laser
+from daemon.stacks.ros1.costmap._obstacle_layer import LaserPose
 from daemon.stacks.ros1.costmap.layers import VoxelLayer
 
 Columns: TypeAlias = npt.NDArray[np.uint32]
@@ -177,7 +177,7 @@ def _cut(part: float, begin: float, end: float, low: float, cells: int, resoluti
 
 @kernel
 def _part_inside(
-    frame: Frame, heights: Heights, laser: Laser, x: float, y: float, z: float
+    frame: Frame, heights: Heights, laser: LaserPose, x: float, y: float, z: float
 ) -> float:
     """Return how much of the way from the laser to a point [m] is in the grid to be raytraced."""
     part = 1.0
@@ -192,7 +192,7 @@ def _part_inside(
 
 @kernel
 def clear_voxels(
-    grid: Grid, changes: Changes, voxels: Voxels, laser: Laser, points: Singles, reach: float
+    grid: Grid, changes: Changes, voxels: Voxels, laser: LaserPose, points: Singles, reach: float
 ) -> None:
     """Clear from the laser towards every end point."""
     frame, heights = grid.frame, voxels.heights
@@ -223,7 +223,7 @@ def clear_voxels(
 
 @kernel
 def mark_voxels(
-    grid: Grid, changes: Changes, voxels: Voxels, laser: Laser, points: Singles, reach: float
+    grid: Grid, changes: Changes, voxels: Voxels, laser: LaserPose, points: Singles, reach: float
 ) -> None:
     """Mark the voxels of end points nearer than ``reach``."""
     heights, height = voxels.heights, np.float64(np.float32(laser.height))
