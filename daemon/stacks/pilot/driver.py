@@ -15,7 +15,7 @@ from daemon.stacks.pilot.motion import (
     CollisionGuard,
     DriveLimits,
     Pursuit,
-    body_of,
+    hull_of,
     scaled,
     stoppable,
 )
@@ -66,14 +66,14 @@ class Driver:
     """Drives one mission; ``update`` is called every ``period`` seconds."""
 
     def __init__(self, briefing: Briefing, parameters: PilotParameters, period: float) -> None:
-        field, body = map_field(briefing.map), body_of(briefing.robot.footprint)
+        field, hull = map_field(briefing.map), hull_of(briefing.robot.footprint)
         self._parameters, self._period = parameters, period
         self._waypoints = briefing.mission.waypoints
         self._limits = DriveLimits(briefing.robot.drive, parameters)
         self._sensing = Sensing(briefing, field, parameters)
-        self._guard = CollisionGuard(body, field, self._limits, parameters)
-        self._front = float(body.rim[:, 0].max())
-        lethal = float(body.planes[:, 2].min()) + _CLEARANCE
+        self._guard = CollisionGuard(hull, field, self._limits, parameters)
+        self._front = float(hull.rim[:, 0].max())
+        lethal = float(hull.planes[:, 2].min()) + _CLEARANCE
         preferred = max(parameters.preferred_clearance, lethal + field.resolution)
         self._planner = Planner(field, lethal, preferred, parameters.goal_tolerance)
         self._state: Literal["active", "succeeded", "aborted"] = "active"

@@ -130,7 +130,7 @@ class Pursuit:
         return Twist2(top, 0.0, top * curvature)
 
 
-class Body(NamedTuple):
+class Hull(NamedTuple):
     """A convex footprint: its edges ``planes`` (m, 3) and points ``rim`` (n, 2) on them [m].
 
     An edge is its outward unit normal and offset: a point is outside by
@@ -141,8 +141,8 @@ class Body(NamedTuple):
     rim: Floats
 
 
-def body_of(footprint: Ring, spacing: float = 0.1) -> Body:
-    """Return the body of a ring, counter-clockwise, with points at most ``spacing`` [m] apart."""
+def hull_of(footprint: Ring, spacing: float = 0.1) -> Hull:
+    """Return the hull of a ring, counter-clockwise, with points at most ``spacing`` [m] apart."""
     planes, rim = [], []
     for (ax, ay), (bx, by) in zip(footprint, footprint[1:] + footprint[:1], strict=True):
         length = math.hypot(bx - ax, by - ay)
@@ -150,7 +150,7 @@ def body_of(footprint: Ring, spacing: float = 0.1) -> Body:
         planes.append((nx, ny, nx * ax + ny * ay))
         steps = math.ceil(length / spacing)
         rim += [(ax + (bx - ax) * k / steps, ay + (by - ay) * k / steps) for k in range(steps)]
-    return Body(np.array(planes), np.array(rim))
+    return Hull(np.array(planes), np.array(rim))
 
 
 @kernel
@@ -178,7 +178,7 @@ class Clear(NamedTuple):
 
 @kernel
 def keep_clear(
-    body: Body,
+    hull: Hull,
     around: Surroundings,
     field: MapField,
     pose: tuple[float, float, float],
@@ -192,7 +192,7 @@ def keep_clear(
     """
     # One kernel: the sweep is computed once and serves points and walls.
     (vx, wz), (horizon, step, margin, reach) = command, look
-    planes, rim, points = body.planes, body.rim, around.points
+    planes, rim, points = hull.planes, hull.rim, around.points
     steps = max(1, math.ceil(horizon / step))
     sweep = np.empty((steps + 1, 4))
     x = y = 0.0
@@ -279,11 +279,11 @@ class CollisionGuard:
     """
 
     def __init__(
-        self, body: Body, field: MapField, limits: DriveLimits, parameters: PilotParameters
+        self, hull: Hull, field: MapField, limits: DriveLimits, parameters: PilotParameters
     ) -> None:
-        self._body, self._field, self._limits = body, field, limits
+        self._hull, self._field, self._limits = hull, field, limits
         self._margin, self._spare = parameters.safety_margin, parameters.stop_distance
-        self._radius = float(np.hypot(body.rim[:, 0], body.rim[:, 1]).max())
+        self._radius = float(np.hypot(hull.rim[:, 0], hull.rim[:, 1]).max())
         self._creep = min(_CREEP, limits.speed)
         self.nearest = math.inf
 
@@ -350,7 +350,7 @@ class CollisionGuard:
         pace = max(self._pace(command), 0.02)
         reach = self._radius + _BESIDE + abs(command.vx) * horizon
         clear = keep_clear(
-            self._body, around, self._field, (pose.x, pose.y, pose.yaw),
+            self._hull, around, self._field, (pose.x, pose.y, pose.yaw),
             (command.vx, command.wz), (horizon, _STRIDE / pace, margin, reach),
         )  # fmt: skip
         self.nearest = clear.nearest

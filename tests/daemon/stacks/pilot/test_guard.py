@@ -3,7 +3,7 @@ import pytest
 
 from daemon.stacks.pilot import PilotParameters
 from daemon.stacks.pilot.maps import map_field
-from daemon.stacks.pilot.motion import CollisionGuard, DriveLimits, body_of
+from daemon.stacks.pilot.motion import CollisionGuard, DriveLimits, hull_of
 from daemon.stacks.pilot.sensing import Surroundings
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.pilot.plans import OUTER, SIZE
@@ -12,7 +12,7 @@ from tests.daemon.stacks.pilot.world import a_robot, draw
 ROBOT = a_robot()
 PARAMETERS = PilotParameters()
 LIMITS = DriveLimits(ROBOT.drive, PARAMETERS)
-BODY = body_of(ROBOT.footprint)
+BODY = hull_of(ROBOT.footprint)
 GUARD = CollisionGuard(BODY, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
 MIDDLE = Pose2(4.5, 2.5, 0.0)
 FORWARD = Twist2(0.5, 0.0, 0.0)
