@@ -34,7 +34,7 @@ RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 Script: TypeAlias = tuple[Behaviour, ...]
 """The behaviours of all doors and people in a run."""
 
-ENGINE_VERSION: Final = "5"
+ENGINE_VERSION: Final = "6"
 """Raised whenever a change alters traces of unchanged specifications."""
 
 
