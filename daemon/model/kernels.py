@@ -15,6 +15,7 @@ import gc
 import hashlib
 import json
 import os
+import sys
 import types
 import zlib
 from collections.abc import Callable, Iterator
@@ -37,12 +38,17 @@ from grammars.text.files import write_atomically
 
 F = TypeVar("F", bound=Callable[..., Any])
 KernelFile: TypeAlias = tuple[str, str, str]
-"""Module and name of a kernel, and the file with the machine code that was called."""
+"""Module and name of a kernel, and the file with the machine code that was called.
+
+A module alone, with two empty texts, has no kernel that was called, and is needed all the same.
+"""
 
 CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
 _CONSTANTS: Final = (bool, int, float, str, bytes, tuple, np.generic)
 _COLLECT_RARELY: Final = 50_000
 """Objects made between two collections while numba compiles."""
+_SYSTEMS: Final = "daemon.stacks."
+"""Modules that are imported by the run that needs them."""
 _OURS: Final = "daemon."
 """Modules that a list of kernels may name: it is read from a file."""
 
@@ -299,12 +305,18 @@ def compiling_ahead(tell: Callable[[], object]) -> Iterator[Callable[[], tuple[K
     """Compile kernels in processes of their own as soon as :func:`machine_code` asks for one.
 
     Calls ``tell`` after each kernel, in these processes too. Yields a function that returns which
-    kernels were called so far, for :func:`keep_list`. For a process without threads.
+    kernels were called so far, and which modules of systems imported, for :func:`keep_list`. For a
+    process without threads.
     """
     called: dict[KernelFile, None] = {}
+
+    def collect() -> tuple[KernelFile, ...]:
+        systems = [name for name in sys.modules if name.startswith(_SYSTEMS)]
+        return (*called, *((name, "", "") for name in systems))
+
     _compiler.called, _compiler.ahead, _compiler.tell = called, [], tell
     try:
-        yield lambda: tuple(called)
+        yield collect
     finally:
         for process in _compiler.ahead:
             os.waitpid(process, 0)
@@ -342,10 +354,10 @@ def _load(module: str, name: str, file: str) -> bool:
     if not module.startswith(_OURS):
         return False
     try:
-        function = getattr(import_module(module), name, None)
+        function = getattr(import_module(module), name, None) if name else import_module(module)
     except ImportError:
         return False  # of another version
-    return isinstance(function, _Kernel) and function.load_file(file)
+    return not name or (isinstance(function, _Kernel) and function.load_file(file))
 
 
 @cache
