@@ -295,6 +295,7 @@ def main() -> None:
         # Also of an executor that plugs in.
         wire.send(FAILED + traceback.format_exc()[-LONGEST_WORDS:].encode("utf-8", "replace"))
         return
+    _keep_for_good()
     wire.send(READY)
     Zygote(wire, execute).live()
 

@@ -82,7 +82,7 @@ class _Kernel(CPUDispatcher):
             return super().compile(sig)
         with _compiler.alone(self._cache.place):
             code = super().compile(sig)
-        if _compiler.depth == 0 and _compiler.called is not None:
+        if _compiler.depth == 0:
             _compiler.called[self._entry(arguments)] = None
         return code
 
@@ -250,13 +250,13 @@ class _Compiler:
     """Compiling in this process: locks, the garbage collector, and what is told of it.
 
     ``depth`` counts the kernels that are being compiled, each of which the one before calls.
-    ``called`` collects the kernels that Python calls, ``ahead`` the processes that compile what is
-    called later; they are ``None`` unless somebody asks for it.
+    ``called`` are the kernels that Python has called, ``ahead`` the processes that compile what is
+    called later, ``None`` unless somebody asks for it.
     """
 
     def __init__(self) -> None:
         self.depth = 0
-        self.called: dict[KernelFile, None] | None = None
+        self.called: dict[KernelFile, None] = {}
         self.ahead: list[int] | None = None
         self.tell: Callable[[], object] = _say_nothing
         self._lock: int | None = None
@@ -305,22 +305,21 @@ def compiling_ahead(tell: Callable[[], object]) -> Iterator[Callable[[], tuple[K
     """Compile kernels in processes of their own as soon as :func:`machine_code` asks for one.
 
     Calls ``tell`` after each kernel, in these processes too. Yields a function that returns which
-    kernels were called so far, and which modules of systems imported, for :func:`keep_list`. For a
-    process without threads.
+    kernels this process has called, and which modules of systems imported, for :func:`keep_list`.
+    For a process without threads.
     """
-    called: dict[KernelFile, None] = {}
 
     def collect() -> tuple[KernelFile, ...]:
         systems = [name for name in sys.modules if name.startswith(_SYSTEMS)]
-        return (*called, *((name, "", "") for name in systems))
+        return (*_compiler.called, *((name, "", "") for name in systems))
 
-    _compiler.called, _compiler.ahead, _compiler.tell = called, [], tell
+    _compiler.ahead, _compiler.tell = [], tell
     try:
         yield collect
     finally:
         for process in _compiler.ahead:
             os.waitpid(process, 0)
-        _compiler.called, _compiler.ahead, _compiler.tell = None, None, _say_nothing
+        _compiler.ahead, _compiler.tell = None, _say_nothing
 
 
 def keep_list(name: str, kernels: tuple[KernelFile, ...]) -> None:

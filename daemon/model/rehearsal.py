@@ -18,8 +18,8 @@ from grammars.text import codec
 
 WITH_KERNELS: Final = ("pilot", "ros")
 """Kinds of systems that have kernels of their own: of all others the short run has none."""
-SHORT: Final = 3.0
-"""Simulated seconds: until then each of these systems has localised, planned and driven."""
+SHORT: Final = 20.0
+"""Simulated seconds: until then each of these systems has planned and driven around something."""
 _IDLE: Final = SutReference("idle", "idle", {})
 
 

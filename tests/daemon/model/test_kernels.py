@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daemon.model import kernels
-from daemon.model.kernels import cache_folder, kernel, machine_code
+from daemon.model.kernels import cache_folder, compiling_ahead, kernel, machine_code
 
 CALLEE = """
 from daemon.model.kernels import kernel
@@ -160,6 +160,13 @@ def test_machine_code_answers_as_its_kernel_for_other_values_of_the_same_types()
     direct = machine_code(shifted, np.ones(3), 1.0)
     for by in (0.5, -2.0):
         assert direct(2.0 * np.ones(4), by) == shifted(2.0 * np.ones(4), by) == 2.0 + by
+
+
+def test_a_list_names_also_kernels_that_were_called_before(tmp_path):
+    shifted(np.ones(3), 1.0)
+    with compiling_ahead(lambda: None) as called:
+        shifted(np.ones(3), 1.0)
+        assert [name for _, name, _ in called()].count("shifted") == 1
 
 
 def test_machine_code_is_compiled_by_a_process_of_its_own_while_somebody_asks_for_that(tmp_path):
