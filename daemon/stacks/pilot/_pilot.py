@@ -16,21 +16,14 @@ PERIOD: Final = 0.05
 
 
 class Pilot:
-    """The small navigation stack of the project, as a system under test."""
+    """The small navigation stack of the project, as a system under test. It localises itself."""
+
+    period = PERIOD
+    needs_ground_truth = False
 
     def __init__(self, parameters: PilotParameters) -> None:
         self.parameters = parameters
         self._driver: Driver | None = None
-
-    @property
-    def period(self) -> float:
-        """Seconds of simulated time between two updates."""
-        return PERIOD
-
-    @property
-    def needs_ground_truth(self) -> bool:
-        """It localises itself."""
-        return False
 
     def start(self, briefing: Briefing) -> None:
         """Prepare the map for one run; raises ``ValueError`` for a map without free cells."""
@@ -49,15 +42,8 @@ class Pilot:
 class Idle:
     """Stands still and reaches nothing: for benchmarks, and for watching a scene."""
 
-    @property
-    def period(self) -> float:
-        """Seconds of simulated time between two updates."""
-        return PERIOD
-
-    @property
-    def needs_ground_truth(self) -> bool:
-        """It needs nothing."""
-        return False
+    period = PERIOD
+    needs_ground_truth = False
 
     def start(self, briefing: Briefing) -> None:
         """Nothing to prepare."""

@@ -9,17 +9,21 @@ matrix, which makes the solution the update of an iterated Kalman filter.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from daemon.model.kernels import kernel
+from daemon.model.kernels import kernel, machine_code
 from daemon.model.sut import Estimate, Odometry
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.maps import MapField, interpolate
-from grammars.model.geometry import Floats, Pose2, wrap_angle
+from grammars.model.geometry import Floats, Point2, Pose2, wrap_angle
 from grammars.model.robot import Laser, OdometryNoise
 
+Triple: TypeAlias = tuple[float, float, float]
+
+_INSET = 0.5
+"""Mean depth of a wall behind its painted edge where it paints every cell it touches [cells]."""
 _INSET = 0.5
 """Mean depth of a wall behind its painted edge where it paints every cell it touches [cells]."""
 _STENCIL = 1.5
@@ -32,36 +36,32 @@ _ITERATIONS = 12
 _LEAST_INLIERS = 8
 _NARROW = 0.05
 """Width of the matcher's weights when the pose is sure [m]."""
-
-
-class Fit(NamedTuple):
-    """Returns to match: ``points`` (n, 2) in the map, seen by a laser at ``eye`` (x, y).
-
-    They are as seen from the pose ``mean`` (x, y, yaw) of the base. ``sigma`` is the standard
-    deviation of one of them [m].
-    """
-
-    points: Floats
-    mean: tuple[float, float, float]
-    eye: tuple[float, float]
-    sigma: float
+_SETTLED = 2e-4
+"""A smaller step ends the matching [m]; half of it counts for the heading [rad]."""
 
 
 @kernel
 def _normal_equations(
-    field: MapField, fit: Fit, pose: Floats, width: float, hessian: Floats, slope: Floats
+    field: MapField,
+    points: Floats,
+    mean: Triple,
+    eye: Point2,
+    sigma: float,
+    pose: Floats,
+    width: float,
+    sums: Floats,
 ) -> int:
-    """Add the weighted normal equations at ``pose`` to ``hessian`` (3, 3) and ``slope`` (3,).
+    """Add the weighted normal equations at ``pose`` to ``sums`` (3, 4), the right side last.
 
     Weights are Geman-McClure's with scale ``width`` [m]; points farther than three widths from
     any wall (doors, people) count nothing. Returns the number of inliers.
     """
     size, surface = field.resolution, field.surface
-    c, s = math.cos(pose[2] - fit.mean[2]), math.sin(pose[2] - fit.mean[2])
+    c, s = math.cos(pose[2] - mean[2]), math.sin(pose[2] - mean[2])
     inliers = 0
     last_x = last_y = 1e9
-    for i in range(fit.points.shape[0]):
-        px, py = fit.points[i, 0] - fit.mean[0], fit.points[i, 1] - fit.mean[1]
+    for i in range(points.shape[0]):
+        px, py = points[i, 0] - mean[0], points[i, 1] - mean[1]
         # Returns closer together than a cell share its error, so only the first counts.
         if (px - last_x) ** 2 + (py - last_y) ** 2 < size * size:
             continue
@@ -77,50 +77,46 @@ def _normal_equations(
         gx = interpolate(surface, u + _STENCIL, v) - interpolate(surface, u - _STENCIL, v)
         gy = interpolate(surface, u, v + _STENCIL) - interpolate(surface, u, v - _STENCIL)
         steep = math.hypot(gx, gy)
-        seen_x, seen_y = fit.points[i, 0] - fit.eye[0], fit.points[i, 1] - fit.eye[1]
         # A laser sees faces that look towards it, never the back of a wall.
-        faces = gx * seen_x + gy * seen_y <= 0.0
+        faces = gx * (points[i, 0] - eye[0]) + gy * (points[i, 1] - eye[1]) <= 0.0
         sloped = _LEAST_SLOPE < steep / (2.0 * _STENCIL * size) < _MOST_SLOPE
         if not (faces and sloped):
             continue
         gx, gy = gx / steep, gy / steep
-        towards = (gx, gy, gy * rx - gx * ry)
+        row = (gx, gy, gy * rx - gx * ry, residual)
         ratio = residual / width
-        weight = 1.0 / (fit.sigma * (1.0 + ratio * ratio)) ** 2
+        weight = 1.0 / (sigma * (1.0 + ratio * ratio)) ** 2
         for k in range(3):
-            slope[k] += weight * towards[k] * residual
-            for j in range(3):
-                hessian[k, j] += weight * towards[k] * towards[j]
+            for j in range(4):
+                sums[k, j] += weight * row[k] * row[j]
         inliers += 1
     return inliers
 
 
 @kernel
-def _distrust_weak_direction(hessian: Floats, slope: Floats) -> None:
+def _distrust_weak_direction(sums: Floats) -> None:
     """Take what the raster of the map feigns off the direction that is seen worst, in place.
 
     The gradients of a painted wall are off by some degrees, so a corridor seems to tell a little
     about the position along it.
     """
-    a, b, c = hessian[0, 0], hessian[0, 1], hessian[1, 1]
+    a, b, c = sums[0, 0], sums[0, 1], sums[1, 1]
     middle, spread = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
     weak, feigned = max(1e-9, middle - spread), _FEIGNED * (middle + spread)
     cut = 1.0 - math.sqrt(max(0.0, weak - feigned) / weak)
     angle = 0.5 * math.atan2(2.0 * b, a - c)
     wx, wy = -math.sin(angle), math.cos(angle)
-    along = cut * (wx * slope[0] + wy * slope[1])
-    slope[0], slope[1] = slope[0] - along * wx, slope[1] - along * wy
+    for k in range(4):
+        along = cut * (wx * sums[0, k] + wy * sums[1, k])
+        sums[0, k], sums[1, k] = sums[0, k] - along * wx, sums[1, k] - along * wy
     for k in range(3):
-        along = cut * (wx * hessian[0, k] + wy * hessian[1, k])
-        hessian[0, k], hessian[1, k] = hessian[0, k] - along * wx, hessian[1, k] - along * wy
-    for k in range(3):
-        along = cut * (wx * hessian[k, 0] + wy * hessian[k, 1])
-        hessian[k, 0], hessian[k, 1] = hessian[k, 0] - along * wx, hessian[k, 1] - along * wy
+        along = cut * (wx * sums[k, 0] + wy * sums[k, 1])
+        sums[k, 0], sums[k, 1] = sums[k, 0] - along * wx, sums[k, 1] - along * wy
 
 
 @kernel
 def _invert(a: Floats, result: Floats) -> None:
-    """Write the inverse of a symmetric positive definite (3, 3) matrix into ``result``."""
+    """Write the inverse of the symmetric positive definite ``a[:, :3]`` (3, 3) into ``result``."""
     for k in range(3):
         k1, k2 = (k + 1) % 3, (k + 2) % 3
         for j in range(3):
@@ -133,33 +129,41 @@ def _invert(a: Floats, result: Floats) -> None:
 
 
 @kernel
-def match_scan(field: MapField, fit: Fit, covariance: Floats, width: float) -> Floats:
-    """Return the pose (3,) that fits a scan.
+def match_scan(
+    field: MapField,
+    points: Floats,
+    mean: Triple,
+    eye: Point2,
+    sigma: float,
+    covariance: Floats,
+    width: float,
+) -> Triple:
+    """Return the pose (x, y, yaw) of the base that fits a scan.
 
-    The weights narrow from ``width`` to ``_NARROW`` [m] (graduated non-convexity). ``covariance``
-    (3, 3) is that of the predicted pose and becomes that of the result. With too few inliers
-    nothing changes.
+    ``points`` (n, 2) are its returns in the map as seen from the pose ``mean``, by a laser at
+    ``eye``; ``sigma`` is the standard deviation of one of them [m]. The weights narrow from
+    ``width`` to ``_NARROW`` [m] (graduated non-convexity). ``covariance`` (3, 3) is that of the
+    predicted pose and becomes that of the result. With too few inliers nothing changes.
     """
     prior, inverse = np.empty((3, 3)), np.empty((3, 3))
-    pose, step, mean = np.empty(3), np.empty(3), np.empty(3)
-    for k in range(3):
-        pose[k] = mean[k] = fit.mean[k]
+    pose, step = np.array(mean), np.empty(3)
     _invert(covariance, prior)
     for _ in range(_ITERATIONS):
-        hessian, slope = np.zeros((3, 3)), np.zeros(3)
-        inliers = _normal_equations(field, fit, pose, width, hessian, slope)
+        sums = np.zeros((3, 4))
+        inliers = _normal_equations(field, points, mean, eye, sigma, pose, width, sums)
         if inliers < _LEAST_INLIERS:
             return mean
-        _distrust_weak_direction(hessian, slope)
+        _distrust_weak_direction(sums)
         for k in range(3):
             for j in range(3):
-                slope[k] += prior[k, j] * (pose[j] - mean[j])
-                hessian[k, j] += prior[k, j]
-        _invert(hessian, inverse)
+                sums[k, 3] += prior[k, j] * (pose[j] - mean[j])
+                sums[k, j] += prior[k, j]
+        _invert(sums, inverse)
         for k in range(3):
-            step[k] = inverse[k, 0] * slope[0] + inverse[k, 1] * slope[1] + inverse[k, 2] * slope[2]
+            step[k] = inverse[k, 0] * sums[0, 3] + inverse[k, 1] * sums[1, 3]
+            step[k] += inverse[k, 2] * sums[2, 3]
             pose[k] -= step[k]
-        settled = abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4
+        settled = abs(step[0]) + abs(step[1]) < _SETTLED and abs(step[2]) < 0.5 * _SETTLED
         if settled and width <= _NARROW:
             break
         width = max(_NARROW, 0.6 * width)
@@ -167,7 +171,7 @@ def match_scan(field: MapField, fit: Fit, covariance: Floats, width: float) -> F
     for k in range(3):
         for j in range(3):
             covariance[k, j] = inverse[k, j]
-    return pose
+    return pose[0], pose[1], pose[2]
 
 
 @kernel
@@ -221,6 +225,9 @@ class Localiser:
         self._last: Odometry | None = None
         self._odometry = Pose2()
         self._distance = self._turn = 0.0
+        at, nothing = (0.0, 0.0, 0.0), np.empty((0, 2))
+        sample = field, nothing, at, at[:2], 0.0, self._covariance, 0.0
+        self._match = machine_code(match_scan, *sample)
 
     def estimate(self, time: float) -> Estimate:
         """Return the estimate with a covariance that includes the map's own error."""
@@ -249,9 +256,8 @@ class Localiser:
         unsure += _LEVER * math.sqrt(covariance[2, 2])
         sigma = math.sqrt((laser.noise**2 + _RASTER**2) * _ALIKE)
         eye = pose.apply((laser.mount.x, laser.mount.y))
-        fit = Fit(points, (pose.x, pose.y, pose.yaw), eye, sigma)
-        matched = match_scan(self._field, fit, covariance, min(_WIDE, _NARROW + unsure))
-        x, y, yaw = matched.tolist()
+        mean, width = (pose.x, pose.y, pose.yaw), min(_WIDE, _NARROW + unsure)
+        x, y, yaw = self._match(self._field, points, mean, eye, sigma, covariance, width)
         self.pose = self._spread_at = Pose2(x, y, wrap_angle(yaw))
 
     def _move_to(self, odometry: Pose2) -> None:

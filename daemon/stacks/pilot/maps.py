@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -89,39 +89,32 @@ def interpolate(values: Singles, u: float, v: float) -> float:
     return float((1.0 - b) * lower + b * upper)
 
 
-class Scan(NamedTuple):
-    """One scan: ``ranges`` (rays,) [m], the pose of the laser in the map, its angles and reach."""
-
-    ranges: Singles
-    x: float
-    y: float
-    yaw: float
-    first: float
-    step: float
-    least: float
-    most: float
+Scan: TypeAlias = tuple[Singles, tuple[float, float, float], tuple[float, float, float, float]]
+"""A scan: its ranges (rays,) [m]; the pose (x, y, yaw) of the laser in the map; the angle of the
+first ray, that between two rays [rad], the least and the longest range [m]."""
 
 
 @kernel
-def project(field: MapField, scan: Scan) -> tuple[Floats, np.ndarray, np.ndarray]:
-    """Return the returns of a scan (n, 2) in the map, which it explains, and which for sure (n,).
+def project(field: MapField, scan: Scan) -> tuple[Floats, np.ndarray, Floats]:
+    """Return the returns of a scan (n, 2) in the map, which it explains (n,), and the sure ones.
 
     Rays that are lost or saw nothing are left out (REP 117). The map explains a return near a
     painted wall or behind it: 1, else 0. Neighbours of others are not sure: the end of a leaf
     that touches its wall would turn the wall with it.
     """
     rows, columns = field.surface.shape
-    points = np.empty((scan.ranges.shape[0], 2))
-    known = np.empty(scan.ranges.shape[0], dtype=np.uint8)
-    c, s = math.cos(scan.yaw + scan.first), math.sin(scan.yaw + scan.first)
-    turn_c, turn_s = math.cos(scan.step), math.sin(scan.step)
-    count = 0
-    for i in range(scan.ranges.shape[0]):
-        away = float(scan.ranges[i])
-        x, y = scan.x + away * c, scan.y + away * s
+    ranges, (sx, sy, yaw), (first, step, least, most) = scan
+    points, sure = np.empty((ranges.shape[0], 2)), np.empty((ranges.shape[0], 2))
+    known = np.empty(ranges.shape[0], dtype=np.uint8)
+    c, s = math.cos(yaw + first), math.sin(yaw + first)
+    turn_c, turn_s = math.cos(step), math.sin(step)
+    count = sures = 0
+    for i in range(ranges.shape[0]):
+        away = float(ranges[i])
+        x, y = sx + away * c, sy + away * s
         # Turned from ray to ray: a sine for each would take most of the time.
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        if not (scan.least <= away <= scan.most):
+        if not (least <= away <= most):
             continue
         column = math.floor((x - field.x) / field.resolution)
         row = math.floor((y - field.y) / field.resolution)
@@ -129,57 +122,56 @@ def project(field: MapField, scan: Scan) -> tuple[Floats, np.ndarray, np.ndarray
         known[count] = inside and field.surface[row, column] <= _EXPLAINED
         points[count, 0], points[count, 1] = x, y
         count += 1
-    sure = known[:count].copy()
-    for i in range(count):
-        if not known[i]:
-            for k in range(max(0, i - _NEIGHBOURS), min(count, i + _NEIGHBOURS + 1)):
-                sure[k] = 0
-    return points[:count], known[:count], sure
+    odd = -_NEIGHBOURS - 1
+    for i in range(count + _NEIGHBOURS):
+        if i < count and not known[i]:
+            odd = i
+        k = i - _NEIGHBOURS
+        if k >= 0 and k - odd > _NEIGHBOURS:
+            sure[sures, 0], sure[sures, 1] = points[k, 0], points[k, 1]
+            sures += 1
+    return points[:count], known[:count], sure[:sures]
 
 
 @kernel
 def _is_seen_through(scan: Scan, x: float, y: float, margin: float) -> bool:
     """Tell whether the ray towards a point goes on beyond it by ``margin`` [m]."""
-    away = math.hypot(x - scan.x, y - scan.y)
-    angle = math.atan2(y - scan.y, x - scan.x) - scan.yaw - scan.first
+    ranges, (sx, sy, yaw), (first, step, _, most) = scan
+    away = math.hypot(x - sx, y - sy)
+    angle = math.atan2(y - sy, x - sx) - yaw - first
     angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
-    ray = round(angle / scan.step) if scan.step > 0.0 else 0
-    if away >= scan.most or ray >= scan.ranges.shape[0]:
+    ray = round(angle / step) if step > 0.0 else 0
+    if away >= most or ray >= ranges.shape[0]:
         return False
     # A lost ray is nan and compares false: it clears nothing.
-    return bool(abs(angle - ray * scan.step) <= scan.step and scan.ranges[ray] > away + margin)
-
-
-class Marks(NamedTuple):
-    """Marked cells: ``centres`` (n, 2) [m], and ``stamps`` (rows, columns), 0 where unmarked.
-
-    A stamp is the number of the scan that saw the cell last. This scan is ``now``; cells with a
-    stamp below ``oldest`` are forgotten.
-    """
-
-    centres: Floats
-    stamps: Integers
-    now: int
-    oldest: int
+    return bool(abs(angle - ray * step) <= step and ranges[ray] > away + margin)
 
 
 @kernel
 def update_marks(
-    field: MapField, marks: Marks, scan: Scan, points: Floats, known: np.ndarray
+    field: MapField,
+    centres: Floats,
+    stamps: Integers,
+    seen: tuple[int, int],
+    scan: Scan,
+    points: Floats,
+    known: np.ndarray,
 ) -> Floats:
-    """Return the centres of the marked cells (n, 2) after one scan; ``stamps`` change in place.
+    """Return the centres of the marked cells (n, 2) [m] after one scan.
 
+    ``stamps`` (rows, columns) change in place: the number of the scan that saw a cell last, 0 in
+    unmarked cells. ``seen`` is the number of this scan and the oldest one that is not forgotten.
     Cells that a ray looks through go. Each marked cell asks the ray that points at it: this costs
     nothing for the empty space that other rays cross and leaves no gaps between rays. Then the
     returns that the map does not explain are marked.
     """
-    size, stamps = field.resolution, marks.stamps
-    kept = np.empty((marks.centres.shape[0] + points.shape[0], 2))
+    size, (now, oldest) = field.resolution, seen
+    kept = np.empty((centres.shape[0] + points.shape[0], 2))
     count = 0
-    for i in range(marks.centres.shape[0]):
-        x, y = marks.centres[i, 0], marks.centres[i, 1]
+    for i in range(centres.shape[0]):
+        x, y = centres[i, 0], centres[i, 1]
         row, column = math.floor((y - field.y) / size), math.floor((x - field.x) / size)
-        if stamps[row, column] < marks.oldest or _is_seen_through(scan, x, y, 2.0 * size):
+        if stamps[row, column] < oldest or _is_seen_through(scan, x, y, 2.0 * size):
             stamps[row, column] = 0
         else:
             kept[count, 0], kept[count, 1] = x, y
@@ -188,13 +180,13 @@ def update_marks(
         x, y = points[i, 0], points[i, 1]
         row, column = math.floor((y - field.y) / size), math.floor((x - field.x) / size)
         inside = 0 <= row < stamps.shape[0] and 0 <= column < stamps.shape[1]
-        if known[i] or not inside or math.hypot(x - scan.x, y - scan.y) > _REACH:
+        if known[i] or not inside or math.hypot(x - scan[1][0], y - scan[1][1]) > _REACH:
             continue
         if stamps[row, column] == 0:
             kept[count, 0] = field.x + (column + 0.5) * size
             kept[count, 1] = field.y + (row + 0.5) * size
             count += 1
-        stamps[row, column] = marks.now
+        stamps[row, column] = now
     return kept[:count]
 
 
@@ -225,8 +217,10 @@ class UnmappedObstacles:
     def update(self, scan: Scan, points: Floats, known: np.ndarray) -> None:
         """Take a scan as it was projected."""
         self._now += 1
-        marks = Marks(self.centres, self._stamps, self._now, self._now - self._memory)
-        self.centres = update_marks(self._field, marks, scan, points, known)
+        seen = self._now, self._now - self._memory
+        self.centres = update_marks(
+            self._field, self.centres, self._stamps, seen, scan, points, known
+        )
 
     def clearance(self, reach: float) -> Singles:
         """Return the clearance of the map with the marks, which count out to ``reach`` [m]."""

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from daemon.model.kernels import kernel
+from daemon.model.kernels import kernel, machine_code
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.maps import MapField, interpolate
 from daemon.stacks.pilot.planner import PlannedPath
@@ -91,8 +91,7 @@ class Pursuit:
     """
 
     def __init__(self, path: PlannedPath, limits: DriveLimits, lookahead: float) -> None:
-        self.path = path
-        self.index = 0
+        self.path, self.index = path, 0
         self._points: list[Point2] = path.points.tolist()
         self._limits, self._lookahead = limits, lookahead
         self._turning = False
@@ -162,20 +161,6 @@ def _distance_outside(planes: Floats, x: float, y: float) -> float:
     return most
 
 
-class Clear(NamedTuple):
-    """How clear a command keeps: times [s] and distances [m].
-
-    ``walls`` is the time until something the map shows comes too near, ``others`` the same for
-    everything else. ``room`` is the least distance to points that are passed without being met,
-    ``nearest`` that to what a laser sees now and the map does not show.
-    """
-
-    walls: float
-    others: float
-    room: float
-    nearest: float
-
-
 @kernel
 def keep_clear(
     hull: Hull,
@@ -184,8 +169,12 @@ def keep_clear(
     pose: tuple[float, float, float],
     command: tuple[float, float],
     look: tuple[float, float, float, float],
-) -> Clear:
-    """Return how clear the command (vx, wz) keeps the footprint.
+) -> tuple[float, float, float, float]:
+    """Return how clear the command (vx, wz) keeps the footprint: two times, two distances.
+
+    The times until something the map shows comes too near, and until anything else does [s]. The
+    least distance to points that are passed without being met, and that to the nearest thing that
+    a laser sees now and the map does not show [m].
 
     ``look`` are the horizon [s], at which times end, the step of the sweep [s], the margin around
     the footprint [m] and the distance from the base beyond which points do not matter [m].
@@ -210,12 +199,13 @@ def keep_clear(
             continue
         x, y = c0 * x + s0 * y, c0 * y - s0 * x
         before = _distance_outside(planes, x, y)
-        if i < around.seen and not around.known[i]:
+        wall = i < around.known.shape[0] and around.known[i] != 0
+        if i < around.known.shape[0] and not wall:
             nearest = min(nearest, before)
         # Closer than the margin already: only coming closer still, by more than 2 mm, is in the
         # way, or the robot could never leave a tight spot.
         limit = min(margin, before - 0.002)
-        end = walls if around.known[i] else others
+        end = walls if wall else others
         least, away, met, closing = before, before, False, False
         for k in range(1, steps + 1):
             if k * step > end:
@@ -226,7 +216,7 @@ def keep_clear(
             least = min(least, away)
             if away < limit:
                 met = True
-                if around.known[i]:
+                if wall:
                     walls = (k - 1) * step
                 else:
                     others = (k - 1) * step
@@ -250,7 +240,7 @@ def keep_clear(
             elif away < limit:
                 walls = (k - 1) * step
                 break
-    return Clear(walls, others, room, nearest)
+    return walls, others, room, nearest
 
 
 _REACTION: Final = 0.15
@@ -286,6 +276,9 @@ class CollisionGuard:
         self._radius = float(np.hypot(hull.rim[:, 0], hull.rim[:, 1]).max())
         self._creep = min(_CREEP, limits.speed)
         self.nearest = math.inf
+        nothing = Surroundings(np.empty((0, 2)), np.empty(0, dtype=np.uint8))
+        sample = hull, nothing, field, (0.0,) * 3, (0.0,) * 2, (0.0,) * 4
+        self._keep_clear = machine_code(keep_clear, *sample)
 
     def limit(self, command: Twist2, pose: Pose2, around: Surroundings) -> Twist2:
         """Return ``command`` slowed down on its own arc until it is safe; ``STILL`` if it is not.
@@ -317,22 +310,22 @@ class CollisionGuard:
         if speed > 0.02:
             brakes = speed / limits.braking + _REACTION + (self._spare + 0.1) / speed
             horizon = min(_LONGEST, brakes)
-        clear = self._look(command, pose, around, horizon, margin)
+        walls, others, room = self._look(command, pose, around, horizon, margin)
         if speed > 0.02:
             ample = max(1e-6, _AMPLE - self._margin)
-            share = max(0.0, min(1.0, (clear.room - self._margin) / ample))
+            share = max(0.0, min(1.0, (room - self._margin) / ample))
             allowed = self._creep + share * (limits.speed - self._creep)
-            if clear.walls < horizon:
-                way = speed * (clear.walls - _REACTION)
+            if walls < horizon:
+                way = speed * (walls - _REACTION)
                 allowed = min(allowed, stoppable(way, limits.braking))
-            if clear.others < horizon:
+            if others < horizon:
                 # The speed v from which braking and stop_distance * v / top fit into the way.
-                way = max(0.0, speed * (clear.others - _REACTION))
+                way = max(0.0, speed * (others - _REACTION))
                 spare, braking = self._spare / limits.speed, limits.braking
                 keeping_off = math.sqrt(spare * spare + 2.0 * way / braking) - spare
                 allowed = min(allowed, braking * keeping_off)
             return scaled(command, min(1.0, allowed / speed))
-        free = min(clear.walls, clear.others)
+        free = min(walls, others)
         if turn < 1e-3 or free >= horizon:
             return command
         fast = stoppable(turn * (free - _REACTION), limits.turn_acceleration)
@@ -340,18 +333,18 @@ class CollisionGuard:
 
     def free(self, command: Twist2, pose: Pose2, around: Surroundings, horizon: float) -> float:
         """Return how long [s], at most ``horizon``, a way out of a tight spot stays free."""
-        clear = self._look(command, pose, around, horizon, _KEPT_OFF)
-        return min(clear.walls, clear.others)
+        walls, others, _ = self._look(command, pose, around, horizon, _KEPT_OFF)
+        return min(walls, others)
 
     def _look(
         self, command: Twist2, pose: Pose2, around: Surroundings, horizon: float, margin: float
-    ) -> Clear:
-        """Return how clear a command keeps for at most ``horizon`` [s], with ``margin`` [m]."""
+    ) -> tuple[float, float, float]:
+        """Return the times [s], at most ``horizon``, and the room [m] of a command."""
         pace = max(self._pace(command), 0.02)
         reach = self._radius + _BESIDE + abs(command.vx) * horizon
-        clear = keep_clear(
-            self._hull, around, self._field, (pose.x, pose.y, pose.yaw),
-            (command.vx, command.wz), (horizon, _STRIDE / pace, margin, reach),
-        )  # fmt: skip
-        self.nearest = clear.nearest
-        return clear
+        at, twist = (pose.x, pose.y, pose.yaw), (command.vx, command.wz)
+        look = (horizon, _STRIDE / pace, margin, reach)
+        walls, others, room, self.nearest = self._keep_clear(
+            self._hull, around, self._field, at, twist, look
+        )
+        return walls, others, room

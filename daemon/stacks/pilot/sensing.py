@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from daemon.model.kernels import machine_code
 from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.localisation import Localiser
@@ -16,14 +17,14 @@ from grammars.model.robot import Laser
 
 
 class Surroundings(NamedTuple):
-    """The things around the base: ``points`` (n, 2) in the map; ``known`` ones are walls of it.
+    """The things around the base: ``points`` (n, 2) in the map.
 
-    The first ``seen`` are returns of the latest scan of each laser, the others are remembered.
+    The first are the returns of the latest scan of each laser, of which ``known`` (m,) tells
+    whether they are walls of the map; the others are remembered.
     """
 
     points: Floats
     known: npt.NDArray[np.uint8]
-    seen: int
 
 
 class Sensing:
@@ -41,13 +42,15 @@ class Sensing:
         robot = briefing.robot
         self._lasers = {laser.name: laser for laser in robot.lasers}
         self._map_height = robot.laser.z
+        scan = np.empty(0, dtype=np.float32), (0.0,) * 3, (0.0,) * 4
+        self._project = machine_code(project, field, scan)
         self._localiser = Localiser(field, robot.odometry, briefing.start, parameters)
         self._field = field
         scans = parameters.obstacle_memory * sum(laser.rate for laser in robot.lasers)
         self.obstacles = UnmappedObstacles(field, max(1, round(scans)))
         nothing = np.empty((0, 2)), np.empty(0, dtype=np.uint8)
         self._returns = dict.fromkeys(self._lasers, nothing)
-        self.around = Surroundings(*nothing, 0)
+        self.around = Surroundings(*nothing)
 
     @property
     def pose(self) -> Pose2:
@@ -72,24 +75,21 @@ class Sensing:
         """Correct the pose by a scan, take its obstacles and note what is around the base."""
         laser = self._lasers[scan.laser]
         if laser.z == self._map_height:
-            points, _, sure = project(self._field, self._placed(scan, laser))
-            self._localiser.correct(points[sure != 0], laser)
+            _, _, sure = self._project(self._field, self._placed(scan, laser))
+            self._localiser.correct(sure, laser)
         placed = self._placed(scan, laser)
-        points, known, _ = project(self._field, placed)
+        points, known, _ = self._project(self._field, placed)
         self.obstacles.update(placed, points, known)
         self._returns[scan.laser] = points, known
         returns, shown = zip(*self._returns.values(), strict=True)
-        marks = self.obstacles.centres
-        everything = np.concatenate((*returns, marks))
-        known = np.concatenate((*shown, np.zeros(len(marks), dtype=np.uint8)))
-        self.around = Surroundings(everything, known, len(everything) - len(marks))
+        everything = np.concatenate((*returns, self.obstacles.centres))
+        self.around = Surroundings(everything, np.concatenate(shown))
 
     def _placed(self, scan: LaserScan, laser: Laser) -> Scan:
         """Return a scan at the pose; raises ``ValueError`` for other rays than the laser's."""
         if scan.ranges.shape != (laser.rays,):
             raise ValueError(f"a scan of {scan.ranges.size} rays from a laser of {laser.rays}")
         at = self.pose @ laser.mount
-        return Scan(
-            scan.ranges, at.x, at.y, at.yaw, laser.angle_min, laser.angle_increment,
-            laser.range_min, laser.range_max,
-        )  # fmt: skip
+        reach = laser.range_min, laser.range_max
+        angles = laser.angle_min, laser.angle_increment
+        return scan.ranges, (at.x, at.y, at.yaw), (*angles, *reach)

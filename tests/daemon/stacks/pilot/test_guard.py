@@ -21,7 +21,7 @@ FORWARD = Twist2(0.5, 0.0, 0.0)
 def seeing(*points):
     """Return surroundings with points that are given in the base frame at ``MIDDLE``."""
     known = np.zeros(len(points), dtype=np.uint8)
-    return Surroundings(np.add(np.reshape(points, (-1, 2)), (4.5, 2.5)), known, len(points))
+    return Surroundings(np.add(np.reshape(points, (-1, 2)), (4.5, 2.5)), known)
 
 
 def test_edges_measure_distance_to_the_footprint():
