@@ -1,13 +1,18 @@
-"""A kind of system under test: how its parameters are read and checked, how a system is made."""
+"""A kind of system under test: how its parameters are read and checked, how a system is made.
+
+And the simplest one, ``idle``.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Generic, Literal, TypeVar
 
+from daemon.model.sut import Briefing, Decision, Observation, Progress
 from daemon.stacks.findings import ParameterFinding, ParameterFindings
+from grammars.model.geometry import Twist2
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
@@ -66,3 +71,32 @@ def speed_over_ground(drive: Drive, along: float = math.inf) -> float:
     """Return the highest speed of a drive [m/s] with at most ``along`` on either axis."""
     sideways = 0.0 if drive.kind == "differential" else drive.max_vy
     return math.hypot(min(drive.max_vx, along), min(sideways, along))
+
+
+class Idle:
+    """Stands still and reaches nothing: for benchmarks, and for watching a scene."""
+
+    period = 0.05
+    needs_ground_truth = False
+
+    def start(self, briefing: Briefing) -> None:
+        """Nothing to prepare."""
+
+    def update(self, observation: Observation) -> Decision:
+        """Command zero velocity."""
+        return Decision(Twist2(), Progress(0, 0, "active"))
+
+
+class _IdleKind(StackKind[None]):
+    name = "idle"
+
+    def read(self, parameters: Mapping[str, Any]) -> None:
+        if parameters:
+            names = ", ".join(f'"{name}"' for name in parameters)
+            raise ValueError(f"the idle system takes no parameters, given: {names}")
+
+    def make(self, settings: None) -> SystemUnderTest:
+        return Idle()
+
+
+IDLE: Final = _IdleKind()

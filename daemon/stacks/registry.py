@@ -19,8 +19,8 @@ from daemon.model.attachments import SutMissing
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.sut import TICK_RATE, SystemUnderTest
 from daemon.stacks.findings import ParameterError, ParameterFindings
-from daemon.stacks.kind import StackKind
-from daemon.stacks.pilot import IDLE, PILOT
+from daemon.stacks.kind import IDLE, StackKind
+from daemon.stacks.pilot import PILOT
 from daemon.stacks.ros1 import ROS
 from daemon.stacks.ros2 import ROS2
 from grammars.text import codec

@@ -62,12 +62,19 @@ class _Blockage:
     announced: bool = False
 
 
-class Driver:
-    """Drives one mission; ``update`` is called every ``period`` seconds."""
+class Pilot:
+    """The small navigation stack of the project, as a system under test. It localises itself."""
 
-    def __init__(self, briefing: Briefing, parameters: PilotParameters, period: float) -> None:
+    period = 0.05
+    needs_ground_truth = False
+
+    def __init__(self, parameters: PilotParameters) -> None:
+        self._parameters = parameters
+
+    def start(self, briefing: Briefing) -> None:
+        """Prepare the map for one run; raises ``ValueError`` for a map without free cells."""
+        parameters = self._parameters
         field, hull = map_field(briefing.map), hull_of(briefing.robot.footprint)
-        self._parameters, self._period = parameters, period
         self._waypoints = briefing.mission.waypoints
         self._limits = DriveLimits(briefing.robot.drive, parameters)
         self._sensing = Sensing(briefing, field, parameters)
@@ -104,14 +111,14 @@ class Driver:
         wanted = self._wanted_velocity(now, pose)
         if self._state == "active":
             # Accelerations first, the guard last: what it allows is what is sent.
-            ramped = self._limits.ramp(self._command, wanted, self._period)
+            ramped = self._limits.ramp(self._command, wanted, self.period)
             self._command = self._guard.limit(ramped, pose, self._sensing.around)
         else:
             self._command = STILL
         stands = abs(self._command.vx) <= 0.03 and abs(self._command.wz) <= 0.05
-        self._standing = self._standing + self._period if stands else 0.0
+        self._standing = self._standing + self.period if stands else 0.0
         # Patience is for waiting: what passes in motion does not count.
-        self._waited += self._period if stands else 0.0
+        self._waited += self.period if stands else 0.0
         last = max(0, len(self._waypoints) - 1)
         return Decision(
             command=self._command,
