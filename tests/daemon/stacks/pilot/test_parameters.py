@@ -55,7 +55,8 @@ def test_the_idle_system_stands_still_and_takes_no_parameters():
 
 def test_checking_parameters_loads_no_compiler():
     code = (
-        "import sys; from daemon.stacks.registry import make_sut; make_sut('pilot', {});"
+        "import sys; from daemon.stacks.registry import check_parameters; "
+        "check_parameters('pilot', {});"
         "sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

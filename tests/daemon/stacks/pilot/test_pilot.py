@@ -4,9 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.model.sut import Observation
 from daemon.stacks.pilot import driver
-from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Pose2, wrap_angle
 from grammars.model.robot import OdometryNoise
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
@@ -141,11 +139,6 @@ def test_it_goes_on_when_what_boxed_it_in_is_taken_away():
     assert not log.collided
     assert log.state == "succeeded"
     assert log.time > 30.0
-
-
-def test_it_must_be_started():
-    with pytest.raises(RuntimeError, match="not started"):
-        make_sut("pilot", {}).update(Observation(0.0, (), ()))
 
 
 def short_sighted(*, z=0.3, kind="omnidirectional"):
