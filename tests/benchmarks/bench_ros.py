@@ -6,6 +6,7 @@ the simulator, the trace, reading it back and judging.
 ``python -m tests.benchmarks flame`` shows the same by function.
 """
 
+import gc
 import tempfile
 import time
 from contextlib import contextmanager
@@ -78,6 +79,9 @@ def measure():
     """Whole runs, then where the time of another one goes."""
     load_all()
     spec, scene = case()
+    # As in the process that a worker forks for a run.
+    gc.collect()
+    gc.freeze()
     runs = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
