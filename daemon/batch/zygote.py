@@ -135,11 +135,8 @@ class Zygote(EventLoop):
     def child_ended(self, process: int, code: int) -> None:
         """Report the end of a run when nothing of it is left."""
         if process in self._rehearsals:
-            from daemon.model.kernels import load_list
-
             # It has told why, if it could not: a run that calls these kernels has the same trouble.
-            load_list(name := self._rehearsals.pop(process))
-            self._say_ready(name)
+            self._load(self._rehearsals.pop(process))
             return
         if process not in self._runs:
             return  # a guardian that was killed has left it
@@ -191,14 +188,18 @@ class Zygote(EventLoop):
 
     def _take_progress(self, name: str, reading: int) -> None:
         """Let runs start when the short run has driven; kernels that judge come meanwhile."""
-        from daemon.model.kernels import load_list
-
         if os.read(reading, 1):
-            load_list(name)
-            self._say_ready(name)
+            self._load(name)
         else:
             self.forget(reading)
             os.close(reading)
+
+    def _load(self, name: str) -> None:
+        """Load what a short run has compiled, and let runs start."""
+        from daemon.model.kernels import load_list
+
+        load_list(name)
+        self._say_ready(name)
 
     def _say_ready(self, name: str) -> None:
         _keep_for_good()

@@ -92,8 +92,8 @@ class _Kernel(CPUDispatcher):
 
     def load_file(self, name: str) -> bool:
         """Load the machine code in the file ``name``; return whether it is there and current."""
-        signature = self._cache.signature_in(name)
-        if signature is None or self._cache.file_of(signature, self.targetctx) != name:
+        signature = self._cache.signature_in(name, self.targetctx)
+        if signature is None:
             return False
         self.compile(signature)
         return True
@@ -229,10 +229,14 @@ class _KernelCache(FunctionCache):
         key = self._index_key(signature, context.codegen())
         return str(self._cache_file._load_index().get(key, ""))
 
-    def signature_in(self, name: str) -> tuple[Any, ...] | None:
-        """Return the signature of the machine code in the file ``name``."""
+    def signature_in(self, name: str, context: Any) -> tuple[Any, ...] | None:
+        """Return the signature of the machine code in the file ``name``, if it is for this CPU."""
         index = self._cache_file._load_index()
-        return next((key[0] for key, file in index.items() if file == name), None)
+        key = next((key for key, file in index.items() if file == name), None)
+        if key is None or key != self._index_key(key[0], context.codegen()):
+            return None
+        signature: tuple[Any, ...] = key[0]
+        return signature
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep machine code, and say that there is some more."""
@@ -352,6 +356,8 @@ def _read_list(name: str) -> tuple[KernelFile, ...]:
 def _load(module: str, name: str, file: str) -> bool:
     if not module.startswith(_OURS):
         return False
+    if (module, name, file) in _compiler.called:
+        return True
     try:
         function = getattr(import_module(module), name, None) if name else import_module(module)
     except ImportError:

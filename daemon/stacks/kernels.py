@@ -1,4 +1,4 @@
-"""Small kernels that several stacks use: angles and the exact distance transform."""
+"""The exact distance transform, which several stacks use."""
 
 from __future__ import annotations
 
@@ -12,14 +12,6 @@ from daemon.model.kernels import kernel
 
 Singles: TypeAlias = npt.NDArray[np.float32]
 Integers: TypeAlias = npt.NDArray[np.int32]
-
-
-# Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it
-# has no remainder, and changes the last bits of most angles. Traces depend on which one is used.
-@kernel
-def wrap_angle_modulo(angle: float) -> float:
-    """Map an angle [rad] to [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 FAR = 1.0e6

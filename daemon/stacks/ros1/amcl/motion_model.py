@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import wrap_angle_modulo
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.resampling import Particles
 from grammars.model.geometry import Floats, Pose2, wrap_angle
@@ -101,6 +100,14 @@ def move_particles(
         first, second = diff_turns(motion)
         diff = first, motion.translation, second
         _move_diff(cloud, count, normals, diff, diff_spread(parameters, motion), full_turns)
+
+
+# Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it
+# has no remainder, and changes the last bits of most angles. Traces depend on which one is used.
+@kernel
+def wrap_angle_modulo(angle: float) -> float:
+    """Map an angle [rad] to [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @kernel
