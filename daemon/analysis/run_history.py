@@ -13,6 +13,7 @@ from daemon.batch.errors import PlaceUnusable
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import OUTPUT, read_output
+from grammars.text.files import matching_paths
 
 if TYPE_CHECKING:
     from daemon.model.live_judgement import LogLine
@@ -43,7 +44,7 @@ def read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
 
     Of each the first and the last part, about a MiB at most.
     """
-    files = sorted(paths.spool.glob(f"*/{run}/attempt-*/{OUTPUT}"))
+    files = sorted(matching_paths(paths.spool, f"*/{run}/attempt-*/{OUTPUT}"))
     texts = (read_output(file.parent).decode("utf-8", "replace").strip() for file in files)
     return tuple(filter(None, texts))
 

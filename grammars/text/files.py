@@ -1,11 +1,13 @@
 """Files that are there as a whole or not at all, also after a power cut.
 
-Every part of the product that keeps something for others to read writes it this way.
+Every part of the product that keeps something for others to read writes it this way. Folders
+that other processes clear meanwhile are listed without surprise.
 """
 
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import stat
 from collections.abc import Iterator
@@ -80,3 +82,14 @@ def private_folder(folder: Path) -> Path:
     if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         folder.chmod(0o700)
     return folder
+
+
+def matching_paths(folder: Path, pattern: str) -> Iterator[Path]:
+    """Yield the paths below ``folder`` that match, like ``Path.glob``; ``**`` follows links.
+
+    Folders that others remove meanwhile count as empty.
+    """
+    # ``Path.glob`` of Python before 3.13 raises ``FileNotFoundError`` for them.
+    names = glob.iglob(pattern, root_dir=folder, recursive=True, include_hidden=True)  # noqa: PTH207
+    for name in names:
+        yield folder / name

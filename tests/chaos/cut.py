@@ -4,6 +4,7 @@ import sqlite3
 import time
 from contextlib import ExitStack, closing
 
+from grammars.text.files import matching_paths
 from tests.chaos.links import links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -82,7 +83,9 @@ class _Side:
 
     def begun(self):
         """Whether the run's process is there, and nothing is needed from the daemon any more."""
-        return bool(list(self._folder.glob("away/work/*/spool/*/*/attempt-1.*/output.txt")))
+        return bool(
+            list(matching_paths(self._folder, "away/work/*/spool/*/*/attempt-1.*/output.txt"))
+        )
 
     def lapsed(self):
         return self.client.overview().running == 0
@@ -93,5 +96,5 @@ class _Side:
             return int(db.execute("SELECT attempt FROM result").fetchone()[0])
 
     def delivered(self):
-        left = self._folder.glob("away/work/*/spool/*/*/attempt-*")
+        left = matching_paths(self._folder, "away/work/*/spool/*/*/attempt-*")
         return finished(self.client, 1) and not list(left)

@@ -8,6 +8,7 @@ import time
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
+from grammars.text.files import matching_paths
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import daemon_at, eventually, finished
@@ -78,7 +79,7 @@ def full_disk(folder, *, runs=500, times=4, hold=3.0):
                 eventually(lambda: client.overview().running == SLOTS)
                 _stuff(client, disk / "ballast", gate, hold, fill_with_names if turn % 2 else fill)
                 eventually(lambda turn=turn: finished(client, (turn + 1) * (runs // times)))
-            eventually(lambda: not list((state / "spool").glob("*/*/attempt-*")))
+            eventually(lambda: not list(matching_paths(state / "spool", "*/*/attempt-*")))
         report.fact("times full while runs were under way", times)
         report.fact("runs", runs)
         with closing(sqlite3.connect(state / "ledger.db")) as db:

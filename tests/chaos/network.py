@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+from grammars.text.files import matching_paths
 from tests.chaos.executions import Executions
 from tests.chaos.lines import UNLIMITED, breaking_line, drop_packets, slow_line
 from tests.chaos.links import Namespace, links, may_make_namespaces
@@ -182,5 +183,5 @@ class _Scene:
             eventually(lambda: self._at_rest(client), PATIENCE)
 
     def _at_rest(self, client):
-        left = self._folder.glob("away/work/*/spool/*/*/attempt-*")
+        left = matching_paths(self._folder, "away/work/*/spool/*/*/attempt-*")
         return finished(client, len(self._case.work)) and not list(left)

@@ -2,6 +2,7 @@
 
 import psutil
 
+from grammars.text.files import matching_paths
 from tests.chaos.executions import Executions
 from tests.chaos.report import Report
 from tests.daemon.batch.harness import daemon_at, eventually, finished
@@ -59,7 +60,7 @@ def output(folder, *, chatty=4, chatter=32 * MIB, huge=60, evidence=4 * 1000 * 1
 
 
 def _outputs(state):
-    return list(state.glob("spool/*/*/attempt-*/output.txt*"))
+    return list(matching_paths(state, "spool/*/*/attempt-*/output.txt*"))
 
 
 def _size(path):

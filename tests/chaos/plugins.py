@@ -12,6 +12,7 @@ import psutil
 
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.spec import SutReference
+from grammars.text.files import matching_paths
 from tests.chaos.programs.hostile import DEEDS
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
@@ -74,7 +75,7 @@ def _expect_nothing_left(report, folder, daemon, worker):
         eventually(lambda: not _strangers(folder, worker), 30.0)
     left = _strangers(folder, worker)
     report.expect(not left, f"processes are left: {left[:3]}")
-    spools = list((daemon.state / "spool").glob("*/*/attempt-*"))
+    spools = list(matching_paths(daemon.state / "spool", "*/*/attempt-*"))
     report.expect(not spools, f"spools keep {len(spools)} attempts: {spools[:3]}")
     aside = daemon.state / "aside"
     report.fact("moved aside", len(list(aside.iterdir())) if aside.is_dir() else 0)

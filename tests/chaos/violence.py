@@ -14,6 +14,7 @@ import psutil
 
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
+from grammars.text.files import matching_paths
 from tests.chaos.links import Link, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -150,8 +151,8 @@ def progress(endpoint):
 
 def attempts_below(folder):
     """What is left in the spools of the daemon's machine and of the workers' own ones."""
-    spools = (folder / "state" / "spool", *folder.glob("worker-*/work/*/spool"))
-    return [path for spool in spools for path in spool.glob("*/*/attempt-*")]
+    spools = (folder / "state" / "spool", *matching_paths(folder, "worker-*/work/*/spool"))
+    return [path for spool in spools for path in matching_paths(spool, "*/*/attempt-*")]
 
 
 def violence(folder, *, runs=2000, seed=1, kills=0, operators=0, every=2.0, limit=285.0):

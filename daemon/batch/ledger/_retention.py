@@ -17,6 +17,7 @@ from typing import Final
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger._connection import UNREADABLE, check_current, check_present
 from daemon.batch.paths import StatePaths
+from grammars.text.files import matching_paths
 
 # Traces removed while the daemon's writer waits: some milliseconds.
 _BATCH: Final = 64
@@ -137,7 +138,7 @@ def _size(path: Path) -> int | None:
 
 def stored_bytes(paths: StatePaths) -> int:
     """Bytes of all traces there are, also of unfinished and unknown campaigns."""
-    return sum(_size(path) or 0 for path in paths.traces.glob("*/*.mcap"))
+    return sum(_size(path) or 0 for path in matching_paths(paths.traces, "*/*.mcap"))
 
 
 def _remove(

@@ -20,6 +20,7 @@ from daemon.batch.ledger._connection import check_present, open_reader
 from daemon.batch.ledger._entry import needed_inputs
 from daemon.batch.paths import StatePaths, is_locked
 from daemon.model.ids import is_digest, is_id
+from grammars.text.files import matching_paths
 
 StrayKind: TypeAlias = Literal[
     "upload given up",
@@ -67,7 +68,7 @@ def find_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
     """
     needed = _read_ledger(paths)
     return tuple(
-        StrayFile(what, path, sum(_bytes(each) for each in (path, *path.rglob("*"))))
+        StrayFile(what, path, sum(map(_bytes, _whole(path))))
         for what, found, grace in _candidates(paths, needed)
         for path in sorted(found)
         if now - _last_use(path, whole=path.parent.name == "spool") > grace
@@ -127,24 +128,31 @@ def _candidates(paths: StatePaths, needed: _Needed) -> _Candidates:
 def _leavings(paths: StatePaths) -> _Candidates:
     """Yield what killed daemons and workers leave in a folder of theirs."""
     kept = (paths.state, paths.scenes, paths.files, *_folders(paths.traces))
-    inside = (path for folder in (*kept, paths.traces) for path in folder.glob("*"))
+    inside = (path for folder in (*kept, paths.traces) for path in matching_paths(folder, "*"))
     yield "temporary file", (p for p in inside if _TEMPORARY.fullmatch(p.name)), _GRACE
     spools = [folder for folder in _folders(paths.spool) if not is_locked(folder / "lock")]
     # One that is being made has a dot before its name, and nothing in it yet.
     yield "spool of a dead worker", (p for p in spools if p.name.startswith(".")), _GRACE
-    empty = (p for p in spools if is_id(p.name) and not any(p.glob(_FINISHED)))
+    empty = (p for p in spools if is_id(p.name) and not any(matching_paths(p, _FINISHED)))
     yield "spool of a dead worker", empty, _SPOOL_GRACE
     yield "moved aside long ago", paths.aside.glob("*"), _LONG_GRACE
 
 
 def _folders(folder: Path) -> list[Path]:
-    return [path for path in folder.glob("*") if path.is_dir() and not path.is_symlink()]
+    return [path for path in matching_paths(folder, "*") if path.is_dir() and not path.is_symlink()]
+
+
+def _whole(path: Path) -> Iterator[Path]:
+    """Yield a path and all below it; what others remove meanwhile is passed over."""
+    yield path
+    for folder, folders, files in os.walk(path):
+        yield from (Path(folder, name) for name in (*folders, *files))
 
 
 def _last_use(path: Path, *, whole: bool) -> float:
     """Return when a file or folder was touched last, or anything in it if it counts as a whole."""
     times = [0.0]
-    for each in (path, *(path.rglob("*") if whole else ())):
+    for each in _whole(path) if whole else (path,):
         with suppress(FileNotFoundError):
             times.append(each.lstat().st_mtime)
     return max(times) if len(times) > 1 else float("inf")

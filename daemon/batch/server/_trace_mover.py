@@ -13,6 +13,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import LedgerJob, WriterThread
 from daemon.batch.stores import copy_between, matches_digest
+from grammars.text.files import matching_paths
 
 _PERIOD: Final = 2.0
 """Seconds between two looks at the traces of the state directory."""
@@ -40,7 +41,7 @@ class TraceMover(threading.Thread):
 
     def _move_all(self) -> None:
         with LedgerReader.open(self._paths) as ledger:
-            for path in self._paths.traces.glob("*/*.mcap"):
+            for path in matching_paths(self._paths.traces, "*/*.mcap"):
                 if self._closing.is_set():
                     return
                 self._move(ledger, path)

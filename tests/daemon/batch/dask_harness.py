@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import psutil
 
+from grammars.text.files import matching_paths
 from tests.daemon.batch.harness import (
     EXECUTOR,
     ROOT,
@@ -65,7 +66,7 @@ class Dask:
 
     def leftovers(self):
         """What runs have left behind."""
-        return list((self.folder / "scratch").rglob("scenario-*"))
+        return list(matching_paths(self.folder / "scratch", "**/scenario-*"))
 
     def close(self):
         for process in self._started:

@@ -20,6 +20,7 @@ from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
 from daemon.batch.paths import StatePaths, is_locked
 from daemon.batch.server._opening import hold_alone
 from daemon.model.run_state import RunState
+from grammars.text.files import matching_paths
 from tests.daemon.batch.harness import (
     EXECUTOR,
     ROOT,
@@ -147,12 +148,12 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
         with worker_for(daemon, 2) as first:
             client.submit(make_submission("c", 4, until=str(gate)))
             spool = daemon.state / "spool"
-            eventually(lambda: len(list(spool.glob("*/*/attempt-1.*/grant.json"))) == 2)
+            eventually(lambda: len(list(matching_paths(spool, "*/*/attempt-1.*/grant.json"))) == 2)
             first.kill()
             eventually(lambda: [row.away for row in client.workers()] == [True])
             assert (client.overview().running, client.overview().workers) == (2, 0)
         with worker_for(daemon, 2):
-            eventually(lambda: len(list(spool.glob("*/*/attempt-*/grant.json"))) == 2)
+            eventually(lambda: len(list(matching_paths(spool, "*/*/attempt-*/grant.json"))) == 2)
             gate.touch()
             eventually(lambda: finished(client, 4))
             # Nothing keeps it on the list any more.
@@ -193,7 +194,7 @@ def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path)
                 before = client.run("c.0")
                 frozen.signal(signal.SIGCONT)
                 spool = daemon.state / "spool"
-                eventually(lambda: not list(spool.glob("*/*/attempt-*")))
+                eventually(lambda: not list(matching_paths(spool, "*/*/attempt-*")))
                 assert client.run("c.0") == before
         assert before.row.attempt == 2
         check_ledger(daemon.state, 1)
@@ -213,7 +214,7 @@ def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path):
                 second = psutil.Process(int(log.read_text().splitlines()[1].split()[1]))
                 (tmp_path / "gate-1").touch()
                 spool = daemon.state / "spool"
-                eventually(lambda: list(spool.glob("*/*/attempt-1.*/result.json")))
+                eventually(lambda: list(matching_paths(spool, "*/*/attempt-1.*/result.json")))
                 assert alive([second])
                 frozen.signal(signal.SIGCONT)
                 eventually(lambda: client.overview().done == 1)

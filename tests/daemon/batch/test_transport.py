@@ -33,6 +33,7 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.run_state import RunState
+from grammars.text.files import matching_paths
 from tests.chaos.links import relay
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_submission
@@ -96,7 +97,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path):
         received = [line for line in daemon.journal() if line["event"] == "trace received"]
         assert [line["bytes"] for line in received] == [trace.stat().st_size]
         assert list((daemon.state / "incoming").iterdir()) == []
-        assert not list((daemon.state / "spool").glob("*/*/attempt-*"))
+        assert not list(matching_paths(daemon.state / "spool", "*/*/attempt-*"))
         check_ledger(daemon.state, 1)
 
 
@@ -239,7 +240,7 @@ def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path):
         client.submit(make_submission("c", 2, size=1000))
         with worker_for(daemon, 2, "--state", str(tmp_path / "elsewhere")):
             eventually(lambda: finished(client, 2))
-        eventually(lambda: not list((daemon.state / "traces").rglob("*.mcap")))
+        eventually(lambda: not list(matching_paths(daemon.state / "traces", "*/*.mcap")))
         for run in ("c.0", "c.1"):
             trace = trace_reference(client.run(run).row)
             assert trace.location.startswith(f"{store}/c/S1.pilot.{run[-1]}.{trace.sha256[:16]}")

@@ -1,10 +1,11 @@
 """Whole or not at all: what stands in a file that is written again, and in the folder beside."""
 
 import os
+import shutil
 
 import pytest
 
-from grammars.text.files import move_durably, replacing, write_atomically
+from grammars.text.files import matching_paths, move_durably, replacing, write_atomically
 
 
 def test_a_file_is_replaced_as_a_whole_and_nothing_is_left_beside_it(tmp_path):
@@ -56,3 +57,17 @@ def test_a_file_that_is_complete_gets_its_name(tmp_path):
     (tmp_path / "part").write_bytes(b"all")
     move_durably(tmp_path / "part", tmp_path / "whole")
     assert [path.name for path in tmp_path.iterdir()] == ["whole"]
+
+
+def test_folders_that_go_while_they_are_listed_count_as_empty(tmp_path):
+    for name in ("first", "second", ".hidden"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "trace").touch()
+    paths = matching_paths(tmp_path, "*/trace")
+    first = next(paths)
+    for folder in tmp_path.iterdir():
+        if folder != first.parent:
+            shutil.rmtree(folder)
+    assert list(paths) == []
+    assert list(matching_paths(tmp_path, "*/trace")) == [first]
+    assert list(matching_paths(tmp_path / "gone", "*")) == []

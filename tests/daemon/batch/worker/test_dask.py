@@ -118,7 +118,7 @@ def test_cancelling_stops_the_processes_at_once(client, dask, tmp_path):
     eventually(lambda: not alive(running))
     client.submit(make_submission("next", 1))
     eventually(lambda: done(client, "next"))
-    eventually(lambda: not list((dask.folder / "scratch").rglob("attempt-*")))
+    eventually(lambda: not dask.leftovers())
 
 
 def started(log, count):

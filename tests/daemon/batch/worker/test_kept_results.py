@@ -10,6 +10,7 @@ import pytest
 
 from daemon.model.run_state import RunState
 from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
+from grammars.text.files import matching_paths
 from tests.chaos.disk import may_mount
 from tests.chaos.lines import slow_line
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
@@ -45,7 +46,7 @@ def executions(log):
 
 def spooled(folder):
     """Finished runs that the worker keeps."""
-    return len(list(folder.glob("elsewhere/work/*/spool/*/*/attempt-*/result.json")))
+    return len(list(matching_paths(folder, "elsewhere/work/*/spool/*/*/attempt-*/result.json")))
 
 
 def keeps_results(client):

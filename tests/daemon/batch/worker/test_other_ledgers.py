@@ -9,6 +9,7 @@ from daemon.batch.errors import OtherLedger
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.model.run_state import RunState
+from grammars.text.files import matching_paths
 from tests.daemon.batch.harness import daemon_at, eventually, finished, free_endpoint, worker_for
 from tests.daemon.batch.samples import make_submission
 
@@ -19,7 +20,7 @@ def executions(log):
 
 def spooled(folder):
     """Finished runs that wait below a folder."""
-    return len(list(folder.glob("**/spool/*/*/attempt-*/result.json")))
+    return len(list(matching_paths(folder, "**/spool/*/*/attempt-*/result.json")))
 
 
 def finish_unheard(daemon, client, log, gate):

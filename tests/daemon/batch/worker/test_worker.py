@@ -17,6 +17,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.status import Trouble, TroubleCause
 from daemon.model.verdicts import Outcome
+from grammars.text.files import matching_paths
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.daemon.batch.harness import (
     Part,
@@ -203,7 +204,7 @@ def test_a_repetition_confirms_the_result_or_raises_an_alarm(client):
 
 def test_the_spool_is_empty_when_nothing_runs(client, daemon):
     eventually(lambda: client.overview().running == 0)
-    eventually(lambda: not list((daemon.state / "spool").glob("*/*/attempt-*")))
+    eventually(lambda: not list(matching_paths(daemon.state / "spool", "*/*/attempt-*")))
 
 
 def test_the_worker_is_on_the_list(client):
@@ -305,13 +306,13 @@ def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path):
             daemon.freeze()
             gate.touch()
             spool = daemon.state / "spool"
-            eventually(lambda: len(list(spool.glob("*/*/attempt-1.*/result.json"))) == 2)
+            eventually(lambda: len(list(matching_paths(spool, "*/*/attempt-1.*/result.json"))) == 2)
             worker.kill()
             daemon.signal(signal.SIGCONT)
             with worker_for(daemon, 1):
                 eventually(lambda: finished(client, 2))
                 # The dead one may have sent them, and never have learnt that they came.
-                eventually(lambda: not list(spool.glob("*/*/attempt-1.*")))
+                eventually(lambda: not list(matching_paths(spool, "*/*/attempt-1.*")))
             assert [row.attempt for row in client.runs("c").rows] == [1, 1]
             assert len(log.read_text().splitlines()) == 2
             assert list(spool.iterdir()) == []
