@@ -87,7 +87,7 @@ def private_folder(folder: Path) -> Path:
 def matching_paths(folder: Path, pattern: str) -> Iterator[Path]:
     """Yield the paths below ``folder`` that match, like ``Path.glob``; ``**`` follows links.
 
-    Folders that others remove meanwhile count as empty.
+    Folders that others remove meanwhile, or that cannot be read, count as empty.
     """
     # ``Path.glob`` of Python before 3.13 raises ``FileNotFoundError`` for them.
     names = glob.iglob(pattern, root_dir=folder, recursive=True, include_hidden=True)  # noqa: PTH207
