@@ -418,6 +418,29 @@ def test_lifecycle_parameters_and_graph(bench):
     assert {one.node for one in graph.endpoints} == set(graph.nodes)
 
 
+def test_a_node_that_is_no_longer_active_is_told(bench):
+    link = bench.connect()
+    link.set_up(setup(nodes=("/navigator", "/nobody")))
+    stack = bench.stack("actions")
+    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"])
+    assert bench.cycle().inactive == {}
+    link.request_state("/navigator", "configure")
+    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "inactive")
+    link.request_state("/navigator", "activate")
+    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "active")
+    assert bench.cycle().inactive == {}
+    link.request_state("/navigator", "deactivate")
+    assert bench.cycle_until(lambda answer: answer.inactive) == {"/navigator": "inactive"}
+    link.request_state("/navigator", "activate")
+    bench.cycle_until(lambda answer: not answer.inactive)
+    stack.send_signal(signal.SIGSTOP)
+    assert bench.cycle_until(lambda answer: answer.inactive) == {"/navigator": "not answering"}
+    stack.send_signal(signal.SIGCONT)
+    bench.cycle_until(lambda answer: not answer.inactive)
+    stack.send_signal(signal.SIGINT)
+    bench.cycle_until(lambda answer: answer.inactive == {"/navigator": ""})
+
+
 def test_latched_topics_reach_late_listeners_and_floods_are_bounded(bench):
     link = bench.connect()
     link.set_up(setup(publish=(STATIC, TRANSFORMS, FLOOD), subscribe=HEARD))

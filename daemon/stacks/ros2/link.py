@@ -122,7 +122,8 @@ class CycleAnswer:
     did within ``wait``. ``commands`` counts all of this cycle; the last one is among the
     ``messages``. ``heard``: anything at all came from the stack. ``server``: the action server is
     in the graph (looked at now and then, so up to a second old). ``dropped`` counts by topic the
-    messages that were too many for one cycle.
+    messages that were too many for one cycle. ``inactive``: the nodes of the setup that were active
+    and no longer are, with their state as in :class:`Readiness` (checked once a second).
     """
 
     latency: float | None
@@ -132,12 +133,15 @@ class CycleAnswer:
     messages: tuple[ReceivedMessage, ...] = ()
     goals: tuple[GoalUpdate, ...] = ()
     dropped: Mapping[str, int] = field(default_factory=dict)
+    inactive: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """How far a stack has come up: ``nodes`` with their lifecycle state, empty while unknown.
+    """How far a stack has come up: ``nodes`` with their lifecycle state.
 
+    The state is empty for a node that is not in the graph or has not answered yet, and
+    ``not answering`` for one that is in the graph and has not answered for two seconds.
     ``command`` is the type of the publisher found on the command topic, empty without one.
     ``listeners`` counts subscribers of each published topic.
     """

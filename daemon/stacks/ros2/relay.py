@@ -52,6 +52,7 @@ NODE_NAME = "scenario_relay"
 _GOAL_RESPONSE = 10.0
 _STATE_PERIOD = 0.25
 _STATE_PATIENCE = 2.0
+_WATCH_PERIOD = 1.0
 _TRANSITION_PATIENCE = 60.0
 _PARAMETER_PATIENCE = 2.0
 _SERVER_PERIOD = 1.0
@@ -787,19 +788,26 @@ class _Services:
         self._pending: list[tuple[Any, Any, float, Callable[[Any], None]]] = []
         self._states: dict[str, str] = {}
         self._asked: dict[str, float] = {}
+        self._activated: set[str] = set()
         self._wanted: list[tuple[str, int, float]] = []
 
     def watch(self, nodes: Iterable[str]) -> None:
         """Say whose lifecycle states are asked for."""
         self._states = dict.fromkeys(nodes, "")
         self._asked = dict.fromkeys(self._states, -math.inf)
+        self._activated.clear()
         self._wanted.clear()
 
-    def states(self) -> dict[str, str]:
-        """Return the states as far as they are known, and ask anew a few times a second."""
+    def inactive(self) -> dict[str, str]:
+        """Return the state of each node that was active and no longer is; asks once a second."""
+        states = self.states(_WATCH_PERIOD)
+        return {node: states[node] for node in self._activated if states[node] != "active"}
+
+    def states(self, period: float = _STATE_PERIOD) -> dict[str, str]:
+        """Return the last known states, and ask for those that are older than ``period`` [s]."""
         now = time.monotonic()
         for node, asked in self._asked.items():
-            if now - asked < _STATE_PERIOD:
+            if now - asked < period:
                 continue
             client = self._client("lifecycle_msgs/srv/GetState", f"{node}/get_state")
             if client.service_is_ready():
@@ -845,8 +853,8 @@ class _Services:
             self.poll()
         return values
 
-    def poll(self) -> bool:
-        """Take answers, send what could not be sent before; returns whether any answer came."""
+    def poll(self) -> None:
+        """Take answers, send what could not be sent before."""
         now = time.monotonic()
         for wanted in list(self._wanted):
             node, transition, end = wanted
@@ -858,21 +866,18 @@ class _Services:
             if client.service_is_ready() or now > end:
                 self._wanted.remove(wanted)
         if not self._pending:
-            return False
+            return
         for _ in range(len(self._pending) + 1):
             self._executor.spin_once(timeout_sec=0.0)
-        heard = False
         for pending in list(self._pending):
             client, future, end, done = pending
             if future.done():
-                heard = True
                 self._pending.remove(pending)
                 done(future.result())
             elif now > end:
                 self._pending.remove(pending)
                 client.remove_pending_request(future)
                 done(None)
-        return heard
 
     def close(self) -> None:
         """Leave the graph."""
@@ -885,8 +890,11 @@ class _Services:
 
     def _know(self, node: str, answer: Any) -> None:
         if node in self._states:
-            self._states[node] = "" if answer is None else str(answer.current_state.label)[:100]
+            label = "not answering" if answer is None else str(answer.current_state.label)[:100]
+            self._states[node] = label
             self._asked[node] = time.monotonic()
+            if label == "active":
+                self._activated.add(node)
 
     def _client(self, kind: str, name: str) -> Any:
         if (kind, name) not in self._clients:
@@ -1084,7 +1092,9 @@ class _Relay:
                 self._heard = True
                 ears.keep(message)
         self._goals += self._mission.poll()
-        if self._services.poll() or self._goals:
+        # Answers about lifecycle states come from a stack that hangs as well.
+        self._services.poll()
+        if self._goals:
             self._heard = True
 
     def _forget(self) -> None:
@@ -1117,6 +1127,7 @@ class _Relay:
             "messages": [[one.topic, one.kind, len(one.data)] for one in messages],
             "goals": _latest_feedback(self._goals),
             "dropped": dropped,
+            "inactive": self._services.inactive(),
         }
         self._forget()
         return answer, b"".join(one.data for one in messages)

@@ -87,6 +87,7 @@ class _CycleReply:
     messages: Annotated[list[tuple[_Name, _Name, _Count]], Field(max_length=100_000)]
     goals: Annotated[list[_GoalRow], Field(max_length=10_000)]
     dropped: dict[_Name, _Count] = field(default_factory=dict)
+    inactive: dict[_Name, _Name] = field(default_factory=dict)
 
 
 _EndpointRow = tuple[_Name, _Name, Literal["publisher", "subscription"], _Name, bool, bool, int]
@@ -212,6 +213,7 @@ class RelayLink:
             messages=self._read_messages(reply.messages, data),
             goals=self._read_goals(reply.goals),
             dropped=reply.dropped,
+            inactive=reply.inactive,
         )
 
     def readiness(self) -> Readiness:
