@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final, Literal, TypeAlias
 
 from daemon.model.run_state import UNFINISHED_STATES, RunState
@@ -150,6 +151,14 @@ def state_of(states: Iterable[str]) -> str:
     return next((state for state in MISSING_STATES if state in found), "done")
 
 
+class ExpectationStatus(StrEnum):
+    """Relation of a verdict to its expectation; ``open``: the verdict decides nothing (yet)."""
+
+    MET = "met"
+    OPEN = "open"
+    CONTRADICTED = "contradicted"
+
+
 @dataclass(frozen=True, slots=True)
 class WorstRun:
     """The run of a cell to look at first and its verdict, with the evidence."""
@@ -160,12 +169,11 @@ class WorstRun:
 
 
 class _ExpectedVerdict:
-    """What verdicts have in common that may be as expected, or not."""
+    """Common part of verdicts with an expectation."""
 
     __slots__ = ()
     verdict: Outcome
-    met: bool
-    contradicted: bool
+    status: ExpectationStatus
     state: str
 
     @property
@@ -176,10 +184,11 @@ class _ExpectedVerdict:
 
     @property
     def needs_attention(self) -> bool:
-        """Whether it is not as expected: while runs are to come, or were cancelled, only when they
-        could not mend it.
-        """
-        return self.contradicted or (not self.met and self.state in _ENDED_STATES)
+        """Whether it is contradicted, or open although no more runs will decide it."""
+        ended = self.state in _ENDED_STATES
+        return self.status is not ExpectationStatus.MET and (
+            ended or self.status is ExpectationStatus.CONTRADICTED
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,9 +199,9 @@ class CellVerdict(_ExpectedVerdict):
     pass rate, the exact 95 % interval; a repeat not judged may have been either. ``at_least`` is
     the rate shown (one-sided 95 %; ``needed`` is how many more repeats, all passing, would show
     that of the policy, ``None`` when it asks for no rate). ``statement`` says it in words.
-    ``verdict`` follows the policy; ``met`` says whether it is as ``expected`` (``why``), and
-    ``contradicted`` whether it is not, whatever the runs that are missing will be. ``state`` is how
-    the repeats stand (:func:`state_of`).
+    ``verdict`` follows the policy; ``status`` compares it with the ``expected`` one (``why``):
+    contradicted whatever the missing runs will be. ``state`` is how the repeats stand
+    (:func:`state_of`).
     """
 
     scenario: str
@@ -212,9 +221,8 @@ class CellVerdict(_ExpectedVerdict):
     worst: WorstRun | None
     verdict: Outcome
     expected: ExpectedVerdict
-    met: bool
+    status: ExpectationStatus
     why: str
-    contradicted: bool = False
     state: str = "done"
 
 
@@ -254,9 +262,10 @@ class CellAssessment:
     state: str = "done"
 
     @property
-    def met(self) -> bool:
-        """Whether every oracle says what is expected."""
-        return all(oracle.met for oracle in self.oracles)
+    def status(self) -> ExpectationStatus:
+        """The status farthest from what is expected of its oracles; open without oracles."""
+        found = {oracle.status for oracle in self.oracles} or {ExpectationStatus.OPEN}
+        return next(status for status in reversed(ExpectationStatus) if status in found)
 
     @property
     def word(self) -> str:
@@ -278,7 +287,7 @@ class ComparisonVerdict(_ExpectedVerdict):
     is the two-sided one; ``method`` is ``paired`` or ``welch`` (no pairs), empty when there is too
     little to say. ``n`` counts the pairs, or the runs of the smaller side; ``left_out`` runs that
     have no such value: they did not end their mission, or have no result. ``note`` says what stands
-    in the way of a verdict. ``contradicted`` and ``state`` are as in a :class:`CellVerdict`.
+    in the way of a verdict. ``status`` and ``state`` are as in a :class:`CellVerdict`.
     """
 
     comparison: str
@@ -296,9 +305,8 @@ class ComparisonVerdict(_ExpectedVerdict):
     verdict: Outcome
     note: str
     expected: ExpectedVerdict
-    met: bool
+    status: ExpectationStatus
     why: str
-    contradicted: bool = False
     state: str = "done"
     interval: tuple[float, float] | None = None
 

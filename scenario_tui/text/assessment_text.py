@@ -16,6 +16,7 @@ from daemon.model.assessments import (
     CellAssessment,
     CellVerdict,
     ComparisonVerdict,
+    ExpectationStatus,
     UnexpectedVerdict,
 )
 from daemon.model.status import RunRow
@@ -249,7 +250,7 @@ def _append_oracle(text: Text, oracle: CellVerdict) -> None:
         text.append("  ! ", style="bold")
         text.append(f"expected {oracle.expected}")
     elif oracle.expected != "pass":
-        so_far = "" if oracle.met else "so far "
+        so_far = "" if oracle.status is ExpectationStatus.MET else "so far "
         text.append(f"  {so_far}as expected ({oracle.expected})")
     text.append("\n")
     lines = [oracle.statement]

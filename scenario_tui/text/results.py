@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from daemon.model.assessments import ExpectationStatus
 from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
 
 if TYPE_CHECKING:
@@ -75,15 +76,12 @@ class CampaignResults:
 
     @property
     def undecided(self) -> tuple[CellVerdict, ...]:
-        """What is neither as expected nor the opposite, of cells that have all their runs."""
-        unexpected = {(s.scenario, s.sut, s.oracle) for s in self.assessment.surprises}
+        """Open oracles of cells that have all their runs."""
         return tuple(
             oracle
             for cell in self.assessment.cells
             for oracle in cell.oracles
-            if not oracle.met
-            and not oracle.missing
-            and (oracle.scenario, oracle.sut, oracle.oracle) not in unexpected
+            if oracle.status is ExpectationStatus.OPEN and not oracle.missing
         )
 
     @property

@@ -41,7 +41,7 @@ from daemon.analysis.report._tracks import (
     extract_tracks,
 )
 from daemon.judging.assessment import base_name
-from daemon.model.assessments import DELAY, CellVerdict
+from daemon.model.assessments import DELAY, CellVerdict, ExpectationStatus
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from daemon.trace import TraceError, read_scene
@@ -141,13 +141,14 @@ def _draw_task(numbered: tuple[int, _FigureTask]) -> tuple[int, ReportFigure]:
 
 def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
     """Return the verdicts to look at: what contradicts, is open or fails, unexpected ones first."""
-    wanted = [
+    met = ExpectationStatus.MET
+    notable = [
         oracle
         for cell in data.assessment.cells
         for oracle in cell.oracles
-        if not oracle.met or oracle.verdict is not Outcome.PASS
+        if oracle.status is not met or oracle.verdict is not Outcome.PASS
     ]
-    return tuple(sorted(wanted, key=lambda oracle: oracle.met))
+    return tuple(sorted(notable, key=lambda oracle: oracle.status is met))
 
 
 def _moments(data: ReportData) -> Iterator[_FigureTask]:

@@ -18,6 +18,7 @@ from daemon.model.assessments import (
     CellAssessment,
     CellVerdict,
     ComparisonVerdict,
+    ExpectationStatus,
 )
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
@@ -173,7 +174,7 @@ def _case_result(
     # JUnit knows no expectations and no third verdict. As pytest does: what fails as expected is
     # skipped, what passes against expectation fails; inconclusive is an error, so that a build that
     # shows nothing is not green.
-    if cell.expected != "pass" and cell.met:
+    if cell.expected != "pass" and cell.status is ExpectationStatus.MET:
         if cell.verdict is Outcome.PASS:
             return None
         return _CaseResult("skipped", "xfail", f"xfail: {cell.why}")

@@ -42,6 +42,7 @@ from daemon.model.assessments import (
     Assessment,
     CellAssessment,
     CellVerdict,
+    ExpectationStatus,
     ReferenceComparison,
     state_of,
 )
@@ -144,7 +145,6 @@ def write_page(
         suts=suts,
         not_repeatable=_not_repeatable(data),
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
-        surprised={(s.scenario, s.sut) for s in assessment.surprises},
         findings=_findings(data, commands, figures),
         compared=[(group, _compared(data, group)) for group in _grouped(used)],
         declared_measures=_declared(assessment),
@@ -175,12 +175,11 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
         known = sum(oracle.expected != "pass" for oracle in oracles)
         extra = f", {known} of them known to fail" if known else ""
         return Headline("good", "Yes", f"All {verdicts} are as expected{extra}.")
-    missed = [oracle for oracle in oracles if not oracle.met]
-    undecided = len(missed) + sum(not cell.met for cell in assessment.comparisons)
-    undecided -= len(assessment.surprises)  # not met too, but decided
+    judged_by = (*oracles, *assessment.comparisons)
+    undecided = sum(one.status is ExpectationStatus.OPEN for one in judged_by)
     if assessment.exit_code == 1:
         count = len(assessment.surprises)
-        also = f", {undecided} undecided" if undecided > 0 else ""
+        also = f", {undecided} undecided" if undecided else ""
         verb = "is" if count == 1 else "are"
         return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
     # Neither as expected nor unexpected: say what is missing, the most basic first.

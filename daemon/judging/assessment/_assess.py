@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 from daemon.judging.assessment._cell_verdicts import (
     BY_GRAVITY,
-    ExpectationStatus,
     base_name,
     cell_measures,
     cell_verdict,
@@ -19,7 +18,6 @@ from daemon.judging.assessment._cell_verdicts import (
     expected_verdict,
     group_by_cell,
     measured_value,
-    status_of,
     trusted_verdicts,
 )
 from daemon.judging.statistics import EACH_SIDE, MeanDifference, mean_difference
@@ -31,6 +29,7 @@ from daemon.model.assessments import (
     CellAssessment,
     CellVerdict,
     ComparisonVerdict,
+    ExpectationStatus,
     ScenarioComparison,
     UnexpectedVerdict,
     state_of,
@@ -84,7 +83,6 @@ def _cell(
     verdict, note = _verdict(comparison, difference, note, differences)
     wanted, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
     failed, passed = int(verdict is Outcome.FAIL), int(verdict is Outcome.PASS)
-    status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=1)
     mean = sum(differences) / len(differences) if differences else None
     return ComparisonVerdict(
         comparison=comparison.name,
@@ -102,9 +100,8 @@ def _cell(
         verdict=verdict,
         note=note,
         expected=wanted,
-        met=status is ExpectationStatus.MET,
+        status=expectation_status(wanted, verdict, passed=passed, failed=failed, n=1),
         why=why,
-        contradicted=status is ExpectationStatus.CONTRADICTED,
         state=state_of(r.state for r in compared),
         interval=(both.low, both.high) if both else None,
     )
@@ -208,21 +205,18 @@ def assess(declared: AssessmentRules, records: Iterable[RunRow]) -> Assessment:
     without a result count as repeats of which nothing is known.
     """
     runs = tuple(records)
-    cells = tuple(_assess_cell(group, declared) for group in _cells(runs))
+    cells = tuple(_assess_cell(group, declared) for group in group_by_cell(runs).values())
     compared = tuple(
         verdict
         for comparison in declared.comparisons
         for verdict in comparison_verdicts(comparison, runs, declared)
     )
-    oracles = [oracle for cell in cells for oracle in cell.oracles]
-    surprises = [_unexpected_verdict(o, runs) for o in oracles if _is_contradicted(o)]
-    surprises += [_unexpected_comparison(c) for c in compared if _is_contradicted(c)]
-    statuses = {status_of(oracle) for oracle in oracles} | {status_of(c) for c in compared}
-    return Assessment(cells, compared, tuple(surprises), _exit_code(runs, cells, statuses))
-
-
-def _is_contradicted(verdict: CellVerdict | ComparisonVerdict) -> bool:
-    return status_of(verdict) is ExpectationStatus.CONTRADICTED
+    contradicted = ExpectationStatus.CONTRADICTED
+    oracles = (oracle for cell in cells for oracle in cell.oracles)
+    surprises = [_unexpected_verdict(o, runs) for o in oracles if o.status is contradicted]
+    surprises += [_unexpected_comparison(c) for c in compared if c.status is contradicted]
+    statuses = {cell.status for cell in cells} | {one.status for one in compared}
+    return Assessment(cells, compared, tuple(surprises), _exit_code(runs, statuses))
 
 
 def undecided_cells(
@@ -234,7 +228,7 @@ def undecided_cells(
     nothing is expected or that some repeat could not judge.
     """
     found = []
-    for group in _cells(records):
+    for group in group_by_cell(records).values():
         if any(record.outcome is None for record in group):
             continue
         cell = _assess_cell(group, declared)
@@ -244,12 +238,8 @@ def undecided_cells(
 
 
 def _can_be_decided(oracle: CellVerdict) -> bool:
-    open_yet = oracle.verdict is Outcome.INCONCLUSIVE and not oracle.met
-    return open_yet and not oracle.inconclusive
-
-
-def _cells(records: Iterable[RunRow]) -> list[list[RunRow]]:
-    return [sorted(group, key=lambda r: r.repeat) for group in group_by_cell(records).values()]
+    unknown = oracle.verdict is Outcome.INCONCLUSIVE
+    return unknown and oracle.status is not ExpectationStatus.MET and not oracle.inconclusive
 
 
 def _assess_cell(records: Sequence[RunRow], declared: AssessmentRules) -> CellAssessment:
@@ -281,20 +271,14 @@ def _broken(record: RunRow) -> bool:
     return record.state == "lost" or record.outcome is Outcome.ERROR
 
 
-def _exit_code(
-    records: Sequence[RunRow],
-    cells: Sequence[CellAssessment],
-    statuses: Collection[ExpectationStatus],
-) -> int:
+def _exit_code(records: Sequence[RunRow], statuses: Collection[ExpectationStatus]) -> int:
     """Return 1, 3, 4 or 0: a finding counts even when other runs broke."""
     if ExpectationStatus.CONTRADICTED in statuses:
         return UNEXPECTED
     if any(_broken(record) for record in records):
         return INFRASTRUCTURE
     unfinished = any(record.outcome is None for record in records)
-    # A cell that nothing was asked about is no success either.
-    silent = not cells or any(not cell.oracles for cell in cells)
-    if unfinished or silent or ExpectationStatus.OPEN in statuses:
+    if unfinished or not records or ExpectationStatus.OPEN in statuses:
         return UNDECIDED
     return AS_EXPECTED
 

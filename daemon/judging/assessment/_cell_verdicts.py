@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from enum import Enum
 from fnmatch import fnmatchcase
 from typing import Final, TypeAlias
 
@@ -22,8 +21,8 @@ from daemon.model.assessments import (
     AssessmentRules,
     CellMeasure,
     CellVerdict,
-    ComparisonVerdict,
     Expectation,
+    ExpectationStatus,
     ExpectedVerdict,
     RepeatPolicy,
     WorstRun,
@@ -40,19 +39,11 @@ BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.
 
 
 def group_by_cell(records: Iterable[RunRow]) -> dict[Cell, list[RunRow]]:
-    """Return the runs of each cell, cells and runs in the order of their appearance."""
+    """Return the runs of each cell by repeat; the cells are in the order of their appearance."""
     groups: dict[Cell, list[RunRow]] = {}
     for record in records:
         groups.setdefault((record.scenario, record.sut), []).append(record)
-    return groups
-
-
-class ExpectationStatus(Enum):
-    """How a verdict stands to what is expected; ``open``: it may yet turn out either way."""
-
-    MET = "met"
-    OPEN = "open"
-    CONTRADICTED = "contradicted"
+    return {cell: sorted(runs, key=lambda run: run.repeat) for cell, runs in groups.items()}
 
 
 def base_name(scenario: str) -> str:
@@ -103,15 +94,6 @@ def expectation_status(
     if met:
         return ExpectationStatus.MET
     return ExpectationStatus.CONTRADICTED if contradicted else ExpectationStatus.OPEN
-
-
-def status_of(cell: CellVerdict | ComparisonVerdict) -> ExpectationStatus:
-    """Return how a verdict stands to what was expected of it; a comparison is one repeat."""
-    if isinstance(cell, CellVerdict):
-        passed, failed, n = cell.passed, cell.failed, cell.n
-    else:
-        passed, failed, n = cell.verdict is Outcome.PASS, cell.verdict is Outcome.FAIL, 1
-    return expectation_status(cell.expected, cell.verdict, passed=passed, failed=failed, n=n)
 
 
 def measured_value(record: RunRow, name: str) -> float | None:
@@ -184,7 +166,6 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
     verdict = _policy_verdict(policy, verdicts, n)
     scenario, sut = records[0].scenario, records[0].sut
     wanted, why = expected_verdict(declared.expectations, scenario, name, sut)
-    status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
     confidence = confidence_of(policy)
     needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
     waiting = sum(not record.settled for record in records)
@@ -211,9 +192,8 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
         worst=_worst_run(found),
         verdict=verdict,
         expected=wanted,
-        met=status is ExpectationStatus.MET,
+        status=expectation_status(wanted, verdict, passed=passed, failed=failed, n=n),
         why=why,
-        contradicted=status is ExpectationStatus.CONTRADICTED,
         state=state_of(record.state for record in records),
     )
 

@@ -10,7 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
 from textual.widgets import DataTable, Static
 
-from daemon.model.assessments import CellAssessment
+from daemon.model.assessments import CellAssessment, ExpectationStatus
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
@@ -153,8 +153,5 @@ class MatrixScreen(SteeringScreen):
         table.go_to(*(ahead or order)[0 if step > 0 else -1])
 
     def _unexpected_cells(self) -> list[CellAssessment]:
-        results = self._shown
-        if results is None:
-            return []
-        found = {(s.scenario, s.sut) for s in results.assessment.surprises}
-        return [cell for cell in results.assessment.cells if (cell.scenario, cell.sut) in found]
+        cells = self._shown.assessment.cells if self._shown else ()
+        return [cell for cell in cells if cell.status is ExpectationStatus.CONTRADICTED]

@@ -17,11 +17,13 @@ from daemon.analysis.report import (
     write_junit,
     write_parquet,
 )
-from daemon.model.assessments import Assessment, CellVerdict
+from daemon.model.assessments import Assessment, CellVerdict, ExpectationStatus
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
 from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
 from tests.run_rows import with_result
+
+MET, OPEN, CONTRADICTED = ExpectationStatus
 
 
 def test_the_table_has_every_measure_and_margin_in_full_precision(data, tmp_path):
@@ -124,21 +126,21 @@ def with_cell(data, cell):
 @pytest.mark.parametrize(
     ("changes", "kind", "type_"),
     [
-        ({"verdict": Outcome.PASS, "expected": "pass", "met": True}, None, ""),
-        ({"verdict": Outcome.FAIL, "expected": "pass", "met": False}, "Failure", "fail"),
-        ({"verdict": Outcome.ERROR, "expected": "pass", "met": False}, "Error", "error"),
-        ({"verdict": Outcome.INCONCLUSIVE, "expected": "pass", "met": False}, "Error",
+        ({"verdict": Outcome.PASS, "expected": "pass", "status": MET}, None, ""),
+        ({"verdict": Outcome.FAIL, "expected": "pass", "status": CONTRADICTED}, "Failure", "fail"),
+        ({"verdict": Outcome.ERROR, "expected": "pass", "status": OPEN}, "Error", "error"),
+        ({"verdict": Outcome.INCONCLUSIVE, "expected": "pass", "status": OPEN}, "Error",
          "inconclusive"),
-        ({"verdict": Outcome.FAIL, "expected": "fail", "met": True}, "Skipped", "xfail"),
-        ({"verdict": Outcome.PASS, "expected": "fail", "met": False, "passed": 2}, "Failure",
-         "xpass"),
-        ({"verdict": Outcome.FAIL, "expected": "fail", "met": False, "passed": 1}, "Failure",
-         "xpass"),
-        ({"verdict": Outcome.INCONCLUSIVE, "expected": "fail", "met": False, "passed": 0},
+        ({"verdict": Outcome.FAIL, "expected": "fail", "status": MET}, "Skipped", "xfail"),
+        ({"verdict": Outcome.PASS, "expected": "fail", "status": CONTRADICTED, "passed": 2},
+         "Failure", "xpass"),
+        ({"verdict": Outcome.FAIL, "expected": "fail", "status": CONTRADICTED, "passed": 1},
+         "Failure", "xpass"),
+        ({"verdict": Outcome.INCONCLUSIVE, "expected": "fail", "status": OPEN, "passed": 0},
          "Error", "inconclusive"),
-        ({"verdict": Outcome.ERROR, "expected": "mixed", "met": False, "passed": 0}, "Error",
+        ({"verdict": Outcome.ERROR, "expected": "mixed", "status": OPEN, "passed": 0}, "Error",
          "error"),
-        ({"verdict": Outcome.PASS, "expected": "any", "met": True}, None, ""),
+        ({"verdict": Outcome.PASS, "expected": "any", "status": MET}, None, ""),
     ],
 )  # fmt: skip
 def test_each_verdict_has_its_place_in_junit(data, tmp_path, changes, kind, type_):

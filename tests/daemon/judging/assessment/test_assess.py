@@ -108,25 +108,25 @@ def test_nothing_a_crashed_system_did_is_trusted():
 
 
 @pytest.mark.parametrize(
-    ("wanted", "margins", "met", "code"),
+    ("wanted", "margins", "status", "code"),
     [
-        ("pass", [1, 1], True, 0),
-        ("pass", [1, -1], False, 1),
-        ("pass", [1, None], False, 4),
-        ("fail", [-1, -1], True, 0),
-        ("fail", [-1, 1], False, 1),
-        ("fail", [-1, None], False, 4),
-        ("mixed", [-1, 1], True, 0),
-        ("mixed", [-1, -1], True, 0),
-        ("mixed", [1, 1], False, 1),
-        ("mixed", [1, None], False, 4),
-        ("any", [1, None], True, 0),
-        ("any", [-1, -1], True, 0),
+        ("pass", [1, 1], "met", 0),
+        ("pass", [1, -1], "contradicted", 1),
+        ("pass", [1, None], "open", 4),
+        ("fail", [-1, -1], "met", 0),
+        ("fail", [-1, 1], "contradicted", 1),
+        ("fail", [-1, None], "open", 4),
+        ("mixed", [-1, 1], "met", 0),
+        ("mixed", [-1, -1], "met", 0),
+        ("mixed", [1, 1], "contradicted", 1),
+        ("mixed", [1, None], "open", 4),
+        ("any", [1, None], "met", 0),
+        ("any", [-1, -1], "met", 0),
     ],
 )
-def test_an_unmet_expectation_is_red_in_both_directions(wanted, margins, met, code):
+def test_an_unmet_expectation_is_red_in_both_directions(wanted, margins, status, code):
     result = assess(expecting(wanted), cell(margins))
-    assert result.cells[0].oracles[0].met is met
+    assert result.cells[0].oracles[0].status == status
     assert result.exit_code == code
     assert bool(result.surprises) is (code == 1)
 

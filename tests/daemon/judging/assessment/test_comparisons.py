@@ -200,21 +200,21 @@ def test_every_system_that_ran_both_scenarios_is_compared():
 
 
 @pytest.mark.parametrize(
-    ("wanted", "by", "met", "code"),
+    ("wanted", "by", "status", "code"),
     [
-        ("fail", 99, True, 0),
-        ("fail", 1, False, 1),
-        ("mixed", 99, True, 0),
-        ("mixed", 1, False, 1),
-        ("pass", 1, True, 0),
-        ("pass", 99, False, 1),
+        ("fail", 99, "met", 0),
+        ("fail", 1, "contradicted", 1),
+        ("mixed", 99, "met", 0),
+        ("mixed", 1, "contradicted", 1),
+        ("pass", 1, "met", 0),
+        ("pass", 99, "contradicted", 1),
     ],
 )
-def test_a_comparison_is_one_repeat_of_what_is_expected(wanted, by, met, code):
+def test_a_comparison_is_one_repeat_of_what_is_expected(wanted, by, status, code):
     known = Expectation("A", "d", (), wanted, "the detour")
     result = assess(replace(delay(), expectations=(known,)), sum(apart(by, by), ()))
     (found,) = result.comparisons
-    assert (found.met, found.why, result.exit_code) == (met, "the detour", code)
+    assert (found.status, found.why, result.exit_code) == (status, "the detour", code)
 
 
 def test_an_unexpected_comparison_is_told_with_what_was_found():
