@@ -7,11 +7,11 @@ a ROS 2 stack the tree are its keys at the top of the file, as they were written
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
@@ -42,7 +42,7 @@ from daemon.stacks.ros2 import ROS2
 from daemon.stacks.ros2.keys import Ros2Keys
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.documents import YamlDocument, load_yaml, read_model
+from grammars.text.documents import RemovedKey, YamlDocument, load_yaml, read_model
 from grammars.text.sources import is_file
 
 _Files: TypeAlias = Annotated[
@@ -59,14 +59,13 @@ FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
 class SutFile(Ros2Keys):
     """The keys of a file that describes a system under test."""
 
-    elsewhere = (
-        ROBOT_KEYS
-        | MISSION_KEYS
-        | CAMPAIGN_KEYS
-        | {
-            "": 'what differs from the defaults of its kind stands under "parameters:"',
-        }
-    )
+    elsewhere: ClassVar[Mapping[str, str | RemovedKey]] = {
+        **Ros2Keys.elsewhere,
+        **ROBOT_KEYS,
+        **MISSION_KEYS,
+        **CAMPAIGN_KEYS,
+        "": 'what differs from the defaults of its kind stands under "parameters:"',
+    }
 
     sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", examples=["my-stack"])
     """Name of this system under test, as verdicts show it."""

@@ -32,12 +32,6 @@ _TOLD_TO_END: Final = (signal.SIGTERM, signal.SIGQUIT)
 _NOT_ITS_BUSINESS: Final = (signal.SIGINT, signal.SIGHUP)
 """Of terminals: what becomes of a run then, its holder decides."""
 _HANDLED: Final = (*_TOLD_TO_END, *_NOT_ITS_BUSINESS, signal.SIGCHLD)
-_holder = 0
-
-
-def holder() -> int:
-    """Return the process that this run was forked from, below its guardian; this one without."""
-    return _holder or os.getpid()
 
 
 def guard(output: Path | None = None, *, lifeline: socket.socket | None = None) -> None:
@@ -49,9 +43,7 @@ def guard(output: Path | None = None, *, lifeline: socket.socket | None = None) 
 
     Raises ``OSError`` when there is no process, pipe or file to be had.
     """
-    global _holder
-    _holder = os.getppid()
-    parent = os.pidfd_open(_holder)
+    parent = os.pidfd_open(os.getppid())
     pipe = None if output is None else (*os.pipe(), OutputFile(output))
     # No signal to the group of the parent is for the guardian.
     with suppress(PermissionError):  # it leads a session

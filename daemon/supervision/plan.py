@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 PROGRAM: Final = (
-    "import sys; sys.path.append(sys.argv[1]);"
-    "from supervision.supervisor import main; main(int(sys.argv[2]))"
+    "import sys; sys.path.append(sys.argv[1]);from supervision.supervisor import main; main()"
 )
 """What a supervisor executes, and what it is known by: without our packages."""
 STACK_OUTPUT: Final = "stack.output"
 RELAY_OUTPUT: Final = "relay.output"
-CONTROL_SOCKET: Final = "supervisor.sock"
-"""Where a kept stack is taken over."""
 ENVIRONMENT: Final = "environment"
 """What the setup command leaves: the environment of the stack, entries ended by a NUL."""
 RELAY_EXIT: Final = "relay.exit"
@@ -29,9 +26,8 @@ class StackPlan:
     ``setup`` is a command that writes the environment of the stack to :data:`ENVIRONMENT`, or
     empty; ``stack`` and ``relay`` are commands, their programs looked for in that environment,
     ``relay_variables`` for the relay alone, ``domain`` the stack's. ``engine`` and ``name`` are
-    those of a container. ``owner`` is the process that a stack does not outlive when it is kept,
-    or 0. ``grace`` [s] is waited after each of SIGINT and SIGTERM, ``idle`` [s] for the next
-    holder of a kept stack, ``setup_limit`` [s] for the setup files.
+    those of a container. ``holder`` is the process that the stack does not outlive. ``grace`` [s]
+    is waited after each of SIGINT and SIGTERM, ``setup_limit`` [s] for the setup files.
     """
 
     token: str
@@ -43,7 +39,6 @@ class StackPlan:
     relay_variables: dict[str, str]
     engine: str
     name: str
-    owner: int
+    holder: int
     grace: float
-    idle: float
     setup_limit: float

@@ -125,10 +125,7 @@ def children(process: int) -> set[int]:
 
 
 def is_supervisor(process: int) -> bool:
-    """Whether a process is the supervisor of a stack, which ends all of it by itself and in time.
-
-    One may outlive the run that started it: the stack is kept for the next one.
-    """
+    """Return whether a process is the supervisor of a stack, which ends all of it in time."""
     with suppress(OSError):
         words = Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
         return PROGRAM.encode() in words

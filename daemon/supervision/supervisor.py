@@ -1,10 +1,9 @@
 """Starts a stack and its relay, watches them, and sees to it that nothing of them is left.
 
-A process of its own. It has one end of a socket pair whose other end the process of the run, its
-holder, has. A first line of JSON is the :class:`StackPlan`; then lines go both ways,
-``{"end": true}`` and ``{"keep": true}`` to the supervisor, what has happened back. It ends the
-stack when it is told to, when its holder is gone, however that died, or when the owner is, the
-worker.
+A process of its own. Its standard input and output are one end of a socket pair whose other end
+its holder has, the process of the run. A first line of JSON is the :class:`StackPlan`, a second one
+the request to end the stack; lines in the other direction report what has happened. It also ends
+the stack when its holder is gone, however that died.
 
 What it has started are its descendants, those whose parents have died too, since it is their
 subreaper (prctl(2)); beyond that they are known by a variable in their environment.
@@ -17,7 +16,6 @@ import os
 import shutil
 import signal
 import socket
-import struct
 import subprocess
 import time
 from collections.abc import Callable
@@ -30,7 +28,6 @@ from .event_loop import EventLoop
 from .output_file import OutputFile
 from .plan import (
     ALARM,
-    CONTROL_SOCKET,
     ENVIRONMENT,
     RELAY_EXIT,
     RELAY_OUTPUT,
@@ -58,25 +55,24 @@ class Supervisor(EventLoop):
         super().__init__()
         self._plan = plan
         self._folder = Path(plan.folder)
-        self._holder: socket.socket | None = None
-        self._received = b""
+        self._wire = wire
+        self._held = True
         self._outputs = {
             name: OutputFile(self._folder / name) for name in (STACK_OUTPUT, RELAY_OUTPUT)
         }
         self._children: dict[int, str] = {}
         self._groups: list[int] = []
-        self._idle_until: float | None = None
         self._setup_until: float | None = None
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
             signal.signal(number, self.end)
-        self._holder_process: int | None = None
-        self._hold(wire)
-        if plan.owner:
-            self._watch_process(plan.owner)
-            self._listener = socket.socket(socket.AF_UNIX)
-            self._listener.bind(str(self._folder / CONTROL_SOCKET))
-            self._listener.listen()
-            self.watch(self._listener.fileno(), self._welcome)
+        self.watch(wire.fileno(), self._hear_holder)
+        # The second way to learn that it is dead: others may have inherited its end of the wire.
+        try:
+            holder = os.pidfd_open(plan.holder)
+        except ProcessLookupError:
+            self._hang_up()
+        else:
+            self.watch(holder, lambda: self._holder_ended(holder))
 
     def run(self) -> None:
         """Live as long as the stack may; nothing of it is left afterwards, the folder neither."""
@@ -95,7 +91,7 @@ class Supervisor(EventLoop):
             self._end_everything()
             self._say({"gone": True})
             # The outputs are read before the folder goes: its holder hangs up when it has them.
-            while self._holder is not None:
+            while self._held:
                 self.turn(1.0)
             shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -162,24 +158,6 @@ class Supervisor(EventLoop):
 
     # What happens
 
-    def _watch_process(self, process: int) -> int | None:
-        """End with that process; returns the descriptor that says so."""
-        try:
-            descriptor = os.pidfd_open(process)
-        except ProcessLookupError:
-            self.ending = True
-            return None
-        self.watch(descriptor, lambda: self._process_ended(descriptor))
-        return descriptor
-
-    def _process_ended(self, descriptor: int) -> None:
-        self.ending = True
-        if descriptor == self._holder_process:
-            self._hang_up()
-        else:
-            self.forget(descriptor)
-            os.close(descriptor)
-
     def child_ended(self, process: int, code: int) -> None:
         """React to the end of the setup, the stack or its relay, or of what they left."""
         role = self._children.pop(process, "")
@@ -192,88 +170,51 @@ class Supervisor(EventLoop):
     def _report_end(self, role: str, code: int) -> None:
         self.drain()
         self._say({"ended": role, "code": code})
-        if self._idle_until is not None:
-            self.ending = True  # nobody would want it again
 
     def _next_deadline(self) -> float | None:
-        ends = [end for end in (self._idle_until, self._setup_until) if end is not None]
-        wait = max(0.0, min(ends) - time.monotonic()) if ends else None
+        until = self._setup_until
+        wait = None if until is None else max(0.0, until - time.monotonic())
         if self._plan.engine:
             # What happens in a container tells nobody here.
             wait = min(_CONTAINER_POLL, wait) if wait is not None else _CONTAINER_POLL
         return wait
 
     def _look_at_deadlines(self) -> None:
-        now = time.monotonic()
-        if self._setup_until is not None and now > self._setup_until:
+        if self._setup_until is not None and time.monotonic() > self._setup_until:
             self._refuse(f"the setup files did not end within {self._plan.setup_limit:g} s")
-        if self._idle_until is not None and now > self._idle_until:
-            self.ending = True
         exit_code = self._folder / RELAY_EXIT
         if self._plan.engine and not self.ending and exit_code.exists():
             text = exit_code.read_text().strip()
             exit_code.unlink()
             self._report_end("relay", int(text) if text.isdecimal() else 1)
 
-    # Holders
+    # The holder
 
     def _hear_holder(self) -> None:
-        holder = self._holder
-        if holder is None:
-            return
         try:
-            data = holder.recv(4096)
+            data = self._wire.recv(4096)
         except OSError:
             data = b""
+        self.ending = True  # that is all it can ask for
         if not data:
             self._hang_up()
-            self.ending = True
-            return
-        *lines, self._received = (self._received + data).split(b"\n")
-        for line in lines:
-            request = json.loads(line)
-            if "end" in request:
-                self.ending = True
-            elif "keep" in request:
-                self._say({"kept": True})
-                self._hang_up()
-                self._idle_until = time.monotonic() + self._plan.idle
 
-    def _hold(self, wire: socket.socket) -> None:
-        self._holder, self._received = wire, b""
-        self.watch(wire.fileno(), self._hear_holder)
-        # Two ways to learn that a holder is dead: its end may have been inherited by somebody.
-        self._holder_process = self._watch_process(_peer(wire))
+    def _holder_ended(self, descriptor: int) -> None:
+        self.forget(descriptor)
+        self._hang_up()
 
     def _hang_up(self) -> None:
-        if self._holder is not None:
-            self.forget(self._holder.fileno())
-            self._holder.close()
-            self._holder = None
-        if self._holder_process is not None:
-            self.forget(self._holder_process)
-            os.close(self._holder_process)
-            self._holder_process = None
-
-    def _welcome(self) -> None:
-        """Somebody asks for a kept stack: one gets it, and only while nobody else has it."""
-        peer, _ = self._listener.accept()
-        if self._idle_until is None or self.ending:
-            peer.close()
-            return
-        self._idle_until = None
-        for output in self._outputs.values():
-            output.clear()
-        self._hold(peer)
-        self._say({"taken": True})
+        self.ending = True
+        if self._held:
+            self._held = False
+            self.forget(self._wire.fileno())
 
     def _say(self, event: dict[str, object]) -> None:
-        if self._holder is not None:
+        if self._held:
             try:
-                self._holder.sendall(json.dumps(event).encode() + b"\n")
+                self._wire.sendall(json.dumps(event).encode() + b"\n")
             except OSError:
-                self._hang_up()  # it is gone, which is what it will be told to end for
-                self.ending = True
+                self._hang_up()
 
     # Ending
 
@@ -325,17 +266,10 @@ def _in_words(code: int) -> str:
     return f"exit code {code}" if code >= 0 else f"signal {-code}"
 
 
-def _peer(wire: socket.socket) -> int:
-    """Return the process at the other end of a Unix socket (unix(7))."""
-    data = wire.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    return int(struct.unpack("3i", data)[0])
-
-
-def main(descriptor: int) -> None:
+def main() -> None:
     """Supervise a stack until it is gone."""
     become_supervisor()
-    wire = socket.socket(fileno=descriptor)
-    wire.set_inheritable(False)
+    wire = socket.socket(fileno=os.dup(0))
     received = b""
     while not received.endswith(b"\n"):
         data = wire.recv(1 << 16)

@@ -49,6 +49,13 @@ class OtherName:
         return f"it is called {self.name}{self.remark}"
 
 
+@dataclass(frozen=True, slots=True)
+class RemovedKey:
+    """A key of earlier releases, with the ``reason`` why it has no meaning any more."""
+
+    reason: str
+
+
 class StrictModel(BaseModel):
     """Base of models of what people write: unknown keys are errors, values are frozen.
 
@@ -58,9 +65,9 @@ class StrictModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
-    elsewhere: ClassVar[Mapping[str, str | OtherName]] = {}
+    elsewhere: ClassVar[Mapping[str, str | OtherName | RemovedKey]] = {}
     """Keys that people look for here although they belong somewhere else: what to do instead; or
-    are called otherwise. That of the empty key is said of keys that are like no other."""
+    are called otherwise, or are gone. That of the empty key is said of keys like no other."""
 
     @classmethod
     def model_validate(cls, obj: Any, **options: Any) -> Self:
@@ -220,6 +227,8 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
     """Return message and hint for a key that ``model`` does not have."""
     known, elsewhere = _names(model), getattr(model, "elsewhere", {})
     if key and key in elsewhere:
+        if isinstance(elsewhere[key], RemovedKey):
+            return f"{key}: {elsewhere[key].reason}", "remove this line"
         renamed = isinstance(elsewhere[key], OtherName)
         wrong = f'unknown key "{key}"' if renamed else f'key "{key}" is in the wrong place'
         return wrong, str(elsewhere[key])

@@ -16,23 +16,18 @@ from tests.chaos import executor
 
 PROGRAMS = Path(__file__).parent / "programs"
 GRACE = 0.5
-IDLE = 3.0
 
 
 def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
-    reuse = bool(spec.sut.parameters.get("reuse"))
     settings = Ros2Settings(
         launch=f"{sys.executable} {PROGRAMS / 'stack.py'} {spec.seed}",
         python=sys.executable,
-        reuse=reuse,
     )
     stack = StackProcess(
         settings,
         values={},
-        key="same",
         relay=PROGRAMS / "relay.py",
         grace=GRACE,
-        idle=IDLE,
     )
     try:
         with socket.socket(socket.AF_UNIX) as listener:
@@ -46,6 +41,6 @@ def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
     except SutFailure:
         alive = False  # its supervisor was killed before it had started anything
     finally:
-        stack.release(keep=reuse)
+        stack.release()
     trace_path.with_name("alive").write_text(str(alive))
     return executor.execute(spec, scene, trace_path=trace_path)

@@ -112,20 +112,16 @@ def stacks(folder, *, runs=50, seed=1, every=0.5, limit=120.0, executor=EXECUTOR
     """
     report = Report("stacks: workers, runs, stacks, relays and supervisors killed")
     rng = random.Random(seed)
-    specs = [
-        make_spec(i, sleep=round(rng.uniform(0.2, 1.5), 3), reuse=rng.random() < 0.5)
-        for i in range(runs)
-    ]
+    specs = [make_spec(i, sleep=round(rng.uniform(0.2, 1.5), 3)) for i in range(runs)]
     with folder_of_stacks() as place:
         with batch(folder, place, rng, executor) as (daemon, scene):
             _strike(report, daemon, scene, specs, every, limit)
         for what, count in sorted(scene.done.items()):
             report.fact(what, count)
         report.fact("runs", runs)
-        # What a killed supervisor of a killed run has left, the next stack of this machine ends;
-        # what was kept for a worker went with it, or nobody wanted it.
-        last = StackProcess(Ros2Settings(launch="true"), values={}, key="", relay=QUIET_RELAY)
-        last.release(keep=False)
+        # The next stack of this machine ends what a killed supervisor of a killed run has left.
+        last = StackProcess(Ros2Settings(launch="true"), values={}, relay=QUIET_RELAY)
+        last.release()
         deadline = time.monotonic() + 30.0
         while scene.left() and time.monotonic() < deadline:
             time.sleep(0.1)
@@ -157,7 +153,7 @@ def _strike(report, daemon, scene, specs, every, limit):
             scene.strike()
             scene.revive()
         eventually(lambda: finished(client, len(specs)), PATIENCE)
-    # The harness kills what is below its parts: kept stacks shall have ended by themselves.
+    # The harness kills what is below its parts: supervisors shall have ended their stacks before.
     patience = time.monotonic() + 30.0
     while any("process" in what for what in scene.left()) and time.monotonic() < patience:
         time.sleep(0.1)

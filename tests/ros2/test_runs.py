@@ -193,16 +193,6 @@ def test_two_runs_at_once_do_not_hear_each_other(drive):
 
 
 @pytest.mark.short
-@pytest.mark.one_distribution
-def test_a_stack_may_serve_several_runs_when_its_reset_is_seen_to_work(drive):
-    first = drive(name="first", reuse="yes")
-    second = drive(name="second", reuse="yes")
-    assert first.result.ended == second.result.ended == "finished", second.result.note
-    assert "is used again" in second.said
-    assert first.trace.command.vx.tobytes() == second.trace.command.vx.tobytes()
-
-
-@pytest.mark.short
 def test_nothing_is_left_running(drive):
     mark = uuid.uuid4().hex
     run = drive(f"error_msg:={mark}")

@@ -1,14 +1,13 @@
 """From the command that starts a stack to a stack that is ready for a mission.
 
-Started, or taken over from the run before and reset; in sight of the relay; told where the robot
-stands; every lifecycle node active; and the clock at a round number.
+Started; in sight of the relay; told where the robot stands; every lifecycle node active; and the
+clock at a round number.
 """
 
 from __future__ import annotations
 
-import hashlib
 import time as wall_clock
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -29,7 +28,6 @@ from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2
 from grammars.model.map_files import write_map
-from grammars.text import codec
 
 _NANO: Final = 1_000_000_000
 _FIRST_CLOCK: Final = _NANO
@@ -45,12 +43,9 @@ _POSE_PERIOD: Final = 3.0
 _POSE_PATIENCE: Final = 5.0
 """A stack that is ready otherwise is given so long [s of wall clock] to say where it is."""
 _FAR: Final = 0.5
-"""A reset stack that believes to be farther from the start [m, rad] was not reset."""
+"""A stack that believes to be farther from the start [m, rad] was told in vain."""
 _NOT_UP: Final = "the stack did not come up"
-_CLOCK_FILE: Final = "clock"
 _LAST_LINES: Final = 20
-_RESET_STEPS: Final = (("deactivate", "inactive"), ("cleanup", "unconfigured"))
-_START_STEPS: Final = (("configure", "inactive"), ("activate", "active"))
 
 
 class StackSession:
@@ -79,17 +74,10 @@ class StackSession:
         """Return a failure of the stack with the last lines it printed."""
         return SutFailure(reason, printed=self.process.last_lines(_LAST_LINES), events=events)
 
-    def close(self, *, keep: bool) -> Mapping[str, bytes]:
-        """Let go of the stack, end it unless it is kept; return what it printed."""
-        if keep:
-            try:
-                self.link.cancel_goals()
-                (self.process.folder / _CLOCK_FILE).write_text(str(self.time), encoding="ascii")
-            except (LinkLost, OSError):
-                # Nothing to tell anybody: it is ended here and started anew by the next run.
-                keep = False
+    def close(self) -> Mapping[str, bytes]:
+        """End the stack; return what it printed."""
         self.link.close()
-        self.process.release(keep=keep)
+        self.process.release()
         return self.process.outputs()
 
 
@@ -109,8 +97,7 @@ class BringUp:
         began = wall_clock.monotonic()
         try:
             yield from self._connect()
-            while not (yield from self._come_up()):
-                yield from self._connect()
+            yield from self._wait_until_ready()
             self._align()
         except LinkLost as error:
             session = self.ready_session()
@@ -131,18 +118,18 @@ class BringUp:
         return self.session
 
     def _connect(self) -> Iterator[str]:
-        """Start the stack, or find the one that was left, and wait for a link to it."""
+        """Start the stack and wait for a link to it."""
         settings = self._settings
         self._began = wall_clock.monotonic()
         yield "starting the stack"
         values = self._values()
-        process = StackProcess(settings, values=values, key=self._key(), relay=relay_path())
+        process = StackProcess(settings, values=values, relay=relay_path())
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
         try:
             link = RelayLink.listen(process.socket, process.nonce)
         except LinkLost as error:
-            process.release(keep=False)
+            process.release()
             raise SutFailure(str(error)) from error
         self.session = StackSession(settings, process, link)
         yield from self._start(process)
@@ -150,7 +137,6 @@ class BringUp:
             self._check_alive(process, "its relay has not come")
             yield f"waiting for the relay in the stack's ROS 2, {self._waited()}"
         link.set_up(link_setup(settings, self._briefing.robot.lasers))
-        self._latched = False
 
     def _start(self, process: StackProcess) -> Iterator[str]:
         """Start the processes; a domain that is another run's at the moment is waited for."""
@@ -164,50 +150,6 @@ class BringUp:
                 wall_clock.sleep(_ASK_PERIOD)
             else:
                 return
-
-    def _come_up(self) -> Generator[str, None, bool]:
-        """Wait until the stack is ready; return whether it is, or another one has to be started.
-
-        Only a stack of the run before may be given up like this: when its reset does not come out
-        as it should, which is seen by its nodes and by where it believes to be.
-        """
-        session = self.ready_session()
-        if not session.process.reused:
-            yield from self._wait_until_ready()
-            return True
-        try:
-            yield from self._reset()
-            yield from self._wait_until_ready()
-            off = self._off_the_start(session.telemetry.pose())
-            if off:
-                raise SutFailure(off)
-        except (SutFailure, LinkLost, OSError, ValueError) as error:
-            first = error.reason if isinstance(error, SutFailure) else str(error)
-            self.events.append(SutEvent(f"the stack could not be used again: {first}", "warn"))
-            session.close(keep=False)
-            return False
-        return True
-
-    def _reset(self) -> Iterator[str]:
-        """Take every lifecycle node down and up again, in order, and forget where it was."""
-        session = self.ready_session()
-        clock = (session.process.folder / _CLOCK_FILE).read_text(encoding="ascii")
-        session.time = int(clock)
-        nodes = self._settings.ready
-        for steps, order in ((_RESET_STEPS, nodes[::-1]), (_START_STEPS, nodes)):
-            for transition, state in steps:
-                for node in order:
-                    yield from self._change_state(node, transition, state)
-        session.telemetry.forget()
-        self.events.append(SutEvent("the stack of the run before was reset and is used again"))
-
-    def _change_state(self, node: str, transition: str, state: str) -> Iterator[str]:
-        session = self.ready_session()
-        session.link.request_state(node, transition)
-        while session.link.readiness().nodes.get(node) != state:
-            self._tick(wait=self._settings.period)
-            self._check_alive(session.process, f"{node} does not {transition}")
-            yield f"resetting the stack: {transition} {node}"
 
     def _wait_until_ready(self) -> Iterator[str]:
         session, settings = self.ready_session(), self._settings
@@ -275,22 +217,17 @@ class BringUp:
             )
 
     def _check_pose(self, pose: Pose2 | None) -> None:
-        """Say when the stack does not know, or not rightly, where it was told to be."""
-        frames = self._settings.frames
-        text = self._off_the_start(pose)
+        """Warn when the stack does not know, or not rightly, where it was told to be."""
+        settings = self._settings
+        frames = settings.frames
         if pose is None:
             text = f"no transform {frames.map} -> {frames.base} was seen: no estimate is recorded"
-        if text:
             self.events.append(SutEvent(text, "warn"))
-
-    def _off_the_start(self, pose: Pose2 | None) -> str:
-        """Return how far off the start the stack believes to be, empty when it is not."""
-        if pose is None or self._settings.initial_pose != "published":
-            return ""
-        off = self._briefing.start.inverse() @ pose
-        if max(abs(off.x), abs(off.y), abs(off.yaw)) <= _FAR:
-            return ""
-        return f"the stack believes to be {off.x:.2f} m, {off.y:.2f} m off the start"
+        elif settings.initial_pose == "published":
+            off = self._briefing.start.inverse() @ pose
+            if max(abs(off.x), abs(off.y), abs(off.yaw)) > _FAR:
+                text = f"the stack believes to be {off.x:.2f} m, {off.y:.2f} m off the start"
+                self.events.append(SutEvent(text, "warn"))
 
     def _tick(self, *, wait: float) -> None:
         """Let the clock go on by a period, with the first measurements as if they were of now."""
@@ -357,14 +294,6 @@ class BringUp:
             seed=int(briefing.seed.generate_state(1)[0]),
             files=self._settings.files,
         )
-
-    def _key(self) -> str:
-        """Return what must be equal for a stack to be used again by another run."""
-        briefing, grid = self._briefing, self._briefing.map
-        drawn = hashlib.sha256(grid.cells.tobytes()).hexdigest()
-        place = (grid.resolution, grid.x, grid.y, grid.cells.shape)
-        parts = (codec.to_json(self._settings), codec.to_json(briefing.robot), repr(place), drawn)
-        return hashlib.sha256(repr(parts).encode()).hexdigest()
 
     def _write_map(self, process: StackProcess) -> Path:
         height = self._briefing.robot.laser.z

@@ -55,7 +55,7 @@ def _at_the_top(settings: Ros2Settings) -> dict[str, Any]:
     plain = {name: getattr(settings, name) or "none" for name in _PLAIN}
     plain["ready"] = list(settings.ready) or "none"
     late = f"{100.0 * settings.late:g} %"
-    return {**plain, **seconds, "late": late, "reuse": "yes" if settings.reuse else "no"}
+    return {**plain, **seconds, "late": late}
 
 
 def _left_out(given: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

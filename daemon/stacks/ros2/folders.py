@@ -1,6 +1,6 @@
-"""Folders of running stacks: who has one, what is kept for the next run, what was left behind.
+"""Folders of running stacks: who has one, what was left behind.
 
-    scenario-<uid>/stacks/lock              held for the moment in which folders come and are found
+    scenario-<uid>/stacks/lock              held while a folder is made or all are looked at
     scenario-<uid>/stacks/<token>/lock      held as long as the stack's supervisor or holder lives
     scenario-<uid>/stacks/<token>/stack.json
 
@@ -30,15 +30,8 @@ _RECORD: Final = "stack.json"
 
 @dataclass(frozen=True, slots=True)
 class StackRecord:
-    """What others need to know of a running stack.
+    """What others need to end a stack; ``engine`` and ``name`` are those of a container."""
 
-    ``owner`` is the process it may be kept for, 0 when it is not to be kept; ``engine`` and
-    ``name`` are those of its container, or empty.
-    """
-
-    key: str
-    owner: int
-    nonce: str
     domain: int
     engine: str = ""
     name: str = ""
@@ -67,14 +60,6 @@ def make_folder(root: Path) -> tuple[Path, IO[str]]:
         lock = (folder / _LOCK).open("w")
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return folder, lock
-
-
-def recorded_stacks(root: Path) -> Iterator[tuple[Path, StackRecord]]:
-    """Yield folders and records of the stacks of this user."""
-    for folder in sorted(root.iterdir()):
-        record = StackRecord.read(folder)
-        if record is not None:
-            yield folder, record
 
 
 def end_remains(root: Path) -> None:

@@ -87,8 +87,7 @@ def inspect_stack(
     # What starts processes is loaded when something is started.
     from daemon.stacks.ros2.bring_up import BringUp
 
-    # Of a stack that an earlier run has left one would not see how it starts.
-    attempt = BringUp(dataclasses.replace(settings, reuse=False), briefing, first)
+    attempt = BringUp(settings, briefing, first)
     began = wall_clock.monotonic()
     failure: SutFailure | None = None
     try:
@@ -113,7 +112,7 @@ def inspect_stack(
         return dataclasses.replace(seen, seconds=seconds, failure=failure)
     finally:
         if attempt.session is not None:
-            attempt.session.close(keep=False)
+            attempt.session.close()
 
 
 def _look(session: StackSession, settings: Ros2Settings, standing: Odometry) -> Inspection:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
 from daemon.model.sut import TICK_RATE
 from grammars.model.robot import LASER_NAME
-from grammars.text.documents import Duration, Ratio, StrictModel
+from grammars.text.documents import Duration, Ratio, RemovedKey, StrictModel
 
 HIGHEST_DOMAIN: Final = 101
 """Domain ids up to this one fit the ephemeral port range of every system (ROS 2 documentation)."""
@@ -95,15 +95,6 @@ def _network(text: str) -> str:
     return text
 
 
-def _yes_or_no(value: Any) -> Any:
-    # YAML 1.2, which is what is read here, takes yes and no for text.
-    if isinstance(value, bool) or value is None:
-        return value
-    if value not in ("yes", "no"):
-        raise ValueError("must be yes or no")
-    return value == "yes"
-
-
 def _domain(value: Any) -> Any:
     if value is None or value == "own":
         return value
@@ -167,9 +158,6 @@ _Names: TypeAlias = Annotated[
 _Setups: TypeAlias = Annotated[
     list[Annotated[str, AfterValidator(_worker_path)]],
     BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
-]
-_YesNo: TypeAlias = Annotated[
-    bool, BeforeValidator(_yes_or_no, json_schema_input_type=Literal["yes", "no"] | bool)
 ]
 _Domain: TypeAlias = Annotated[
     Any,
@@ -263,6 +251,10 @@ class _Ros2FramesText(StrictModel):
 class Ros2Keys(StrictModel):
     """Keys of a ROS 2 stack; all that is left out has a default, except how it is started."""
 
+    elsewhere: ClassVar[Mapping[str, str | RemovedKey]] = {
+        "reuse": RemovedKey("a stack belongs to one run")
+    }
+
     launch: Annotated[str, AfterValidator(_shell_text)] | None = None
     """For "kind: ros2": the command that starts the stack, for a shell. {map}, {start.x} and names
     below "files" in braces are filled in, quoted; double braces {{ }} are plain ones."""
@@ -315,8 +307,6 @@ class Ros2Keys(StrictModel):
     )
     """For "kind: ros2": the period of the stack's controller, a multiple of 0.01 s; 0.05 s when
     left out."""
-    reuse: _YesNo | None = None
-    """For "kind: ros2": one stack for many runs, reset in between; no when left out."""
 
 
 ROS2_KEYS: Final = tuple(field.alias or name for name, field in Ros2Keys.model_fields.items())

@@ -1,4 +1,4 @@
-"""A running stack as its run sees it: started, watched, read, and ended or kept.
+"""A running stack as its run sees it: started, watched, read, and ended.
 
 The work is done by a supervisor, a process of its own (:mod:`daemon.supervision`),
 which ends the stack also when the run's process cannot ask for it any more.
@@ -6,15 +6,23 @@ which ends the stack also when the run's process cannot ask for it any more.
 
 from __future__ import annotations
 
+import inspect
+import json
 import os
 import secrets
+import select
 import shlex
 import shutil
 import signal
 import socket
+import subprocess
+import sys
+import time
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Final
+from typing import Any, Final
 
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.container import (
@@ -24,17 +32,8 @@ from daemon.stacks.ros2.container import (
     image_command,
     run_command,
 )
-from daemon.stacks.ros2.control import ANSWER_LIMIT, ERRORS, SupervisorWire
-from daemon.stacks.ros2.folders import (
-    StackRecord,
-    end_remains,
-    end_stack,
-    make_folder,
-    recorded_stacks,
-)
+from daemon.stacks.ros2.folders import StackRecord, end_remains, end_stack, make_folder
 from daemon.stacks.ros2.isolation import (
-    DomainLock,
-    DomainTaken,
     environment_script,
     isolating_variables,
     lock_domain,
@@ -43,10 +42,10 @@ from daemon.stacks.ros2.isolation import (
 )
 from daemon.stacks.ros2.placeholders import PlaceholderError
 from daemon.stacks.ros2.settings import Ros2Settings, fill_settings
-from daemon.supervision.guardian import holder
 from daemon.supervision.output_file import OutputFile
 from daemon.supervision.plan import (
     ENVIRONMENT,
+    PROGRAM,
     RELAY_OUTPUT,
     STACK_OUTPUT,
     StackPlan,
@@ -57,23 +56,26 @@ from grammars.text.terminal_text import printable, without_escapes
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
 NONCE_VARIABLE: Final = "SCENARIO_NONCE"
 """Where the relay connects, and what it shows there."""
-KEEP_VARIABLE: Final = "SCENARIO_KEEP"
-"""Set to 1 the relay waits for the next run after one."""
 _GRACE: Final = 5.0
-_IDLE: Final = 60.0
 _ENGINE_FAILED: Final = 125
 """Exit code of podman and docker when they failed themselves (podman-run(1))."""
 _ENGINE_LIMIT: Final = 40.0
 """Seconds that the engine of a container is given to end and to remove it."""
 
 
-class StackProcess:
-    """The stack of one run, and the relay beside it; or one that an earlier run has left for it.
+_ERRORS: Final = "supervisor.txt"
+"""What a supervisor itself has to say, when it fails."""
+_ANSWER_LIMIT: Final = 60.0
+"""Seconds within which a supervisor answers, in addition to what it waits for itself: it may have
+to share a processor with many runs."""
+_ROOM: Final = Path(inspect.getfile(StackPlan)).parent
 
-    ``values`` are those of placeholders; ``domain`` is added to them. ``key`` is the digest of all
-    that must be equal for a stack to be used again. ``relay`` is the file that is run by the
-    stack's Python. ``grace`` [s] is waited after SIGINT and again after SIGTERM, ``idle`` [s] for
-    the next run.
+
+class StackProcess:
+    """The stack of one run, and the relay beside it.
+
+    ``values`` are those of placeholders; ``domain`` is added to them. ``relay`` is the file that is
+    run by the stack's Python. ``grace`` [s] is waited after SIGINT and again after SIGTERM.
 
     The folder is there from the beginning, the rest after :meth:`start`. Whoever makes one has to
     release it. Raises ``SutFailure`` when there is no place for the folder.
@@ -84,30 +86,23 @@ class StackProcess:
         settings: Ros2Settings,
         *,
         values: Mapping[str, str],
-        key: str,
         relay: Path,
         grace: float = _GRACE,
-        idle: float = _IDLE,
     ) -> None:
-        self._settings, self._values, self._key = settings, values, key
-        self._relay, self._grace, self._idle = relay, grace, idle
-        self._wire: SupervisorWire | None = None
-        self._lock: IO[str] | None = None
+        self._settings, self._values = settings, values
+        self._relay, self._grace = relay, grace
+        self._supervisor: _Supervisor | None = None
         self._domain_lock: socket.socket | None = None
         self._outputs: dict[str, bytes] | None = None
         self._ended = ""
-        # A kept stack is for the next run that is forked from the same process.
-        self._owner = holder() if settings.reuse else 0
         self.domain = -1
         root = runtime_folder()
         try:
             end_remains(root)
-            self.reused = self._take_over(root)
-            if not self.reused:
-                self.folder, self._lock = make_folder(root)
-                self.nonce = secrets.token_hex(16)
+            self.folder, self._lock = make_folder(root)
         except OSError as error:
             raise SutFailure(f"the folder of a stack cannot be made: {error}") from error
+        self.nonce = secrets.token_hex(16)
 
     @property
     def socket(self) -> Path:
@@ -117,27 +112,22 @@ class StackProcess:
     # Starting
 
     def start(self) -> None:
-        """Start the stack, unless it runs already.
+        """Start the stack.
 
         Raises :class:`~daemon.stacks.ros2.isolation.DomainTaken` when another run has the ROS
         domain that was asked for, after which it may be called again; ``SutFailure`` when there is
         something that keeps the command from being started at all.
         """
-        if self._wire is not None:
-            return
-        assert self._lock is not None
         try:
-            self.domain, self._domain_lock = self._lock_domain()
+            self.domain, self._domain_lock = lock_domain(self._settings.domain)
             inherited = (self._lock.fileno(), self._domain_lock.fileno())
-            plan = self._plan()
-            self._wire = SupervisorWire.start(self.folder, without_ours(os.environ), inherited)
+            self._supervisor = _Supervisor(self._plan(), inherited)
         except PlaceholderError as error:
             raise SutFailure(str(error)) from error
         except OSError as error:
             raise SutFailure(f"the stack cannot be started: {error}") from error
-        self._wire.send_plan(plan)
-        limit = self._settings.start_up + ANSWER_LIMIT
-        answer = self._wire.wait_for("started", "failed", limit=limit)
+        limit = self._settings.start_up + _ANSWER_LIMIT
+        answer = self._supervisor.wait_for("started", "failed", limit=limit)
         if answer is None:
             raise SutFailure(self.ended() or "the supervisor of the stack does not answer")
         if "failed" in answer:
@@ -153,8 +143,6 @@ class StackProcess:
             raise SutFailure("there is no shell on this machine: neither bash nor sh")
         relay = self._place_relay()
         relay_variables = {SOCKET_VARIABLE: str(self.socket), NONCE_VARIABLE: self.nonce}
-        if self._owner:
-            relay_variables[KEEP_VARIABLE] = "1"
         container = settings.container
         script = folder / "environment.sh"
         script.write_text(
@@ -184,7 +172,7 @@ class StackProcess:
             files = [path for path in map(Path, settings.files.values()) if path.is_file()]
             stack = run_command(engine, container, folder=folder, files=files, script=inside)
             relay_command = []
-        StackRecord(self._key, self._owner, self.nonce, self.domain, engine, name).write(folder)
+        StackRecord(self.domain, engine, name).write(folder)
         return StackPlan(
             token=token,
             folder=str(folder),
@@ -195,9 +183,8 @@ class StackProcess:
             relay_variables=relay_variables,
             engine=engine,
             name=name,
-            owner=self._owner,
+            holder=os.getpid(),
             grace=self._grace,
-            idle=self._idle,
             setup_limit=self._settings.start_up,
         )
 
@@ -207,59 +194,22 @@ class StackProcess:
         place.mkdir(exist_ok=True)
         return Path(shutil.copyfile(self._relay, place / self._relay.name))
 
-    def _take_over(self, root: Path) -> bool:
-        """Become the holder of a stack of this key that an earlier run has left, if there is one.
-
-        A supervisor gives it to one only, so two slots never share it.
-        """
-        if not self._settings.reuse:
-            return False
-        for folder, record in recorded_stacks(root):
-            if (record.owner, record.key) != (self._owner, self._key):
-                continue
-            self._wire = SupervisorWire.take_over(folder)
-            if self._wire is not None:
-                self.folder, self.nonce, self.domain = folder, record.nonce, record.domain
-                # Of the run before: whoever listens makes a new one.
-                self.socket.unlink(missing_ok=True)
-                return True
-        return False
-
-    def _lock_domain(self) -> DomainLock:
-        wanted = self._settings.domain
-        try:
-            return lock_domain(wanted)
-        except DomainTaken:
-            if not self._end_idle(wanted):
-                raise
-            return lock_domain(wanted)
-
-    def _end_idle(self, domain: int | None) -> bool:
-        """End a stack in this domain that is kept for a run that may never come."""
-        for folder, record in recorded_stacks(self.folder.parent):
-            wire = SupervisorWire.take_over(folder) if record.domain == domain else None
-            if wire is not None:
-                _ask_to_end(wire, self._grace)
-                wire.close(limit=ANSWER_LIMIT)
-                return True
-        return False
-
     # Watching
 
     def ended(self) -> str:
         """Return how stack or relay ended, empty while both live."""
-        if self._wire is None or self._outputs is not None:
+        if self._supervisor is None or self._outputs is not None:
             return self._ended
-        self._wire.listen()
-        for event in self._wire.events:
+        self._supervisor.listen()
+        for event in self._supervisor.events:
             if event.get("ended") == "stack":
                 if event["code"] == _ENGINE_FAILED and self._settings.container is not None:
                     return f"the container cannot be started{self._quote(STACK_OUTPUT)}"
                 return f"the launch command {_end_in_words(event['code'])}"
             if event.get("ended") == "relay":
                 return f"the relay {_end_in_words(event['code'])}{self._quote(RELAY_OUTPUT)}"
-        if self._wire.lost:
-            return f"the supervisor of the stack was ended{self._quote(ERRORS)}"
+        if self._supervisor.lost:
+            return f"the supervisor of the stack was ended{self._quote(_ERRORS)}"
         return ""
 
     def _quote(self, name: str) -> str:
@@ -281,52 +231,113 @@ class StackProcess:
         if self._outputs is not None:
             return self._outputs.get(name.replace(".output", ".txt"), b"")
         path = self.folder / name
-        if name == ERRORS:
+        if name == _ERRORS:
             return path.read_bytes() if path.exists() else b""
         return OutputFile.read(path)
 
     # The end
 
-    def release(self, *, keep: bool) -> None:
-        """Leave the stack for the next run of the same key, or end it, all of it.
+    def release(self) -> None:
+        """End the stack, all of it; may be called again.
 
-        Kept is only what lives, for at most a minute, and if the SUT file says ``reuse``. After
-        this, :meth:`outputs` returns what was printed until now. May be called again.
+        After this, :meth:`outputs` returns what was printed until now.
         """
         if self._outputs is not None:
             return
         self._ended = self.ended()
-        wire = self._wire
-        if wire is not None and keep and self._owner and not self._ended:
-            printed = dict(self.outputs())
-            wire.tell("keep")
-            if wire.wait_for("kept", limit=ANSWER_LIMIT) is not None:
-                self._outputs = printed
-                wire.let_go()
-                self._unlock()
-                return
         gone = False
-        if wire is not None:
-            gone = _ask_to_end(wire, self._grace)
+        if self._supervisor is not None:
+            self._supervisor.ask_to_end()
+            limit = 2.0 * self._grace + KILL_LIMIT + _ENGINE_LIMIT + _ANSWER_LIMIT
+            gone = self._supervisor.wait_for("gone", limit=limit) is not None
         self._outputs = dict(self.outputs())
-        if wire is not None:
-            gone = wire.close(limit=ANSWER_LIMIT) and gone
+        if self._supervisor is not None:
+            gone = self._supervisor.close(limit=_ANSWER_LIMIT) and gone
         if not gone or self.folder.exists():
             end_stack(self.folder)
-        self._unlock()
-
-    def _unlock(self) -> None:
-        """Let go of what says to others that the stack is alive: a supervisor has it, too."""
+        # Others take the stack for alive as long as anybody has one of these open.
         for lock in (self._lock, self._domain_lock):
             if lock is not None:
                 lock.close()
 
 
-def _ask_to_end(wire: SupervisorWire, grace: float) -> bool:
-    """Have a stack ended; returns whether its supervisor says that nothing of it is left."""
-    wire.tell("end")
-    limit = 2.0 * grace + KILL_LIMIT + _ENGINE_LIMIT + ANSWER_LIMIT
-    return wire.wait_for("gone", limit=limit) is not None
+class _Supervisor:
+    """The supervisor of one stack as a process, and the wire to it.
+
+    It starts what ``plan`` says, has locks in the descriptors ``inherited``, and ends its stack
+    when this end of the wire is closed. ``events`` are those it has reported, oldest first;
+    ``lost`` says that no more will come. Raises ``OSError`` when it cannot be started.
+    """
+
+    def __init__(self, plan: StackPlan, inherited: tuple[int, ...]) -> None:
+        self.events: list[dict[str, Any]] = []
+        self.lost = False
+        self._received = b""
+        self._wire, theirs = socket.socketpair()
+        # Isolated, because variables for Python are the stack's.
+        words = [sys.executable, "-I", "-S", "-c", PROGRAM, str(_ROOM.parent)]
+        try:
+            with theirs, Path(plan.folder, _ERRORS).open("wb") as errors:
+                self._process = subprocess.Popen(
+                    words,
+                    env=without_ours(os.environ),
+                    cwd=plan.folder,
+                    stdin=theirs.fileno(),
+                    stdout=theirs.fileno(),
+                    stderr=errors,
+                    start_new_session=True,
+                    pass_fds=inherited,
+                )
+        except OSError:
+            self._wire.close()
+            raise
+        self._send(asdict(plan))
+
+    def ask_to_end(self) -> None:
+        """Ask for the end of the stack; the event ``gone`` says that nothing of it is left."""
+        self._send({"end": True})
+
+    def _send(self, request: dict[str, Any]) -> None:
+        # The wait for the answer notices that the supervisor is gone.
+        with suppress(OSError):
+            self._wire.sendall(json.dumps(request).encode() + b"\n")
+
+    def wait_for(self, *names: str, limit: float) -> dict[str, Any] | None:
+        """Return the first event of one of these names, ``None`` when none comes in ``limit`` s."""
+        deadline = time.monotonic() + limit
+        while True:
+            for event in self.events:
+                if any(name in event for name in names):
+                    return event
+            rest = deadline - time.monotonic()
+            if self.lost or rest <= 0:
+                return None
+            self.listen(rest)
+
+    def listen(self, limit: float = 0.0) -> None:
+        """Take in what has happened; wait up to ``limit`` seconds for something."""
+        while not self.lost and select.select([self._wire], [], [], limit)[0]:
+            limit = 0.0
+            try:
+                data = self._wire.recv(4096)
+            except ConnectionError:
+                data = b""
+            self.lost = not data
+            *lines, self._received = (self._received + data).split(b"\n")
+            self.events += map(json.loads, lines)
+
+    def close(self, *, limit: float) -> bool:
+        """Hang up and wait until the supervisor is gone: within ``limit`` seconds, or by SIGKILL.
+
+        Return whether it went by itself.
+        """
+        self._wire.close()
+        try:
+            return self._process.wait(limit) == 0
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            return False
 
 
 def _end_in_words(code: int) -> str:

@@ -134,7 +134,6 @@ class Ros2Settings:
     tolerance: float = 0.0
     idle: float = 0.02
     period: float = 0.05
-    reuse: bool = False
 
     def scan_topic(self, laser: Laser) -> str:
         """Return where the scans of a laser are published."""
@@ -291,9 +290,6 @@ def _start_problems(keys: _Ros2Parameters) -> Iterator[ParameterFinding]:
     if container is not None and container.image is None:
         message = 'key "image" is missing: the image the stack is started in'
         yield ParameterFinding(("container", "image"), message)
-    if keys.reuse and not keys.ready:
-        message = "reuse: without lifecycle nodes there is nothing to reset the stack by"
-        yield ParameterFinding(("reuse",), message, "name them below ready")
     for name in keys.files or ():
         if name in STANDARD:
             message = f'{name}: every run has a placeholder "{name}"'

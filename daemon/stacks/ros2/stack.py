@@ -53,7 +53,6 @@ class Ros2Stack:
         self._odometry: Odometry | None = None
         self._server_missing: float | None = None
         self._said: list[SutEvent] = []
-        self._sound = False
 
     @property
     def period(self) -> float:
@@ -180,12 +179,11 @@ class Ros2Stack:
                 self._lockstep.check_share()
             except SutFailure as error:
                 raise self._session.failure(error.reason) from error
-            self._sound = True
 
     def close(self) -> None:
-        """End the stack, or leave it to the next run when it may be reused and came to no harm."""
+        """End the stack."""
         if self._session is not None:
-            self._outputs = self._session.close(keep=self._settings.reuse and self._sound)
+            self._outputs = self._session.close()
 
     def outputs(self) -> Mapping[str, bytes]:
         """Return what the stack and the relay printed."""

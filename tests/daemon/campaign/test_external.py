@@ -21,7 +21,6 @@ environment: {setup: [/a.bash, /b.bash], RMW_IMPLEMENTATION: rmw_x, DEBUG: "1"}
 ready: [amcl, controller_server]
 start-up: 2 min
 late: 10 %
-reuse: yes
 """
 CAMPAIGN = """\
 campaign: flat
@@ -67,7 +66,7 @@ def test_the_specification_holds_the_keys_as_they_are_written(folder):
     assert sut.parameters["repeatable"] is False
     assert sut.files.keys() == {"params"}
     settings = read_settings(resolve_paths(sut.parameters, sut.files))
-    assert (settings.start_up, settings.late, settings.reuse) == (120.0, 0.1, True)
+    assert (settings.start_up, settings.late) == (120.0, 0.1)
 
 
 def test_a_stack_named_by_its_kind_is_not_repeatable_either(folder):
@@ -119,6 +118,8 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
         ("like: nav2\nfiles: {more: [a, b]}\n", "mine.yaml:3:9: more: is one file, not several"),
         ("like: nav2\nfiles: {map: nav2.yaml}\n", 'mine.yaml:3:9: map: every run has a'),
         ("like: nav2\nparameters: {a: 1}\n", "mine.yaml:3:1: parameters: kind ros2 has none"),
+        ("like: nav2\nreuse: yes\n",
+         "mine.yaml:3:1: reuse: a stack belongs to one run\n    remove this line"),
         ("like: nav2\nqos: null\n", "mine.yaml:3:1: qos: null takes an inherited value away"),
         ("kind: pilot\nlaunch: x\nready: [a]\n", "mine.yaml:3:1: launch: only kind ros2 has this"),
         ("kind: ros2\nlaunch: x\nros: folder\n", "mine.yaml:4:1: ros: only kind ros reads ROS"),

@@ -306,7 +306,6 @@ topics: {scan: front/scan, odom: null}
 ready: amcl
 late: 5 %
 start-up: 1 min
-reuse: yes
 frames: null
 """
 
@@ -319,7 +318,6 @@ frames: null
         ("late: 5 %", "late: null", []),
         ("start-up: 1 min", "start-up: 60", ["$['start-up']"]),
         ("scan: front/scan", "scann: x", ["$.topics"]),
-        ("reuse: yes", "reuse: maybe", ["$.reuse"]),
         ("ROS_DOMAIN_ID: 7", "ROS_DOMAIN_ID: 102", ["$.environment"]),
         ("ready: amcl", "mission: dock", ["$.mission"]),
     ],

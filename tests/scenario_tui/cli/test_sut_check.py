@@ -19,7 +19,6 @@ SUT = """sut: my-nav2
 kind: ros2
 launch: ros2 launch nav nav.launch.py map:={map}
 ready: [amcl]
-reuse: yes
 """
 
 

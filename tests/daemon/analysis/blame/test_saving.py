@@ -210,7 +210,7 @@ def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(folder, monkeypat
     (folder / "params.yaml").write_text("amcl: {}\n")
     (folder / "base.yaml").write_text(
         "sut: base\nkind: ros2\nlaunch: nav {map} {params}\nfiles: {params: params.yaml}\n"
-        "environment: {setup: /a.bash}\nready: amcl\nlate: 10 %\nreuse: yes\n"
+        "environment: {setup: /a.bash}\nready: amcl\nlate: 10 %\n"
     )
     (folder / "nav2.yaml").write_text("sut: nav2\nlike: base\nstart-up: 2 min\n")
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))

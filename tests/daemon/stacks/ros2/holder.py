@@ -1,11 +1,10 @@
 """Holds a stack in a process of its own, as that of a run does, so that it can be killed.
 
 ``python -m tests.daemon.stacks.ros2.holder '{"launch": ...}'``: prints a line of JSON once the
-stack has been started, then does what lines of standard input say: ``keep``, ``end``.
+stack has been started, then does what a line of standard input says: ``end``.
 """
 
 import json
-import multiprocessing
 import os
 import resource
 import signal
@@ -19,7 +18,6 @@ import psutil
 
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
-from daemon.supervision.guardian import guard
 
 PATIENCE = 60.0
 QUIET_RELAY = Path(__file__).with_name("quiet_relay.sh")
@@ -49,24 +47,6 @@ def marked(token):
     return found
 
 
-def marked_without_relay(token):
-    """What runs of the stack alone."""
-    programs = [(p, _words(p)) for p in marked(token)]
-    return [p for p, words in programs if words and not _is_quiet_relay(words)]
-
-
-def _words(process):
-    try:
-        return process.cmdline()
-    except psutil.NoSuchProcess:  # what a shell starts comes and goes
-        return []
-
-
-def _is_quiet_relay(words):
-    # The shell that reads the file, and what it becomes.
-    return words == ["sleep", "605"] or QUIET_RELAY.name in words[-1]
-
-
 def supervisor_of(folder):
     """The supervisor whose stack lives in a folder: the parent of the stack's shell."""
     for process in psutil.process_iter():
@@ -92,35 +72,7 @@ def holder(**what):
             process.kill()
 
 
-def hold_once(what, wire):
-    """What the process of a run does with a stack that is kept for its worker's next run."""
-    guard()  # which leaves the supervisor of a stack alone, and nothing else
-    settings = Ros2Settings(python="sh", **what)
-    stack = StackProcess(settings, values={}, key="key", relay=QUIET_RELAY)
-    stack.start()
-    stack.release(keep=True)
-    wire.send((stack.reused, str(stack.folder)))
-
-
-def hold_in_runs(what, count):
-    """As a worker does it, for which the processes of runs are forked by a server."""
-    context = multiprocessing.get_context("forkserver")
-    told = []
-    for _ in range(count):
-        ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=hold_once, args=(what, theirs))
-        process.start()
-        theirs.close()
-        told.append(ours.recv())
-        process.join()
-    print(json.dumps({"stacks": told}), flush=True)
-    sys.stdin.read()
-
-
 def hold(what):
-    if runs := what.pop("worker", 0):
-        hold_in_runs(what, runs)
-        return
     if what.pop("as_run", False):
         # As daemon.batch.run_process does it to the process of a run.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -128,16 +80,13 @@ def hold(what):
         _, most = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, most))
         os.environ |= {"PYTHONSAFEPATH": "1", "SCENARIO_STATE": "/nowhere"}
-    keep, relay = what.pop("keep", False), Path(what.pop("relay", QUIET_RELAY))
-    stack = StackProcess(Ros2Settings(**{"python": "sh"} | what), values={}, key="key", relay=relay)
+    relay = Path(what.pop("relay", QUIET_RELAY))
+    stack = StackProcess(Ros2Settings(**{"python": "sh"} | what), values={}, relay=relay)
     stack.start()
-    told = {"folder": str(stack.folder), "reused": stack.reused, "domain": stack.domain}
-    print(json.dumps(told), flush=True)
-    if keep:
-        stack.release(keep=True)
+    print(json.dumps({"folder": str(stack.folder), "domain": stack.domain}), flush=True)
     for line in sys.stdin:
         if line.strip() == "end":
-            stack.release(keep=False)
+            stack.release()
             print(json.dumps([data.decode() for data in stack.outputs().values()]), flush=True)
 
 

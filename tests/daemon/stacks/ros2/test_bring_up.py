@@ -1,4 +1,4 @@
-"""From the command to a stack that is ready: its clock, its pose, stacks that are used again."""
+"""From the command to a stack that is ready: its clock, its pose."""
 
 from dataclasses import replace
 
@@ -40,16 +40,15 @@ class Stack(PretendedLink):
     """A stack as its link shows it: ready at once, unless told otherwise.
 
     ``believes``: where it says to be once it was told its pose, with ``once`` only in the answer
-    to that; ``obeys``: whether its nodes change their state when asked.
+    to that.
     """
 
-    def __init__(self, believes=START, *, obeys=True, once=False):
+    def __init__(self, believes=START, *, once=False):
         super().__init__()
         self.once = once
         self.states = dict.fromkeys(NODES, "active")
-        self.believes, self.obeys = believes, obeys
+        self.believes = believes
         self.told = []
-        self.asked = []
         self.endpoints = ()
         self.closed = False
 
@@ -76,12 +75,6 @@ class Stack(PretendedLink):
     def graph(self):
         return Graph(self.endpoints, (), ())
 
-    def request_state(self, node, transition):
-        self.asked.append((node, transition))
-        after = {"configure": "inactive", "deactivate": "inactive", "activate": "active"}
-        if self.obeys:
-            self.states[node] = after.get(transition, "unconfigured")
-
     def close(self):
         self.closed = True
 
@@ -94,11 +87,10 @@ class Machine:
         self.stacks = []
         self._next = 0
 
-    def will_have(self, stack, *, reused=False):
+    def will_have(self, stack):
         place = self._folder / str(len(self.stacks))
         place.mkdir()
-        (place / "clock").write_text(str(77 * SECOND))
-        self.stacks.append((stack, PretendedProcess(place, reused=reused)))
+        self.stacks.append((stack, PretendedProcess(place)))
         return self.stacks[-1]
 
     def process(self, *_, **__):
@@ -230,7 +222,7 @@ def test_a_socket_that_cannot_be_made_is_said_and_leaves_nothing(machine, briefi
     monkeypatch.setattr(bring_up.RelayLink, "listen", refuse)
     with pytest.raises(SutFailure, match="no space left"):
         list(coming_up(briefing)[1])
-    assert process.released == [False]
+    assert process.released == 1
 
 
 def test_a_stack_that_does_not_come_up_says_what_it_lacks(machine, briefing):
@@ -248,51 +240,3 @@ def test_a_second_clock_in_the_domain_is_refused(machine, briefing):
     )
     with pytest.raises(SutFailure, match="/bag publishes /clock too, in ROS domain 7"):
         list(coming_up(briefing)[1])
-
-
-def test_a_stack_of_the_run_before_is_reset_in_order_and_its_clock_goes_on(machine, briefing):
-    stack, _ = machine.will_have(Stack(), reused=True)
-    attempt, waiting = coming_up(briefing, reuse="yes")
-    list(waiting)
-    first, last = NODES
-    assert stack.asked == [
-        *((node, "deactivate") for node in (last, first)),
-        *((node, "cleanup") for node in (last, first)),
-        *((node, "configure") for node in (first, last)),
-        *((node, "activate") for node in (first, last)),
-    ]
-    assert stack.cycles[0].time > 77 * SECOND
-    assert any("used again" in event.text for event in attempt.events)
-
-
-@pytest.mark.parametrize(
-    ("stack", "why"),
-    [
-        (Stack(obeys=False), "does not deactivate"),
-        (Stack(Pose2(3.0, 0.0, 0.0)), "3.00 m"),
-    ],
-)
-def test_a_reset_that_does_not_come_out_right_is_followed_by_a_stack_of_its_own(
-    machine, briefing, stack, why
-):
-    _, before = machine.will_have(stack, reused=True)
-    fresh, _ = machine.will_have(Stack())
-    attempt, waiting = coming_up(briefing, reuse="yes", **{"start-up": "2 s"})
-    list(waiting)
-    assert before.released == [False]
-    assert stack.closed
-    assert attempt.ready_session().link is fresh
-    assert any("could not be used again" in e.text and why in e.text for e in attempt.events)
-
-
-def test_the_clock_of_the_next_run_begins_where_that_of_this_one_ended(machine, briefing):
-    _, process = machine.will_have(Stack())
-    stack = Ros2Stack(read_settings(SETTINGS | {"reuse": "yes"}))
-    stack.start(briefing)
-    list(stack.bring_up(first_of(briefing)))
-    for time in (0.0, 0.05, 0.1):
-        stack.update(Observation(time, (Odometry(time, Pose2(), Twist2()),), ()))
-    stack.finish()
-    stack.close()
-    assert process.released == [True]
-    assert int((process.folder / "clock").read_text()) == 5 * SECOND + SECOND // 10

@@ -109,7 +109,7 @@ def inspected(on_progress=lambda _: None, **keys):
 
 def test_a_stack_that_is_up_is_asked_for_everything_and_ended(stack, process):
     waited = []
-    seen = inspected(waited.append, reuse=True)
+    seen = inspected(waited.append)
     assert (seen.identity, seen.failure) == (stack.identity, None)
     assert seen.readiness.nodes == {"/amcl": "active"}
     assert seen.graph == stack.graph()
@@ -119,9 +119,7 @@ def test_a_stack_that_is_up_is_asked_for_everything_and_ended(stack, process):
     assert seen.located
     assert "0 of 1 nodes active, amcl is inactive" in " ".join(waited)
     assert waited[-1] == "looking at its graph"
-    # Started anew, and not left to a run, whatever its settings say.
-    assert not process.settings.reuse
-    assert process.released == [False]
+    assert process.released == 1
     assert stack.goals == []
     times = [cycle.time for cycle in stack.cycles]
     assert len(times) > 20
@@ -142,7 +140,7 @@ def test_a_stack_that_does_not_get_ready_is_looked_at_all_the_same(stack, proces
     assert said.startswith("the stack was not ready within 0.3 s of wall clock (start-up)")
     assert seen.failure.printed == ("its last line",)
     assert seen.graph.nodes == ("/amcl",)
-    assert process.released == [False]
+    assert process.released == 1
 
 
 def test_a_stack_that_finds_itself_late_is_located(stack, process):
@@ -164,7 +162,7 @@ def test_a_stack_that_ends_cannot_be_looked_at(stack, process, link_ends_first):
     stack.gone = link_ends_first
     with pytest.raises(SutFailure, match="the stack did not come up: the launch command ended"):
         inspected()
-    assert process.released == [False]
+    assert process.released == 1
 
 
 def test_a_link_that_is_lost_says_why(stack, process):
@@ -173,7 +171,7 @@ def test_a_link_that_is_lost_says_why(stack, process):
 
     with pytest.raises(SutFailure, match="the relay is silent"):
         inspected(lose)
-    assert process.released == [False]
+    assert process.released == 1
 
 
 def test_whoever_interrupts_it_leaves_nothing_running(stack, process):
@@ -183,7 +181,7 @@ def test_whoever_interrupts_it_leaves_nothing_running(stack, process):
 
     with pytest.raises(KeyboardInterrupt):
         inspected(interrupt)
-    assert process.released == [False]
+    assert process.released == 1
 
 
 def test_a_command_that_is_not_there_is_said_in_words_with_real_processes():

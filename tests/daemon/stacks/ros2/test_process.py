@@ -1,10 +1,9 @@
-"""Stacks are started, watched, ended and kept: real processes, no ROS needed for that."""
+"""Stacks are started, watched and ended: real processes, no ROS needed for that."""
 
 import json
 import os
 import secrets
 import signal
-import socket
 import sys
 import tempfile
 from collections.abc import Callable
@@ -15,7 +14,6 @@ import psutil
 import pytest
 
 from daemon.model.sut import SutFailure
-from daemon.stacks.ros2.control import SupervisorWire
 from daemon.stacks.ros2.isolation import DomainTaken, lock_domain
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Container, Ros2Settings
@@ -27,7 +25,6 @@ from tests.daemon.stacks.ros2.holder import (
     eventually,
     holder,
     marked,
-    marked_without_relay,
     supervisor_of,
 )
 
@@ -77,13 +74,9 @@ def start():
     started = []
 
     def start_stack(launch="sleep 600", *, begin=True, **more):
-        own = {
-            name: more.pop(name)
-            for name in ("key", "relay", "grace", "idle", "values")
-            if name in more
-        }
+        own = {name: more.pop(name) for name in ("relay", "grace", "values") if name in more}
         settings = Ros2Settings(launch=launch, **{"python": "sh"} | more)
-        stack = StackProcess(settings, **{"values": {}, "key": "key", "relay": QUIET_RELAY} | own)
+        stack = StackProcess(settings, **{"values": {}, "relay": QUIET_RELAY} | own)
         started.append(stack)
         if begin:
             stack.start()
@@ -91,7 +84,7 @@ def start():
 
     yield start_stack
     for stack in started:
-        stack.release(keep=False)
+        stack.release()
 
 
 def program(folder, text, name="program.py"):
@@ -135,16 +128,16 @@ def test_a_stack_that_listens_is_ended_by_sigint(start):
     stack = start("trap 'echo thank you; exit 0' INT; echo up; while :; do sleep 0.05; done")
     printed(stack, "up")
     assert stack.ended() == ""
-    stack.release(keep=False)
+    stack.release()
     assert b"thank you" in stack.outputs()["stack.txt"]
     nothing_left(stack)
-    stack.release(keep=False)
+    stack.release()
 
 
 def test_one_that_ignores_everything_is_killed(start, tmp_path):
     stack = start(program(tmp_path, STUBBORN), grace=0.3)
     printed(stack, "stubborn")
-    stack.release(keep=False)
+    stack.release()
     nothing_left(stack)
 
 
@@ -162,7 +155,7 @@ def test_what_has_left_its_parent_and_its_session_is_ended(start, tmp_path, laun
         printed(stack, "daemonised")
     else:
         eventually(lambda: sleepers(seconds))
-    stack.release(keep=False)
+    stack.release()
     assert not sleepers(seconds)
     nothing_left(stack)
 
@@ -171,7 +164,7 @@ def test_a_stack_that_was_never_started_leaves_nothing(start):
     stack = start(begin=False)
     assert stack.folder.stat().st_mode & 0o777 == 0o700
     assert stack.ended() == ""
-    stack.release(keep=False)
+    stack.release()
     assert not stack.folder.exists()
     assert stack.outputs() == {"stack.txt": b""}
 
@@ -193,7 +186,7 @@ def test_nothing_is_left_when_the_supervisor_is_killed(start, tmp_path):
     supervisor_of(stack.folder).kill()
     eventually(stack.ended)
     assert stack.ended() == "the supervisor of the stack was ended"
-    stack.release(keep=False)
+    stack.release()
     assert b"daemonised" in stack.outputs()["stack.txt"]
     nothing_left(stack)
 
@@ -213,7 +206,7 @@ def test_what_holder_and_supervisor_left_the_next_one_ends(start, tmp_path):
     eventually(lambda: not alive([supervisor]))
     assert marked(folder.name)
     assert folder.exists()
-    start().release(keep=False)
+    start().release()
     eventually(lambda: marked(folder.name) == [])
     assert not folder.exists()
 
@@ -258,10 +251,10 @@ def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(start,
     for process in marked(killed.folder.name):
         process.kill()
     assert len(files(names[0], killed)) == 4
-    killed.release(keep=False)
+    killed.release()
     assert files(names[0], killed) == []
     assert len(files(names[1], alive)) == 4
-    alive.release(keep=False)
+    alive.release()
     assert files(names[1], alive) == []
 
 
@@ -284,7 +277,7 @@ def test_the_end_of_the_launch_command_is_told(start, launch, words):
     assert words in stack.ended()
     assert stack.last_lines()[0] == "last words"
     told = stack.ended()
-    stack.release(keep=False)
+    stack.release()
     assert stack.ended() == told
     assert stack.last_lines()[0] == "last words"
 
@@ -302,7 +295,7 @@ def test_a_killed_relay_is_noticed(start, tmp_path):
     relay.kill()
     eventually(stack.ended)
     assert stack.ended() == 'the relay was killed by SIGKILL: "here"'
-    stack.release(keep=False)
+    stack.release()
     nothing_left(stack)
 
 
@@ -345,7 +338,7 @@ def test_a_setup_file_that_never_ends_is_ended(start, tmp_path):
     stack = start(begin=False, setup=(str(setup),), start_up=0.5)
     with pytest.raises(SutFailure, match=r"the setup files did not end within 0.5 s"):
         stack.start()
-    stack.release(keep=False)
+    stack.release()
     nothing_left(stack)
 
 
@@ -368,7 +361,7 @@ def test_what_a_setup_file_starts_belongs_to_the_stack(start, tmp_path):
     eventually(lambda: sleepers(seconds))
     assert stack.ended() == ""
     supervisor_of(stack.folder).kill()
-    stack.release(keep=False)
+    stack.release()
     assert not sleepers(seconds)
     nothing_left(stack)
 
@@ -434,7 +427,7 @@ def test_a_domain_of_ones_choice_is_for_one_run_at_a_time(start):
     second = start(begin=False, domain=first.domain)
     with pytest.raises(DomainTaken, match="in use by another run"):
         second.start()
-    first.release(keep=False)
+    first.release()
     eventually(lambda: is_free(first.domain))
     second.start()
     assert second.domain == first.domain
@@ -463,124 +456,6 @@ def test_what_was_printed_is_whole_up_to_the_limit(start):
     stack = start("head -c 1000000 /dev/zero | tr '\\0' x; echo; echo end; sleep 600")
     printed(stack, "end")
     assert stack.outputs()["stack.txt"] == b"x" * 1_000_000 + b"\nend\n"
-
-
-# Reuse
-
-
-def test_a_kept_stack_is_taken_over_by_the_next_run_of_its_key(start):
-    first = start("echo first; trap 'echo second' USR1; while :; do sleep 0.05; done", reuse=True)
-    printed(first, "first")
-    first.release(keep=True)
-    assert first.outputs()["stack.txt"] == b"first\n"
-    stranger = start(reuse=True, key="another", begin=False)
-    assert not stranger.reused
-    second = start(reuse=True)
-    assert second.reused
-    assert (second.folder, second.nonce) == (first.folder, first.nonce)
-    assert (second.domain, second.socket) == (first.domain, first.socket)
-    assert second.ended() == ""
-    shell = min(marked_without_relay(second.folder.name), key=lambda p: p.create_time())
-    shell.send_signal(signal.SIGUSR1)
-    printed(second, "second")
-    second.release(keep=False)
-    assert second.outputs()["stack.txt"] == b"second\n"
-    nothing_left(second)
-
-
-def test_the_socket_of_the_run_before_is_gone_at_a_takeover(start):
-    first = start(reuse=True)
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(first.socket))
-    first.release(keep=True)
-    second = start(reuse=True)
-    assert second.reused
-    assert not second.socket.exists()
-
-
-def test_two_slots_never_share_a_kept_stack(start):
-    start(reuse=True).release(keep=True)
-    second, third = start(reuse=True), start(reuse=True)
-    assert second.reused
-    assert not third.reused
-    second.release(keep=True)
-    third.release(keep=True)
-    again = [start(reuse=True), start(reuse=True)]
-    assert [stack.reused for stack in again] == [True, True]
-    assert {stack.folder for stack in again} == {second.folder, third.folder}
-
-
-def test_without_reuse_nothing_is_kept(start):
-    stack = start()
-    stack.release(keep=True)
-    nothing_left(stack)
-
-
-def test_what_has_ended_is_not_kept(start):
-    stack = start("exit 0", reuse=True)
-    eventually(stack.ended)
-    stack.release(keep=True)
-    nothing_left(stack)
-
-
-def test_a_kept_stack_ends_when_nobody_wants_it(start):
-    stack = start(reuse=True, idle=0.3)
-    stack.release(keep=True)
-    eventually(lambda: not stack.folder.exists())
-    nothing_left(stack)
-
-
-def test_a_kept_stack_makes_room_for_another_in_its_domain(start):
-    kept = start(reuse=True)
-    kept.release(keep=True)
-    other = start(reuse=True, key="another", domain=kept.domain)
-    assert not other.reused
-    assert not kept.folder.exists()
-
-
-def test_a_kept_stack_that_crashes_is_gone(start):
-    stack = start("exec sleep 600", reuse=True)
-    stack.release(keep=True)
-    (process,) = eventually(lambda: marked_without_relay(stack.folder.name))
-    process.kill()
-    eventually(lambda: not stack.folder.exists())
-    assert not start(reuse=True).reused
-
-
-def test_a_kept_stack_dies_with_its_owner():
-    with holder(launch="sleep 600", reuse=True, keep=True) as (process, told):
-        folder = Path(told["folder"])
-        eventually(lambda: marked(folder.name))
-        process.send_signal(signal.SIGKILL)
-        eventually(lambda: not folder.exists())
-        assert marked(folder.name) == []
-
-
-def test_a_holder_that_dies_before_the_answer_costs_the_stack_not_its_supervisor(start):
-    first = start(reuse=True)
-    first.release(keep=True)
-    wire = SupervisorWire.take_over(first.folder)
-    assert wire is not None
-    supervisor = psutil.Process(wire.supervisor)
-    supervisor.suspend()
-    wire.tell("keep")
-    wire.let_go()
-    supervisor.resume()
-    eventually(lambda: not first.folder.exists())
-    nothing_left(first)
-
-
-def test_the_owner_of_a_kept_stack_is_the_worker_not_the_runs_process():
-    """Two runs' processes, one after the other, forked for a worker; then that is killed."""
-    with holder(launch="sleep 600", reuse=True, worker=2) as (process, told):
-        (first, folder), (second, same) = told["stacks"]
-        assert (first, second) == (False, True)
-        assert folder == same
-        token = Path(folder).name
-        eventually(lambda: marked(token))
-        process.kill()
-        eventually(lambda: not Path(folder).exists())
-        assert marked(token) == []
 
 
 # Containers: with an engine that is pretended by a script, which honours what it is told
@@ -681,7 +556,7 @@ def test_stack_and_relay_live_in_one_container(start, tmp_path, engine):
     assert f" --env SCENARIO_STACK={token} " in options
     assert options.endswith(" --shm-size 512m")
     assert stack.ended() == ""
-    stack.release(keep=False)
+    stack.release()
     assert b"bye" in stack.outputs()["stack.txt"]
     nothing_left(stack)
 
@@ -689,7 +564,7 @@ def test_stack_and_relay_live_in_one_container(start, tmp_path, engine):
 def test_a_container_that_does_not_listen_is_killed_by_its_name(start, engine):
     stack = start("echo up; sleep 600", container=Container("ignores/it"), grace=0.3)
     printed(stack, "up")
-    stack.release(keep=False)
+    stack.release()
     name = f"scenario-{stack.folder.name}"
     assert ["kill", name] in engine()
     assert ["rm", "-f", name] in engine()
@@ -701,7 +576,7 @@ def test_the_container_of_a_killed_supervisor_is_ended(start, engine):
     printed(stack, "up")
     supervisor_of(stack.folder).kill()
     eventually(stack.ended)
-    stack.release(keep=False)
+    stack.release()
     assert ["kill", f"scenario-{stack.folder.name}"] in engine()
     nothing_left(stack)
 

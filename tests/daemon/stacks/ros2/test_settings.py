@@ -48,7 +48,7 @@ def test_what_is_left_out_is_as_documented():
     assert (found.action, found.action_kind) == ("/navigate_to_pose", "navigate_to_pose")
     assert (found.start_up, found.patience, found.late) == (60.0, 1.0, 0.05)
     assert (found.tolerance, found.idle, found.period) == (0.0, 0.02, 0.05)
-    assert (found.domain, found.reuse) == (None, False)
+    assert found.domain is None
     assert found.ready == ("/amcl", "/bt_navigator")
     assert warnings() == []
 
@@ -78,7 +78,6 @@ def test_values_come_with_units_and_in_words():
             "start-up": "2 min",
             "patience": "500 ms",
             "late": "1 %",
-            "reuse": "yes",
             "environment": {
                 "setup": ["/opt/ros/jazzy/setup.bash", "~/ws/install/setup.bash"],
                 "ROS_DOMAIN_ID": 7,
@@ -88,7 +87,7 @@ def test_values_come_with_units_and_in_words():
             "container": {"image": "my/nav2:1.4", "options": ["--gpus", "all"]},
         }
     )
-    assert (found.start_up, found.patience, found.late, found.reuse) == (120.0, 0.5, 0.01, True)
+    assert (found.start_up, found.patience, found.late) == (120.0, 0.5, 0.01)
     assert found.setup == ("/opt/ros/jazzy/setup.bash", "~/ws/install/setup.bash")
     assert (found.domain, dict(found.environment)) == (
         7,
@@ -109,14 +108,13 @@ def test_values_come_with_units_and_in_words():
         ({"start-up": 60}, "start-up: start-up: 60 has no unit, expected a time"),
         ({"late": "5 s"}, '"5 s" is in s, expected a ratio'),
         ({"period": "0.033 s"}, "0.033 s is not a multiple of 0.01 s"),
-        ({"reuse": "maybe"}, "reuse: must be yes or no"),
+        ({"reuse": "yes"}, "reuse: reuse: a stack belongs to one run"),
         ({"lunch": "x"}, 'unknown key "lunch"; did you mean "launch"?'),
         ({"topics": {"scann": "x"}}, 'topics/scann: unknown key "scann"; did you mean "scan"?'),
         ({"topics": {"scan": "my scan"}}, "is not a ROS name"),
         ({"frames": {"base": "/base"}}, "is not a frame of tf2"),
         ({"ready": "a-b"}, "ready[0]"),
         ({"mission": "dock"}, "must be 'waypoints', 'follow' or 'through'"),
-        ({"reuse": "yes", "ready": None}, "nothing to reset the stack by"),
         ({"environment": {"ROS_DOMAIN_ID": 102}}, "must be own, or a whole number from 0 to 101"),
         ({"environment": {"ROS_DOMAIN_ID": True}}, "must be own, or a whole number"),
         ({"environment": {"DEBUG": 1}}, 'environment/DEBUG: DEBUG: must be text; 1 is a number'),
@@ -138,7 +136,7 @@ def test_every_problem_is_at_its_place(changed, complaint):
 
 
 def test_all_problems_are_told_at_once():
-    assert len(problems(late="5 s", reuse="maybe", mission="dock")) == 3
+    assert len(problems(late="5 s", map="none", mission="dock")) == 3
 
 
 def test_an_image_needs_no_command():
