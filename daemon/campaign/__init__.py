@@ -3,6 +3,7 @@
 from daemon.campaign._campaign import Campaign, expand, noise_seed, repeat_seed, run_spec
 from daemon.campaign._campaign_text import campaign_text
 from daemon.campaign._cells import CampaignCell
+from daemon.campaign._composer import Composer
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
     FLOORPLAN,
@@ -49,6 +50,7 @@ __all__ = [
     "Campaign",
     "CampaignCell",
     "CampaignFile",
+    "Composer",
     "LayerKind",
     "LayerLibrary",
     "LayerReference",

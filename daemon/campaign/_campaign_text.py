@@ -56,6 +56,7 @@ def _slots(scenario: ResolvedScenario) -> dict[str, Any]:
         "objects": _list(scenario.objects),
         "behaviours": _list(scenario.behaviours),
         "mission": _named(scenario.mission),
+        "without": _list(scenario.without),
         "oracles": _list(scenario.oracles),
         "chance": scenario.chance,
     }

@@ -240,6 +240,9 @@ class SlotsText(StrictModel):
     mission: LayerName | None = Field(default=None, examples=["courier"])
     """A mission: NAME.mission.yaml here or in missions/. NAME: {key: value} gives keys of the
     file other values, such as courier: {start.y: 0.1 m}."""
+    without: Names | None = Field(default=None, examples=[["kitchen_door", "waypoint 3"]])
+    """Parts that are left out after everything is composed: an object by its name, waypoint NAME or
+    waypoint 3, behaviour of NAME."""
     robot: LayerName | None = Field(default=None, examples=["courier"])
     """Another robot than the campaign's. NAME: {key: value} gives keys of the file other values,
     such as courier: {laser.noise: 2 cm}."""
@@ -314,6 +317,7 @@ class CampaignFile(StrictModel):
                 ("objects", "doors"),
                 ("behaviours", "doors_open"),
                 ("mission", "courier"),
+                ("without", "kitchen_door"),
             )
         },
         **dict.fromkeys(

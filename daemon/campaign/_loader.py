@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from daemon.campaign._campaign import (
     EXTERNAL_REPEATS,
     Campaign,
     default_repeats,
-    repeat_seed,
 )
 from daemon.campaign._cells import (
     CampaignCell,
@@ -25,6 +24,7 @@ from daemon.campaign._cells import (
     sound_part,
     waypoint_places,
 )
+from daemon.campaign._composer import Composer, RemainingWorld, leave_out
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
 from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._findings import (
@@ -49,7 +49,7 @@ from grammars.model.scene import Scene
 from grammars.oracle import Oracle, check_joint_limits, check_references
 from grammars.preflight import places_of
 from grammars.scenery import SceneryLayer
-from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
+from grammars.scenery.composition import ResolvedBehaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from grammars.text.documents import YamlDocument, load_yaml
 
@@ -63,13 +63,13 @@ class _CampaignLoader:
     document: YamlDocument
     text: CampaignFile
     library: LayerLibrary
+    composer: Composer
     findings: list[Diagnostic] = field(default_factory=list)
     worlds: list[LoadedWorld] = field(default_factory=list)
     cells: list[CampaignCell] = field(default_factory=list)
     partial: list[CampaignCell] = field(default_factory=list)
     """Cells that no run is made of, since part of what they name cannot be used."""
     lost: list[tuple[SutReference | None, ...]] = field(default_factory=list)
-    scenes: dict[Any, Scene] = field(default_factory=dict)
 
     def collect_errors(self, make: Callable[[], T]) -> T | None:
         """Return what ``make`` returns, or ``None`` when it reports bad input."""
@@ -119,7 +119,8 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     document = load_yaml(path)
     survey = survey_campaign(document)
     text, scenarios = survey.text, survey.scenarios
-    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent))
+    library = LayerLibrary(Path(path).parent)
+    loader = _CampaignLoader(document, text, library, Composer(library, text.seed))
     loader.findings += survey.problems
     _refuse_too_many(scenarios, loader)
     pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
@@ -231,23 +232,29 @@ def _load_cells(
             loader.lost.append(tuple(suts))
             continue
         mission, document = loaded
-        if world.named is not None:
+        behaviours = tuple(r.behaviours for r in world.resolved) or ((),)
+        composed = RemainingWorld(world.scene, mission, behaviours)
+        remains = composed
+        if world.whole:
+            remains = attempt(partial(leave_out, scenario.without, composed)) or composed
+        named_in = remains.scene if world.whole else world.named
+        if named_in is not None:
             for oracle in picked:
-                loader.findings += check_references(oracle, world.named, mission)
-                library.warnings.extend(check_joint_limits(oracle, world.named))
+                loader.findings += check_references(oracle, named_in, remains.mission)
+                library.warnings.extend(check_joint_limits(oracle, named_in))
         cell = CampaignCell(
             name=world.name,
             scenario=scenario,
             plan=world.plan,
             layers=world.layers,
-            scene=world.scene,
-            mission=mission,
+            scene=remains.scene,
+            mission=remains.mission,
             mission_where=document.where(),
             places=dict(world.places) | waypoint_places(mission, document),
             robot=robot,
             suts=known,
             oracles=oracles,
-            behaviours=tuple(r.behaviours for r in world.resolved) or ((),),
+            behaviours=remains.behaviours,
             map=given.settings if given else scenario.map,
             limit=scenario.limit,
             limit_where=limit_place(scenario.name, loader.text, loader.document),
@@ -301,8 +308,8 @@ def _load_worlds(
     # One variant that cannot be composed does not hide what is wrong with the next.
     worlds = []
     for name, plan in plans:
-        resolve = partial(_resolve_all, scenario, loader.text.seed, repeats, sound)
-        scene = attempt(partial(_scene, plan, sound[:count], loader)) if whole else None
+        resolve = partial(_behaviours, scenario, repeats, sound, loader.composer)
+        scene = attempt(partial(loader.composer.scene, plan, sound[:count])) if whole else None
         if scene is None:
             # The building, the mission and the objects that stand can still be looked at.
             part = sound_part(name, plan, usable, known=known)
@@ -340,31 +347,14 @@ def _plans(
     return [(f"{scenario.name}@{name.rpartition('_')[2]}", plan) for name, plan in variants]
 
 
-def _scene(plan: FloorPlan, objects: tuple[SceneryLayer, ...], loader: _CampaignLoader) -> Scene:
-    """Return the scene of a plan and the scenario's objects, each compiled once."""
-    # Cells of equal plan and objects share a scene, and so its digest, its file and its check.
-    key = (plan, objects)
-    if key not in loader.scenes:
-        loader.scenes[key] = compile_scene(plan, objects)
-    return loader.scenes[key]
-
-
-def _resolve_all(
+def _behaviours(
     scenario: ResolvedScenario,
-    seed: int,
     repeats: int,
     layers: tuple[SceneryLayer, ...],
+    composer: Composer,
     scene: Scene,
 ) -> tuple[ResolvedBehaviours, ...]:
-    """Return the concrete behaviours of every repeat, drawn anew or once for all."""
-    draws = repeats if scenario.chance == "per repeat" else 1
-    # The paper keeps the random doors of its scenario S2 the same in all five repeats, which is
-    # ``chance: per campaign``; sensor noise differs in each repeat either way.
-    resolved = tuple(
-        resolve_behaviours(scene, layers, seed=repeat_seed(seed, draw), limit=scenario.limit)
-        for draw in range(draws)
-    )
-    return resolved if draws == repeats else resolved * repeats
+    return composer.behaviours(scenario, scene, layers, range(repeats))
 
 
 def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> Iterator[Diagnostic]:

@@ -79,6 +79,7 @@ class PlanVariation:
 class ResolvedScenario:
     """A scenario after inheritance: every slot filled, nothing loaded yet.
 
+    ``without`` names parts of the composed world that are left out (see :mod:`._composer`).
     ``chance`` says whether random behaviours are drawn anew for each repeat or once. With a
     ``map_file`` the map is that file's, else it is drawn as ``map`` says.
     """
@@ -90,6 +91,7 @@ class ResolvedScenario:
     objects: tuple[LayerReference, ...] = ()
     behaviours: tuple[LayerReference, ...] = ()
     mission: LayerReference | None = None
+    without: tuple[LayerReference, ...] = ()
     robot: LayerReference | None = None
     suts: tuple[LayerReference, ...] = ()
     oracles: tuple[LayerReference, ...] = ()
@@ -183,8 +185,10 @@ def _vary(
     return PlanVariation(reference, written.samples, written.cover, seed)
 
 
-_LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours", "oracles")}
-"""Slots that hold several layers, by the key people write."""
+_LISTS: Final = {"sut": "suts"} | {
+    key: key for key in ("objects", "behaviours", "oracles", "without")
+}
+"""Slots that hold several names, by the key people write."""
 
 
 def _overlay(

@@ -1,0 +1,283 @@
+"""The one place where runs are put together: plan, layers, values, repeat, and what is left out.
+
+A :class:`ResolvedScenario` says all of it: the layers that it names, the values beside their
+names, and ``without``, the parts of the composed world that are left out. So another run of a
+cell is that cell with another scenario::
+
+    composer = Composer(LayerLibrary(folder), campaign.seed)
+    scenario = with_overrides(cell.scenario, "behaviours", 0, {"near": 1.0})
+    scenario = replace(scenario, without=(LayerReference("waypoint 3", {}, where),))
+    changed = composer.cell(cell, scenario, repeat)
+    spec = run_spec(campaign, changed, changed.suts[0], repeat, behaviours=changed.behaviours[0], …)
+
+Parts are written as ``bedroom_door`` (an object), ``waypoint home`` or ``waypoint 3`` (by number
+from 1), ``behaviour of bedroom_door`` or ``behaviour of bedroom_door.hinge``. They leave after
+everything random has been drawn, so what remains moves as it did.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, TypeVar
+
+from daemon.campaign._campaign import repeat_seed
+from daemon.campaign._cells import CampaignCell
+from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.model.spec import Script
+from grammars.floorplan import FloorPlan
+from grammars.model.behaviour import (
+    Behaviour,
+    Event,
+    JointActs,
+    LegBegins,
+    Reaction,
+    Walk,
+    WaypointReached,
+)
+from grammars.model.free_space import inscribed_radius
+from grammars.model.mission import Mission
+from grammars.model.movers import is_mover
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+from grammars.oracle import Leg, leg_number
+from grammars.scenery import SceneryLayer
+from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+
+T = TypeVar("T")
+
+_MOST_SCENES: Final = 64
+"""Scenes that are kept while cells are composed anew: those of repeats, and of values nearby."""
+
+
+@dataclass(slots=True)
+class Composer:
+    """Composes the runs of one campaign with ``seed``; equal scenes are compiled once."""
+
+    library: LayerLibrary
+    seed: int
+    _scenes: dict[tuple[FloorPlan, tuple[SceneryLayer, ...]], Scene] = field(default_factory=dict)
+
+    def cell(self, base: CampaignCell, scenario: ResolvedScenario, repeat: int) -> CampaignCell:
+        """Return ``base`` as ``scenario`` says it, with the behaviours of one repeat alone.
+
+        Layers that both scenarios name alike are those of ``base``. Raises :class:`InputError` for
+        values that a layer or the geometry refuses, and for parts that cannot be left out.
+        """
+        library, previous = self.library, base.scenario
+        # Those of the scenario as written have been reported; of thousands they would pile up.
+        library.warnings.clear()
+        robot, suts, layers = base.robot, base.suts, base.layers
+        if scenario.robot != previous.robot:
+            robot = library.robot(_required(scenario.robot))
+        if scenario.suts != previous.suts:
+            suts = tuple(map(library.sut, scenario.suts))
+        references = (*scenario.objects, *scenario.behaviours)
+        if references != (*previous.objects, *previous.behaviours):
+            layers = tuple(map(library.configured_scenery, references))
+        variant, plan = self._plan(base, scenario, robot)
+        objects = layers[: len(scenario.objects)]
+        while len(self._scenes) >= _MOST_SCENES:
+            del self._scenes[next(iter(self._scenes))]
+        scene = self.scene(plan, objects)
+        mission, _ = library.mission(_required(scenario.mission))
+        resolved = self.behaviours(scenario, scene, layers, [repeat])
+        remains = RemainingWorld(scene, mission, tuple(one.behaviours for one in resolved))
+        remains = leave_out(scenario.without, remains)
+        return replace(
+            base,
+            name=scenario.name + variant,
+            scenario=scenario,
+            plan=plan,
+            layers=layers,
+            scene=remains.scene,
+            mission=remains.mission,
+            robot=robot,
+            suts=suts,
+            behaviours=remains.behaviours,
+        )
+
+    def scene(self, plan: FloorPlan, objects: Sequence[SceneryLayer]) -> Scene:
+        """Return the scene of a plan and object layers; equal ones are the same object."""
+        # Cells of equal plan and objects share a scene, and so its digest, its file and its check.
+        key = (plan, tuple(objects))
+        if key not in self._scenes:
+            self._scenes[key] = compile_scene(plan, objects)
+        return self._scenes[key]
+
+    def behaviours(
+        self,
+        scenario: ResolvedScenario,
+        scene: Scene,
+        layers: Sequence[SceneryLayer],
+        repeats: Iterable[int],
+    ) -> tuple[ResolvedBehaviours, ...]:
+        """Return the concrete behaviours of each repeat, drawn anew or once for all."""
+        # The paper keeps the random doors of its scenario S2 the same in all five repeats, which
+        # is ``chance: per campaign``; sensor noise differs in each repeat either way.
+        draws = [repeat if scenario.chance == "per repeat" else 0 for repeat in repeats]
+        resolved = {
+            draw: resolve_behaviours(
+                scene, layers, seed=repeat_seed(self.seed, draw), limit=scenario.limit
+            )
+            for draw in dict.fromkeys(draws)
+        }
+        return tuple(resolved[draw] for draw in draws)
+
+    def _plan(
+        self, base: CampaignCell, scenario: ResolvedScenario, robot: Robot
+    ) -> tuple[str, FloorPlan]:
+        """Return what the name of the cell has behind that of the scenario, and the plan."""
+        vary, previous = scenario.vary, base.scenario
+        if vary is None:
+            if scenario.floorplan == previous.floorplan:
+                return "", base.plan
+            return "", self.library.floorplan(_required(scenario.floorplan))
+        if vary == previous.vary and robot == base.robot:
+            return base.name.removeprefix(previous.name), base.plan
+        variants = self.library.variants(vary, inscribed_radius(robot.footprint))
+        if len(variants) != 1:
+            message = f"{scenario.name} is run in {len(variants)} buildings, a search is about one"
+            raise InputError.at(vary.floorplan.where, message)
+        ((name, plan),) = variants
+        return f"@{name.rpartition('_')[2]}", plan
+
+
+@dataclass(frozen=True, slots=True)
+class RemainingWorld:
+    """A scene, a mission and the behaviours of each repeat, with nothing or something left out."""
+
+    scene: Scene
+    mission: Mission
+    behaviours: tuple[Script, ...]
+
+
+def leave_out(without: Sequence[LayerReference], whole: RemainingWorld) -> RemainingWorld:
+    """Return what remains of a world as if the rest had never been put into it.
+
+    Raises :class:`InputError` for parts that are not there, when no waypoint remains, and for
+    behaviours that wait for what is left out: their run would be another one, not a smaller one.
+    """
+    if not without:
+        return whole
+    parts = _find_parts(without, whole)
+    scene, mission = whole.scene, whole.mission
+    objects = tuple(body for body in scene.objects if body.name not in parts.objects)
+    # As the compiler has it: only scenes with movers keep the frames their routes refer to.
+    frames = scene.frames if any(is_mover(body.joints) for body in objects) else ()
+    waypoints = tuple(w for i, w in enumerate(mission.waypoints) if i not in parts.waypoints)
+    if not waypoints:
+        where = next(reversed(parts.waypoints.values()))
+        hint = "keep one for the robot to drive to"
+        raise InputError(Diagnostic(where, "no waypoint of the mission is left", hint))
+    # Many repeats share one script, and go on to share it.
+    scripts = {id(script): parts.script(script, whole) for script in whole.behaviours}
+    return RemainingWorld(
+        replace(scene, objects=objects, frames=frames),
+        replace(mission, waypoints=waypoints),
+        tuple(scripts[id(script)] for script in whole.behaviours),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _LeftOutParts:
+    """Parts that are left out, with the place that says so.
+
+    ``waypoints`` are numbered from 0, ``behaviours`` are joints and names of objects.
+    """
+
+    objects: dict[str, Where] = field(default_factory=dict)
+    waypoints: dict[int, Where] = field(default_factory=dict)
+    behaviours: dict[str, Where] = field(default_factory=dict)
+
+    def script(self, script: Script, whole: RemainingWorld) -> Script:
+        """Return the behaviours that remain, with legs numbered anew."""
+        return tuple(
+            self._adapted(behaviour, whole)
+            for behaviour in script
+            if _object_of(behaviour.joint) not in self.objects
+            and self.behaviours.keys().isdisjoint(_subjects(behaviour))
+        )
+
+    def _adapted(self, behaviour: Behaviour, whole: RemainingWorld) -> Behaviour:
+        if not isinstance(behaviour, Reaction | Walk) or behaviour.event is None:
+            return behaviour
+        event, causes = self._event(behaviour.event, whole.mission)
+        if event is None:
+            name = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
+            hint = f'leave "behaviour of {name}" out as well'
+            raise InputError(Diagnostic(causes[0], f"{name} waits for what is left out", hint))
+        return replace(behaviour, event=event)
+
+    def _event(self, event: Event, mission: Mission) -> tuple[Event | None, Sequence[Where]]:
+        """Return what remains of an event, and the places that take away from it."""
+        gone = self.waypoints
+        match event:
+            case LegBegins(leg=leg):
+                if leg - 1 in gone:
+                    return None, [gone[leg - 1]]
+                return LegBegins(leg - sum(number < leg - 1 for number in gone)), ()
+            case WaypointReached(waypoint=name):
+                numbers = [i for i, w in enumerate(mission.waypoints) if w.id == name]
+                remains = any(number not in gone for number in numbers)
+                return event if remains else None, [gone[n] for n in numbers if n in gone]
+            case JointActs(joints=joints, act=act):
+                there = tuple(joint for joint in joints if _object_of(joint) not in self.objects)
+                causes = [self.objects[_object_of(j)] for j in joints if j not in there]
+                return JointActs(there, act) if there else None, causes
+
+
+_WAYPOINT: Final = re.compile(r"waypoint\s+(?P<name>\S.*)")
+_BEHAVIOUR: Final = re.compile(r"behaviour\s+of\s+(?P<name>\S.*)")
+
+
+def _find_parts(without: Sequence[LayerReference], whole: RemainingWorld) -> _LeftOutParts:
+    """Find the parts that are left out; raises :class:`InputError` for all that are not there."""
+    parts, problems = _LeftOutParts(), []
+    objects = [body.name for body in whole.scene.objects]
+    # Every repeat moves the same joints: only how they move is drawn.
+    subjects = {name for b in whole.behaviours[0] for name in _subjects(b)}
+    for part in without:
+        if waypoint := _WAYPOINT.fullmatch(part.name):
+            number = int(waypoint["name"]) if waypoint["name"].isdecimal() else 0
+            try:
+                leg = leg_number(Leg(number, "" if number else waypoint["name"]), whole.mission)
+            except ValueError as error:
+                problems.append(Diagnostic(part.where, str(error)))
+                continue
+            parts.waypoints[leg - 1] = part.where
+        elif behaviour := _BEHAVIOUR.fullmatch(part.name):
+            name = behaviour["name"]
+            if name not in subjects:
+                hint = did_you_mean(name, subjects)
+                problems.append(Diagnostic(part.where, f'"{name}" has no behaviour here', hint))
+            parts.behaviours[name] = part.where
+        else:
+            if part.name not in objects:
+                hint = _FORMS if " " in part.name else did_you_mean(part.name, objects)
+                problems.append(Diagnostic(part.where, f'no object "{part.name}" here', hint))
+            parts.objects[part.name] = part.where
+    if problems:
+        raise InputError(problems)
+    return parts
+
+
+_FORMS: Final = 'write the name of an object, "waypoint NAME" or "behaviour of NAME"'
+
+
+def _object_of(joint: str) -> str:
+    return joint.partition(".")[0]
+
+
+def _subjects(behaviour: Behaviour) -> tuple[str, str]:
+    """Return the names that people call a behaviour by: its joint, and its object."""
+    return behaviour.joint, _object_of(behaviour.joint)
+
+
+def _required(value: T | None) -> T:
+    if value is None:
+        raise ValueError("a loaded scenario has no empty slot")
+    return value
