@@ -22,7 +22,7 @@ from daemon.campaign._layers import (
 )
 from daemon.campaign._loader import check, examine, load_campaign
 from daemon.campaign._origin import campaign_origin
-from daemon.campaign._overrides import find_overridable, overridable, with_overrides
+from daemon.campaign._overrides import with_overrides
 from daemon.campaign._parameters import (
     ParameterValue,
     ParameterValues,
@@ -66,7 +66,6 @@ __all__ = [
     "examine",
     "expand",
     "find_layer",
-    "find_overridable",
     "flatten_parameters",
     "layer_names",
     "layer_places",
@@ -74,7 +73,6 @@ __all__ = [
     "load_sut",
     "merge_parameters",
     "noise_seed",
-    "overridable",
     "parameter_tree",
     "read_budget",
     "read_campaign",

@@ -1,27 +1,141 @@
-"""What a name in a search means: the value of a layer, and that value in the unit of a range."""
+"""Names in a search: the value each means in a layer, and that value in the unit of a range.
+
+A name is looked up in the layers of the scenario. Whether a layer takes another value under that
+name is asked of the layer itself, which says what is wrong as it does in the file of a campaign.
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from daemon.campaign._cells import CampaignCell
-from daemon.campaign._overrides import OverridableValue
-from daemon.campaign._search_file import ValueChoices, ValueRange
-from daemon.campaign._searchable import SearchLayer, literal_hint
-from daemon.model.search import PointValue
-from grammars.text.diagnostics import InputError, Where, closest, did_you_mean
-from grammars.text.quantity import read_quantity
+from daemon.campaign._layers import FLOORPLAN, VARIATION, LayerLibrary, find_layer
+from daemon.campaign._overrides import layer_at
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.model.search import ParameterSlot
+from daemon.stacks.registry import stack_kind
+from grammars.floorplan import WALLS_ENDING
+from grammars.jsonld import is_jsonld
+from grammars.model.mission_files import MissionText
+from grammars.model.robot_files import RobotText
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import KeyPath, QuantityField, StrictModel, YamlDocument, read_model
+from grammars.text.overrides import Override, key_paths
+from grammars.text.quantity import read_quantity, unit_of
+
+_SLOT_WORDS: Final = ("mission", "robot", "sut", "floorplan", "vary")
+"""Slots with one layer, which may be named in the place of that layer."""
+_KINDS: Final = {"objects": "layer", "behaviours": "layer", "sut": "system under test"}
+
+
+@dataclass(frozen=True, slots=True)
+class LayerValue:
+    """Value under a ``key`` of a layer: a number in ``unit``, or a word.
+
+    ``value`` is ``None`` where it is drawn or left out. ``text`` is the value as it is written at
+    ``where``. ``whole`` values are counted.
+    """
+
+    key: str
+    text: str
+    value: float | str | None
+    where: Where
+    unit: str = ""
+    whole: bool = False
+
+    def in_unit(self, unit: str) -> float | None:
+        """Return the number in another unit; ``None`` for words, and without a value."""
+        if self.value is None or isinstance(self.value, str):
+            return None
+        return float(f"{self.value * _factor(self.unit) / _factor(unit):.12g}")
+
+    @property
+    def identity(self) -> float | str | None:
+        """Equal for values that are the same, numbers to nine digits."""
+        return float(f"{self.value:.9g}") if isinstance(self.value, float) else self.value
+
+
+def _factor(unit: str) -> float:
+    return read_quantity(f"1 {unit}").value if unit else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class SearchLayer:
+    """A layer of the scenario that is searched; ``label`` is its name in ``over``."""
+
+    library: LayerLibrary
+    reference: LayerReference
+    slot: ParameterSlot
+    index: int
+
+    @property
+    def label(self) -> str:
+        """Name of the layer; of a path the name of the file."""
+        return Path(self.reference.name).name.partition(".")[0]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """All names of the layer."""
+        return (self.label, self.slot) if self.slot in _SLOT_WORDS else (self.label,)
+
+    @property
+    def title(self) -> str:
+        """Name of the layer in messages."""
+        return f"{_KINDS.get(self.slot, self.slot)} {self.label}"
+
+    def key_of(self, name: str) -> str:
+        """Return ``KEY`` of ``LAYER.KEY``; empty for a name of another layer."""
+        heads = (f"{label}." for label in self.labels)
+        return next((name[len(head) :] for head in heads if name.startswith(head)), "")
+
+    def value_of(self, name: str) -> LayerValue | None:
+        """Return the value that ``LAYER.KEY`` means; ``None`` if this layer has no such value."""
+        key = self.key_of(name)
+        return self.find(key) if key else None
+
+    def find(self, key: str) -> LayerValue | None:
+        """Return the value of a key: dashes may stand for ``_``, slashes for dots."""
+        dotted = key.strip("/").replace("/", ".")
+        spellings = dict.fromkeys((key, dotted, dotted.replace("-", "_")))
+        values = (value_at(self.library, self.slot, self.reference, one) for one in spellings)
+        return next((value for value in values if value is not None), None)
+
+    def changed(self, key: str, value: object, where: Where) -> LayerValue | None:
+        """Return the value of a key once ``value`` is written under it, at ``where``.
+
+        Raises :class:`InputError`, as the layer does of a campaign that says so there.
+        """
+        overrides = {**self.reference.overrides, key: value}
+        places = {**self.reference.places, (key,): where}
+        reference = replace(self.reference, overrides=overrides, places=places, where=where)
+        return value_at(self.library, self.slot, reference, key)
+
+
+def search_layers(
+    library: LayerLibrary, scenario: ResolvedScenario, sut: int
+) -> tuple[SearchLayer, ...]:
+    """Return the layers of a loaded scenario with its ``sut``-th system under test."""
+    slots: list[tuple[ParameterSlot, int]] = [("vary" if scenario.vary else "floorplan", 0)]
+    slots += [("objects", index) for index in range(len(scenario.objects))]
+    slots += [("behaviours", index) for index in range(len(scenario.behaviours))]
+    slots += [("mission", 0), ("robot", 0), ("sut", sut)]
+    return tuple(SearchLayer(library, layer_at(scenario, *at), *at) for at in slots)
 
 
 def find_value(
-    name: str,
-    layers: Sequence[SearchLayer],
-    over: ValueRange | ValueChoices,
-    where: Where,
-    cell: CampaignCell,
-) -> tuple[SearchLayer, OverridableValue]:
-    """Return what a name in ``over`` means; raises :class:`InputError` saying what it may be."""
+    name: str, layers: Sequence[SearchLayer], where: Where, cell: CampaignCell
+) -> tuple[SearchLayer, LayerValue]:
+    """Return the value that a name in ``over`` means, and its layer.
+
+    Raises :class:`InputError` for a name that means no value, or several.
+    """
     found = [(layer, value) for layer in layers if (value := layer.value_of(name)) is not None]
     if len(found) == 1:
         return found[0]
@@ -30,93 +144,187 @@ def find_value(
         slots = [layer.slot for layer, _ in found if layer.slot in layer.labels]
         hint = f"write {slots[0]}.{found[0][1].key}" if slots else "give one of them another name"
         raise InputError.at(where, f"{name} may be that of {places}", hint)
-    near = [(layer, key) for layer in layers if (key := layer.key_of(name))]
+    near = [layer for layer in layers if layer.key_of(name)]
     if near:
-        layer, key = near[0]
-        titles = " nor ".join(layer.title for layer, _ in near)
-        message = f'{titles} has no parameter "{key}"'
-        known = [known for layer, _ in near for known in layer.values]
-        hint = literal_hint(layer, key, over, named=bool(closest(key, known)))
-        hint = hint or did_you_mean(key, known)
-        raise InputError.at(where, message, hint)
+        raise InputError([one for layer in near for one in _refusal(layer, name, where)])
     head = name.partition(".")[0]
-    oracles = {oracle.name for oracle in cell.oracles}
-    if head in oracles or head == "oracles":
+    if head in {"oracles", *(oracle.name for oracle in cell.oracles)}:
         message = f"{name}: limits of oracles are not searched, they say what is good"
         raise InputError.at(where, message, "vary the scenario")
     if "." not in name:
-        known = [f"{layer.label}.{key}" for layer in layers for key in layer.values if key == name]
-        hint = f"write {known[0]}" if known else _layers_hint(layers)
+        owners = [layer for layer in layers if layer.find(name) is not None]
+        labels = ", ".join(dict.fromkeys(layer.label for layer in layers))
+        hint = f"write LAYER.PARAMETER; its layers: {labels}"
+        hint = f"write {owners[0].label}.{name}" if owners else hint
         raise InputError.at(where, f'"{name}" names no layer', hint)
-    labels = dict.fromkeys(label for layer in layers for label in layer.labels)
-    hint = did_you_mean(head, labels)
+    hint = did_you_mean(head, dict.fromkeys(label for layer in layers for label in layer.labels))
     raise InputError.at(where, f'{cell.name} has no layer "{head}"', hint)
 
 
-def _layers_hint(layers: Sequence[SearchLayer]) -> str:
-    return f"write LAYER.PARAMETER; its layers: {', '.join(dict.fromkeys(x.label for x in layers))}"
+def _refusal(layer: SearchLayer, name: str, where: Where) -> Sequence[Diagnostic]:
+    """Return why a layer has no value of a name."""
+    key = layer.key_of(name)
+    try:
+        layer.changed(key, 0, where)
+    except InputError as error:
+        return error.diagnostics
+    # Systems under test take parameters that no file mentions; a search begins at a written value.
+    settings = layer.library.loaded_sut(layer.reference).settings
+    hint = did_you_mean(key, [".".join(path) for path in settings])
+    message = f"{layer.title} has no value of {key}"
+    return [Diagnostic(where, message, hint or "write it into the file first")]
 
 
-def is_number(value: OverridableValue) -> bool:
-    """Return whether something may be a number: it is one, or nobody says what it is."""
-    return bool(value.dimension) or not (isinstance(value.value, str) or value.choices)
+def value_at(
+    library: LayerLibrary, slot: ParameterSlot, reference: LayerReference, key: str
+) -> LayerValue | None:
+    """Return the value of a dotted key in a layer with its overrides; ``None`` without one.
+
+    Raises :class:`InputError` for a layer that cannot be used.
+    """
+    match slot:
+        case "floorplan":
+            return _in_plan(library, reference, key)
+        case "vary":
+            return _in_variation(library, reference, key)
+        case "objects" | "behaviours":
+            return _in_scenery(library, reference, key)
+        case "mission":
+            return _in_document(library.mission(reference)[1], MissionText, key)
+        case "robot":
+            return _in_document(library.robot_file(reference)[1], RobotText, key)
+        case "sut":
+            return _in_sut(library, reference, key)
 
 
-def require_dimension(name: str, unit: str, value: OverridableValue, where: Where) -> None:
-    """Raise :class:`InputError` where a range is in a unit that its parameter cannot be in."""
-    given = read_quantity(f"1 {unit}").dimension if unit else "ratio"
-    if given == (value.dimension or "ratio") or (not unit and value.plain):
-        return
-    wanted = f"in {value.unit}" if value.unit else "a plain number"
-    has = f"is in {unit}" if unit else "has no unit"
-    message = f"{name} is {wanted}, its range {has}"
-    raise InputError.at(where, message, f"it is written at {value.where}: {value.text}")
+def _in_scenery(library: LayerLibrary, reference: LayerReference, key: str) -> LayerValue | None:
+    layer = library.configured_scenery(reference)
+    for parameter in layer.parameters:
+        if parameter.name == key:
+            written = parameter.value
+            unit = _written_unit(written.dimension)
+            return LayerValue(key, written.text, written.value, parameter.where, unit)
+    groups = (group for group in layer.groups if group.name == key)
+    return next((LayerValue(key, str(g.members), str(g.members), g.where) for g in groups), None)
 
 
-def in_unit(value: OverridableValue, unit: str) -> float | None:
-    """Return the written number in the unit of a range."""
-    number = number_of(value)
-    if number is None:
+def _in_plan(library: LayerLibrary, reference: LayerReference, key: str) -> LayerValue | None:
+    library.floorplan(reference)
+    path = find_layer(library.folder, reference, FLOORPLAN)
+    if path.name.endswith(WALLS_ENDING) or is_jsonld(path):
         return None
-    given = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(.*?)\s*", value.text)
-    if given is not None and " ".join(given[2].split()) == unit:
-        return float(given[1])  # exactly as written, without a detour by SI units
-    factor = read_quantity(f"1 {unit}").value if unit else 1.0
-    return float(f"{number / factor:.12g}")
+    overrides = {one.key.replace("-", "_"): one for one in reference.values}
+    for variable in library.plan_text(path).variables:
+        if variable.name == key:
+            text, value, where = variable.text, variable.value, variable.where
+            if key in overrides:
+                text, where = str(overrides[key].value), overrides[key].where
+                value = read_quantity(text).value
+            return LayerValue(key, text, value, where, _written_unit(variable.dimension))
+    return None
 
 
-def number_of(value: OverridableValue) -> float | None:
-    """Return the value in SI units; ``None`` for words and for what is written nowhere."""
-    return None if isinstance(value.value, str) else value.value
+def _in_variation(library: LayerLibrary, reference: LayerReference, key: str) -> LayerValue | None:
+    from grammars.variation import Fixed, draw_unit
+
+    path = find_layer(library.folder, reference, VARIATION)
+    variation = library.fixed_variation(reference, path)
+    for draw in variation.draws:
+        if draw.name == key:
+            unit, drawn = draw_unit(variation, draw), draw.distribution
+            if not isinstance(drawn, Fixed):
+                return LayerValue(key, "", None, draw.where, unit)
+            text = f"{drawn.value:.10g} {unit}".rstrip()
+            return LayerValue(key, text, drawn.value, draw.where, unit)
+    return None
 
 
-def choice_as_written(
-    name: str, value: OverridableValue, over: ValueChoices, where: Where
-) -> PointValue | None:
-    """Return the choice that is the number as written, else that number in its own words."""
-    same, written = None, number_of(value)
-    numbers: dict[float, PointValue] = {}
-    for choice in over.values:
-        if isinstance(choice, str):
-            try:
-                quantity = read_quantity(choice)
-            except ValueError as error:
-                raise InputError.at(where, f"{name}: {error}") from error
-            if quantity.dimension != (value.dimension or "ratio"):
-                raise InputError.at(
-                    where,
-                    f'{name}: "{choice}" is in {quantity.unit}',
-                    f"it is written at {value.where}: {value.text}",
-                )
-        elif not value.plain:
-            hint = f"it is written at {value.where}: {value.text}"
-            raise InputError.at(where, f"{name}: {choice:g} has no unit", hint)
-        number = read_quantity(choice).value if isinstance(choice, str) else choice
-        other = numbers.setdefault(float(f"{number:.9g}"), choice)
-        if other != choice:
-            message = f"{name}: {other} and {choice} are the same value"
-            raise InputError.at(where, message, "leave one of them out")
-        if written is not None and abs(number - written) <= 1e-9 * abs(number):
-            same = choice
-    words = isinstance(over.values[0], str)
-    return same if same is not None else value.text if words else written
+def _in_sut(library: LayerLibrary, reference: LayerReference, key: str) -> LayerValue | None:
+    loaded = library.loaded_sut(reference)
+    default = stack_kind(loaded.reference.kind).defaults().get(key)
+    for path, setting in loaded.settings.items():
+        if ".".join(path).replace("/", ".") == key:
+            found = _plain_value(key, setting.value, setting.where)
+            return replace(found, whole=found.whole and not isinstance(default, float))
+    return None if default is None else _plain_value(key, default, reference.where)
+
+
+def _in_document(document: YamlDocument, model: type[StrictModel], key: str) -> LayerValue | None:
+    """Return the value of a key of a file, written or not."""
+    try:
+        *above, name = key_paths(document.data, Override(key, None, document.where()))[0]
+    except InputError:
+        return None
+    node: Any = read_model(document, model)
+    for part in above:
+        node = node[part] if isinstance(part, int) else getattr(node, part, None)
+    field = type(node).model_fields.get(str(name)) if isinstance(node, BaseModel) else None
+    if field is None:
+        return None
+    path: KeyPath = (*above, name)
+    written: Any = document.data
+    for part in path:
+        written = written[part] if isinstance(part, int) else (written or {}).get(part)
+    value = _plain_value(key, getattr(node, str(name)), document.where(path))
+    mark = next(_quantities(field), None)
+    return replace(
+        value,
+        text=value.text if written is None else str(written),
+        unit=_written_unit(mark.dimension) if mark else "",
+    )
+
+
+def _quantities(field: FieldInfo) -> Iterator[QuantityField]:
+    inner = (mark for part in get_args(field.annotation) for mark in _metadata(part))
+    return (mark for mark in (*field.metadata, *inner) if isinstance(mark, QuantityField))
+
+
+def _metadata(annotation: Any) -> tuple[Any, ...]:
+    return getattr(annotation, "__metadata__", ())
+
+
+def _plain_value(key: str, value: Any, where: Where) -> LayerValue:
+    """Return a number, a truth value or a word as it stands in a file without a unit."""
+    if isinstance(value, bool):
+        return LayerValue(key, str(value).lower(), str(value).lower(), where)
+    if isinstance(value, int | float):
+        return LayerValue(key, f"{value:.10g}", float(value), where, whole=isinstance(value, int))
+    return LayerValue(key, "" if value is None else str(value), value and str(value), where)
+
+
+def _written_unit(dimension: str) -> str:
+    unit = unit_of(dimension)
+    return "" if unit == "1" else unit
+
+
+_PRECISION: Final = {"time": 0.01, "length": 0.001, "angle": math.radians(0.1)}
+"""To what [SI] times, lengths and angles are said: nobody sets a door to the millisecond."""
+_FEWEST: Final = 20
+"""So many steps a range has at least."""
+
+
+def step_of(low: float, high: float, unit: str, *, log: bool, whole: bool) -> float:
+    """Return the step of a range from ``low`` to ``high``, a power of ten in its ``unit``.
+
+    That is 0.01 s, 1 mm or 0.1 deg, in the decimals of the unit that is written; of other
+    quantities, and of smaller ranges, a hundredth to a thousandth of the range; 1 of ``whole``
+    numbers. A logarithmic range has finer ones, if need be, for its smallest values. Values are
+    rounded to it before a run is made of them, so that near-duplicates are one run.
+    """
+    if whole:
+        return 1.0
+    step = _power_of_ten((high - low) / 1000.0)
+    if unit:
+        one = read_quantity(f"1 {unit}")
+        precision = _PRECISION.get(one.dimension)
+        if precision is not None:
+            step = _power_of_ten(precision / one.value)
+            if round((high - low) / step, 6) < _FEWEST:
+                step = _power_of_ten((high - low) / 100.0)
+    return min(step, _power_of_ten(low / 10.0)) if log else step
+
+
+def _power_of_ten(number: float) -> float:
+    """Return the power of ten that is not above ``number``."""
+    # A logarithm of 0.1 may fall just below -1.
+    return float(f"1e{math.floor(round(math.log10(number), 9))}")

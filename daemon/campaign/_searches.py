@@ -6,6 +6,7 @@ is composed (a door that does not fit any more) is told by :mod:`daemon.search.p
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,16 +15,7 @@ from typing import Final
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._overrides import OverridableValue
 from daemon.campaign._scenarios import ResolvedScenario
-from daemon.campaign._search_constraints import (
-    comparisons,
-    has_words,
-    is_named,
-    least_sum,
-    unknown_names,
-    with_fixed_values,
-)
 from daemon.campaign._search_file import (
     SearchText,
     ValueChoices,
@@ -33,21 +25,19 @@ from daemon.campaign._search_file import (
     read_stop,
 )
 from daemon.campaign._search_values import (
-    choice_as_written,
+    LayerValue,
+    SearchLayer,
     find_value,
-    in_unit,
-    is_number,
-    require_dimension,
+    search_layers,
+    step_of,
 )
-from daemon.campaign._searchable import SearchLayer, search_layers
-from daemon.campaign._steps import step_of
 from daemon.model.search import ANY, OracleScale, PointValue, SearchParameter, SearchTask
 from daemon.model.spec import SutReference
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument
-from grammars.text.inequalities import InequalityError, read_inequality
+from grammars.text.inequalities import Inequality, InequalityError, read_inequality
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""
@@ -79,12 +69,15 @@ def read_searches(scope: SearchScope) -> tuple[tuple[SearchTask, ...], tuple[Dia
     """
     tasks: list[SearchTask] = []
     found: list[Diagnostic] = []
+    warnings = len(scope.library.warnings)
     for name, text in scope.text.search.items():
         reader = _SearchReader(name, text, scope)
         task = reader.read() if name not in scope.unread else None
         found += reader.findings
         if task is not None and not any(d.severity is Severity.ERROR for d in reader.findings):
             tasks.append(task)
+    # The layers were loaded with values that no scenario has.
+    del scope.library.warnings[warnings:]
     return tuple(tasks), tuple(found)
 
 
@@ -109,7 +102,7 @@ class _SearchReader:
             return None
         layers = search_layers(self.scope.library, cell.scenario, cell.suts.index(sut))
         parameters = self._parameters(layers, cell)
-        constraints = self._constraints(parameters, layers)
+        constraints = self._constraints(parameters)
         runs, seconds = read_budget(self.text.budget)
         stop, failures = read_stop(self.text.stop)
         return SearchTask(
@@ -248,7 +241,7 @@ class _SearchReader:
         for name, over in self.text.over.items():
             where = self._at("over", name)
             try:
-                layer, value = find_value(name, layers, over, where, cell)
+                layer, value = find_value(name, layers, where, cell)
                 place = (layer.slot, layer.index, value.key)
                 if place in taken:
                     raise InputError.at(where, f"{name} and {taken[place]} are the same value")
@@ -259,90 +252,99 @@ class _SearchReader:
         return tuple(found)
 
     def _parameter(
-        self,
-        name: str,
-        layer: SearchLayer,
-        value: OverridableValue,
-        over: ValueRange | ValueChoices,
+        self, name: str, layer: SearchLayer, value: LayerValue, over: ValueRange | ValueChoices
     ) -> SearchParameter:
+        """Return a parameter of which the layer takes both ends, or every choice.
+
+        Raises :class:`InputError` with what the layer refuses.
+        """
         where = self._at("over", name)
         # Without the folder: what a search is does not depend on where its files lie.
         place = f"{Path(where.file).name}:{where.line}"
-        base = SearchParameter(name, layer.slot, layer.index, value.key, where=place)
+        base = SearchParameter(
+            name, layer.slot, layer.index, value.key, where=place, whole=over.whole
+        )
         if isinstance(over, ValueChoices):
-            return self._choices(base, value, over, where)
-        if not is_number(value):
-            said = value.text or "a word"
-            message = f"{name} is no number: {said} cannot be in a range"
-            choices = ", ".join(value.choices)
-            raise InputError.at(where, message, f"write a list of choices: [{choices or '…'}]")
-        require_dimension(name, over.unit, value, where)
-        whole = over.whole and value.whole
-        # What may be written as a plain number is in SI units then.
-        unit = over.unit or value.unit
-        step = step_of(over.low, over.high, unit, log=over.log, whole=whole)
-        written = in_unit(value, unit)
-        if written is not None and not over.low <= written <= over.high:
-            shown = replace(base, unit=unit).text(written)
-            message = f"{name} is {shown} as written, outside of what is searched"
-            hint = f"at {value.where}; the first run is the scenario as written all the same"
-            self._warn(where, message, hint)
-        return replace(
-            base, unit=unit, low=over.low, high=over.high, step=step, log=over.log,
-            written=written, whole=whole,
+            return self._choices(replace(base, truth=over.truth), layer, value, over, where)
+        written = replace(base, unit=over.unit)
+        for end in (over.low, over.high):
+            layer.changed(value.key, written.override(end), where)
+        # A plain number is in the unit of the layer then.
+        unit, whole = over.unit or value.unit, over.whole and value.whole
+        parameter = replace(
+            base, unit=unit, low=over.low, high=over.high, log=over.log, whole=whole,
+            step=step_of(over.low, over.high, unit, log=over.log, whole=whole),
+            written=value.in_unit(unit),
         )  # fmt: skip
+        number = value.in_unit(unit)
+        if number is not None and not over.low <= number <= over.high:
+            message = f"{name} is {parameter.text(number)} as written"
+            self._warn_of_start(where, f"{message}, outside of what is searched", value)
+        return parameter
 
     def _choices(
-        self, base: SearchParameter, value: OverridableValue, over: ValueChoices, where: Where
+        self,
+        base: SearchParameter,
+        layer: SearchLayer,
+        value: LayerValue,
+        over: ValueChoices,
+        where: Where,
     ) -> SearchParameter:
-        wrong = [choice for choice in over.values if value.choices and choice not in value.choices]
-        if wrong:
-            message = f"{base.name} cannot be {wrong[0]}"
-            raise InputError.at(where, message, f"it is one of {', '.join(value.choices)}")
-        written: PointValue | None = value.text or None
-        if is_number(value):
-            written = choice_as_written(base.name, value, over, where)
+        choices: dict[float | str | None, PointValue] = {}
+        for choice in over.values:
+            changed = layer.changed(value.key, base.override(choice), where)
+            other = choices.setdefault(changed.identity if changed else None, choice)
+            if other != choice:
+                message = f"{base.name}: {other} and {choice} are the same value"
+                raise InputError.at(where, message, "leave one of them out")
+        number = None if isinstance(over.values[0], str) else value.in_unit("")
+        written = choices.get(value.identity, value.text or None if number is None else number)
         if written is not None and written not in over.values:
             message = f"{base.name} is {written} as written, which is not among the choices"
-            hint = f"at {value.where}; the first run is the scenario as written all the same"
-            self._warn(where, message, hint)
-        return replace(
-            base, choices=over.values, written=written, whole=over.whole, truth=over.truth
-        )
+            self._warn_of_start(where, message, value)
+        return replace(base, choices=over.values, written=written)
 
-    def _constraints(
-        self, parameters: Sequence[SearchParameter], layers: Sequence[SearchLayer]
-    ) -> tuple[str, ...]:
-        """Return the inequalities, one comparison each, fixed values in place of their names."""
+    def _warn_of_start(self, where: Where, message: str, value: LayerValue) -> None:
+        hint = f"at {value.where}; the first run is the scenario as written all the same"
+        self._warn(where, message, hint)
+
+    def _constraints(self, parameters: Sequence[SearchParameter]) -> tuple[str, ...]:
+        """Return the inequalities that can be held against points."""
         found: list[str] = []
         if len(parameters) < len(self.text.over):
             return ()  # what they name may be what could not be read
-        units = {p.name: p.unit for p in parameters if not has_words(p)}
+        words = [p.name for p in parameters if any(isinstance(one, str) for one in p.choices)]
+        units = {p.name: p.unit for p in parameters if p.name not in words}
         for index, text in enumerate(self.text.such_that):
             where = self._at("such that", index)
-            words = [p.name for p in parameters if has_words(p) and is_named(text, p.name)]
-            if words:
-                message = f'"{text}": {words[0]} is a list of words, which cannot be compared'
+            listed = [name for name in words if re.search(rf"{re.escape(name)}(?![\w./])", text)]
+            if listed:
+                message = f'"{text}": {listed[0]} is a list of words, which cannot be compared'
                 self._error(where, message, "write a range, or plain numbers in the list")
                 continue
-            unknown = unknown_names(text, parameters, layers)
-            if unknown:
-                known = [f"{label}.{key}" for x in layers for label in x.labels for key in x.values]
-                message = f'"{text}": there is no value "{unknown[0]}"'
-                self._error(where, message, did_you_mean(unknown[0], known))
-                continue
             try:
-                for one in comparisons(with_fixed_values(text, parameters, layers)):
-                    inequality = read_inequality(one, units)
-                    if least_sum(inequality, parameters) > 0.0:
-                        message = f'"{text}" never holds within these ranges'
-                        self._error(where, message, "widen a range, or leave it out")
-                    found.append(one)
+                inequality = read_inequality(text, units)
+                if _least_sum(inequality, parameters) > 0.0:
+                    message = f'"{text}" never holds within these ranges'
+                    self._error(where, message, "widen a range, or leave it out")
+                found.append(text)
             except InequalityError as error:
                 self._error(where, error.message, error.hint)
             except ValueError as error:
                 self._error(where, str(error))
         return tuple(found)
+
+
+def _least_sum(inequality: Inequality, parameters: Sequence[SearchParameter]) -> float:
+    """Return the smallest sum that any point of the ranges has; above 0 it never holds."""
+    named = {parameter.name: parameter for parameter in parameters}
+    least = inequality.constant
+    for name, factor in inequality.factors:
+        parameter = named[name]
+        values = parameter.choices or (parameter.low, parameter.high)
+        least += min(factor * float(value) for value in values)
+    slack = 1e-9 * max(1.0, abs(inequality.constant))
+    return least + slack if inequality.strict and least >= -slack else least - slack
 
 
 def _scales(oracles: Sequence[Oracle], robot: Robot) -> tuple[OracleScale, ...]:

@@ -74,9 +74,14 @@ def read_inequality(text: str, units: Mapping[str, str]) -> Inequality:
     if len(text) > LONGEST:
         raise ValueError(f"an inequality has at most {LONGEST} characters")
     comparisons = _COMPARISON.findall(text)
-    if len(comparisons) != 1:
+    sides = _COMPARISON.split(text)
+    if len(sides) > 2:
+        pairs = zip(sides, comparisons, sides[1:], strict=False)
+        single = ", ".join(f"{a.strip()} {sign} {b.strip()}" for a, sign, b in pairs)
+        raise InequalityError(f'"{text}" compares more than two sums', f"write [{single}]")
+    if len(sides) != 2:
         raise ValueError(f'"{text}" is no inequality, such as "closes + 1 s <= opens"')
-    left, right = _COMPARISON.split(text)
+    left, right = sides
     larger_first = comparisons[0].startswith(">")
     small, large = (right, left) if larger_first else (left, right)
     summands = [*_summands(text, small, 1.0, units), *_summands(text, large, -1.0, units)]
@@ -128,8 +133,8 @@ def _not_a_summand(text: str, rest: str, units: Mapping[str, str]) -> Inequality
     word = _NAME.match(rest)
     if word is None:
         return InequalityError(f'"{text}": a name or a quantity is missing')
-    hint = did_you_mean(word[0], units)
-    return InequalityError(f'"{text}": "{word[0]}" is not varied here', hint)
+    message = f'"{text}": "{word[0]}" is not varied here: vary it, or write its value'
+    return InequalityError(message, did_you_mean(word[0], units))
 
 
 def _only_dimension(text: str, summands: list[_Summand]) -> str:

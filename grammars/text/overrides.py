@@ -51,7 +51,7 @@ def override_document(document: YamlDocument, overrides: Iterable[Override]) -> 
     findings: list[Diagnostic] = []
     for override in overrides:
         try:
-            for path in _paths(data, override):
+            for path in key_paths(data, override):
                 _put(data, path, override.value)
                 _move(places, path, override.where)
         except InputError as error:
@@ -61,26 +61,12 @@ def override_document(document: YamlDocument, overrides: Iterable[Override]) -> 
     return replace(document, data=data, places=places)
 
 
-def placed_at(document: YamlDocument, where: Where) -> YamlDocument:
-    """Return a document of which that is told at ``where`` which is about it as a whole."""
-    return replace(document, places={**document.places, (): where})
+def key_paths(data: Any, override: Override) -> list[KeyPath]:
+    """Return the paths to which the key of an override leads, written there or not.
 
-
-def _is_named(data: Any) -> bool:
-    return isinstance(data, list) and bool(data) and all(isinstance(i, Mapping) for i in data)
-
-
-def item_names(items: Sequence[Mapping[str, Any]], key: str) -> list[str]:
-    """Return what the items of a list below ``key`` are called: ``waypoint-1`` without a name."""
-    singular = key.removesuffix("s")
-    return [
-        next((str(item[k]) for k in _NAME_KEYS if item.get(k)), f"{singular}-{number}")
-        for number, item in enumerate(items, start=1)
-    ]
-
-
-def _paths(data: Any, override: Override) -> list[KeyPath]:
-    """Return the paths a key leads to: several where things of one name are one."""
+    Several items of one name are one thing. Raises :class:`InputError` for a key that leads
+    nowhere.
+    """
     if not override.key:
         raise InputError.at(override.where, "a value without a key", "write KEY: VALUE")
     found: list[KeyPath] = []
@@ -109,6 +95,24 @@ def _paths(data: Any, override: Override) -> list[KeyPath]:
             message = f'{above} is {kind}, it has no "{rest}"'
             raise InputError.at(override.where, message, f"write {above}: {node}")
     return found
+
+
+def placed_at(document: YamlDocument, where: Where) -> YamlDocument:
+    """Return a document of which that is told at ``where`` which is about it as a whole."""
+    return replace(document, places={**document.places, (): where})
+
+
+def _is_named(data: Any) -> bool:
+    return isinstance(data, list) and bool(data) and all(isinstance(i, Mapping) for i in data)
+
+
+def item_names(items: Sequence[Mapping[str, Any]], key: str) -> list[str]:
+    """Return what the items of a list below ``key`` are called: ``waypoint-1`` without a name."""
+    singular = key.removesuffix("s")
+    return [
+        next((str(item[k]) for k in _NAME_KEYS if item.get(k)), f"{singular}-{number}")
+        for number, item in enumerate(items, start=1)
+    ]
 
 
 def split_key(known: Iterable[str], key: str, signs: str = ".") -> tuple[str, str]:

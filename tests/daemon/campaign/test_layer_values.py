@@ -10,9 +10,7 @@ from daemon.campaign import (
     LayerLibrary,
     campaign_text,
     expand,
-    find_overridable,
     load_campaign,
-    overridable,
     with_overrides,
 )
 from grammars.text.diagnostics import InputError
@@ -209,66 +207,62 @@ def test_later_values_win_over_those_that_are_written(folder):
         with_overrides(scenario, "vary", 0, {})
 
 
+VARIED = "vary: {floorplan: %s, samples: 1}"
+
+
 @pytest.mark.parametrize(
-    ("slots", "slot", "key", "expected"),
+    ("slots", "over", "expected"),
     [
-        ("about: x", "behaviours", "swing", ("60 deg/s", math.pi / 3, "angular speed", 3)),
-        ("about: x", "behaviours", "kitchen-opens", ("8 s", 8.0, "time", 11)),
-        ("about: x", "floorplan", "room_length", ("3.0 m", 3.0, "length", 26)),
+        ("about: x", "doors_moving.swing: 30 .. 90 deg/s", ("swing", 60.0, "deg/s")),
+        ("about: x", "doors_moving.kitchen-opens: 7 .. 9 s", ("kitchen_opens", 8.0, "s")),
+        ("about: x", "flat.room_length: 2.9 .. 3.1 m", ("room_length", 3.0, "m")),
         (
-            "floorplan: {flat: {room_length: 4 m}}",
-            "floorplan",
-            "room_length",
-            ("4 m", 4, "length", 16),
+            "floorplan: {flat: {room-length: 4 m}}",
+            "floorplan.room_length: 3 .. 5 m",
+            ("room_length", 4.0, "m"),
         ),
-        ("about: x", "mission", "start.y", ("0.0", 0.0, "length", 4)),
+        ("about: x", "mission.start.y: -1 .. 1", ("start.y", 0.0, "m")),
         (
             "mission: {courier: {start.y: 10 cm}}",
-            "mission",
-            "start.y",
-            ("10 cm", 0.1, "length", 16),
+            "mission.start.y: -1 .. 1 m",
+            ("start.y", 0.1, "m"),
         ),
-        ("about: x", "mission", "waypoints.kitchen.x", ("0.2", 0.2, "length", 6)),
-        ("about: x", "robot", "laser.dropout", ("0.5 %", 0.005, "ratio", 30)),
-        ("about: x", "robot", "drive.friction_loss", ("0 m/s", 0.0, "speed", 10)),
-        ("about: x", "sut", "max_speed", ("0.5", 0.5, "", 6)),
-        ("sut: [{pilot: {max_speed: 0.3}}]", "sut", "max_speed", ("0.3", 0.3, "", 16)),
-        ("vary: {floorplan: flat, samples: 1}", "vary", "slack", ("", None, "length", 7)),
+        ("about: x", "mission.waypoints.kitchen.x: 0 .. 1", ("waypoints.kitchen.x", 0.2, "m")),
         (
-            "vary: {floorplan: {flat: {slack: 0.1}}, samples: 1}",
-            "vary",
-            "slack",
-            ("0.1 m", 0.1, "length", 7),
+            "about: x",
+            "mission.waypoints.kitchen.yaw: 0 .. 1",
+            ("waypoints.kitchen.yaw", None, "rad"),
         ),
+        ("about: x", "robot.laser.dropout: 0 .. 5 %", ("laser.dropout", 0.5, "%")),
+        ("about: x", "robot.laser.rays: 90 .. 200", ("laser.rays", 361.0, "")),
+        ("about: x", "robot.laser.mount.yaw: 0 .. 2 deg", ("laser.mount.yaw", 0.0, "deg")),
+        (
+            "about: x",
+            "robot.laser.too_near: [clamped, infinite]",
+            ("laser.too_near", "infinite", ""),
+        ),
+        ("about: x", "pilot.max_speed: 0.2 .. 0.6", ("max_speed", 0.5, "")),
+        (
+            "sut: [{pilot: {max_speed: 0.3}}]",
+            "sut.max_speed: 20 .. 60 cm/s",
+            ("max_speed", 30, "cm/s"),
+        ),
+        (VARIED % "flat", "vary.slack: 0.02 .. 0.04 m", ("slack", None, "m")),
+        (VARIED % "{flat: {slack: 0.1}}", "vary.slack: 0.09 .. 0.2 m", ("slack", 0.1, "m")),
     ],
 )
-def test_what_may_be_given_another_value_is_known_with_what_it_has(
-    folder, slots, slot, key, expected
-):
-    found = overridable(LayerLibrary(folder), cell(folder, slots).scenario, slot)
-    value = find_overridable(found, key)
-    assert value is not None
-    assert (value.text, value.value, value.dimension, value.where.line) == (
-        expected[0], pytest.approx(expected[1]), *expected[2:],
-    )  # fmt: skip
+def test_a_search_begins_at_the_value_that_a_layer_has(folder, slots, over, expected):
+    text = f"search: {{s: {{scenario: changed, minimise: reached, over: {{{over}}}}}}}\n"
+    ((parameter,),) = (task.parameters for task in load(folder, slots, text).searches)
+    assert (parameter.key, parameter.written, parameter.unit) == expected
 
 
-def test_every_written_value_may_be_written_as_an_override(folder):
-    scenario = load(folder, "about: same").cells[0].scenario
-    library = LayerLibrary(folder)
-    slots = ("floorplan", "behaviours", "mission", "robot", "sut")
-    for slot in slots:
-        values = overridable(library, scenario, slot)
-        told = {
-            v.key: v.value if v.plain and not isinstance(v.value, str) else v.text
-            for v in values.values()
-            if v.value is not None
-        }
-        told = {key: int(said) if values[key].whole else said for key, said in told.items()}
-        again = overridable(library, with_overrides(scenario, slot, 0, told), slot)
-        assert {v.key: v.value for v in again.values()} == pytest.approx(
-            {v.key: v.value for v in values.values()}
-        )
+def test_a_parameter_that_no_file_mentions_is_written_before_it_is_searched(folder):
+    text = (
+        "search: {s: {scenario: changed, minimise: reached, over: {a2s.move_base.nothing: 1 .. 2}}}"
+    )
+    with pytest.raises(InputError, match="a2s has no value of move_base.nothing"):
+        load(folder, "sut: a2s", text)
 
 
 SHIPPED = (
