@@ -40,7 +40,7 @@ _ENDING: Final = 2.0
 def usual_settings() -> Ros2Settings:
     """Return the settings of a stack that has no SUT file: the names everybody uses."""
     # The command that starts it is all that a SUT file must have, and here somebody types it.
-    return replace(read_settings({"launch": "by hand"}), map="published")
+    return read_settings({"launch": "by hand", "map": "published"})
 
 
 def _bridge_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:

@@ -164,11 +164,10 @@ def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dic
 
     if found.reference.kind == ROS2.name:
         from daemon.model.attachments import resolve_paths
-        from daemon.stacks.ros2.defaults import settings_not_written
+        from daemon.stacks.ros2.settings import settings_not_written
 
-        return settings_not_written(
-            resolve_paths(found.reference.parameters, found.reference.files)
-        )
+        parameters = resolve_paths(found.reference.parameters, found.reference.files)
+        return settings_not_written(ROS2.read(parameters))
     return {} if read is None else sut_ros.defaults(found, read)
 
 

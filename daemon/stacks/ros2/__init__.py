@@ -14,23 +14,20 @@ from daemon.model.execution import commands_allowed
 from daemon.stacks.findings import ParameterFinding, ParameterFindings
 from daemon.stacks.kind import StackKind
 from daemon.stacks.ros2.keys import ROS2_KEYS
+from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
-    from daemon.stacks.ros2.settings import Ros2Settings
     from grammars.model.robot import Robot
 
 
-class _Ros2Kind(StackKind["Ros2Settings"]):
+class _Ros2Kind(StackKind[Ros2Settings]):
     name = "ros2"
     external = True
     keys = ROS2_KEYS
     files: ClassVar[Literal["attached"]] = "attached"
 
     def read(self, parameters: Mapping[str, Any]) -> Ros2Settings:
-        # Here and below: who tests another stack waits for none of the imports.
-        from daemon.stacks.ros2.settings import read_settings
-
         return read_settings(parameters)
 
     def make(self, settings: Ros2Settings) -> SystemUnderTest:
@@ -42,6 +39,7 @@ class _Ros2Kind(StackKind["Ros2Settings"]):
             raise SutMissing(
                 "this worker starts no commands that come from elsewhere: let it with --commands"
             )
+        # Here and below: who tests another stack waits for none of the imports.
         from daemon.stacks.ros2.stack import Ros2Stack
 
         return Ros2Stack(settings)

@@ -17,14 +17,12 @@ from grammars.text.diagnostics import did_you_mean
 
 _SHORTEST_START: Final = 15.0
 """[s] They were active 12.3 s after "ros2 launch" on an idle machine."""
-_LONGEST_PATIENCE: Final = 10.0
-"""[s] A stack that hangs costs this in each cycle until too many are late."""
 _ROUNDING: Final = 1e-6
 
 
 def check_settings(settings: Ros2Settings) -> ParameterFindings:
     """Return warnings about settings; starts nothing."""
-    return ParameterFindings((*_about_waiting(settings), *_about_starting(settings)))
+    return ParameterFindings(tuple(_about_starting(settings)))
 
 
 def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
@@ -48,10 +46,10 @@ def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFin
     names = [laser.name for laser in robot.lasers]
     has = f"has lasers {', '.join(names)}" if names[0] else "has one laser, which has no name"
     for path, given in (
-        (("topics", "scan"), settings.topics.scans),
-        (("frames", "laser"), settings.frames.lasers),
+        (("topics", "scan"), settings.topics.scan),
+        (("frames", "laser"), settings.frames.laser),
     ):
-        for name in given:
+        for name in () if isinstance(given, str) else given:
             if name not in names:
                 message = f'robot {robot.name} has no laser "{name}": it {has}'
                 hint = did_you_mean(name, filter(None, names))
@@ -60,27 +58,6 @@ def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFin
 
 def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) <= _ROUNDING * ratio
-
-
-def _about_waiting(settings: Ros2Settings) -> Iterator[ParameterFinding]:
-    if settings.patience <= settings.period:
-        message = (
-            f"{settings.patience:g} s is not more than a cycle of {settings.period:g} s: "
-            "a controller that runs on wall time, as Nav2's does, is late in every one"
-        )
-        yield ParameterFinding(("patience",), message, "leave it out for 1 s")
-    elif settings.patience > _LONGEST_PATIENCE:
-        message = f"a stack that hangs costs {settings.patience:g} s of wall time in each cycle"
-        yield ParameterFinding(("patience",), message, "leave it out for 1 s")
-    if settings.tolerance >= settings.period:
-        message = "takes the command of the cycle before for the answer of this one"
-        yield ParameterFinding(("tolerance",), message, f"less than {settings.period:g} s")
-    if settings.idle > settings.patience:
-        message = "is more than patience: cycles in which nothing is expected last the longest"
-        yield ParameterFinding(("idle",), message, "leave it out for 0.02 s")
-    if settings.late >= 1.0:
-        message = "no run is ever an error, also not of a stack that never answers"
-        yield ParameterFinding(("late",), message, "leave it out for 5 %")
 
 
 def _about_starting(settings: Ros2Settings) -> Iterator[ParameterFinding]:
@@ -103,7 +80,7 @@ def _about_starting(settings: Ros2Settings) -> Iterator[ParameterFinding]:
         if name not in used:
             message = f"nothing here says {{{name}}}, so the stack is not given this file"
             yield ParameterFinding((FILES_PARAMETER, name), message, "pass on where it is")
-    if settings.domain is not None:
+    if settings.environment.domain != "own":
         message = "runs that go on at once on one machine share this domain and hear each other"
         hint = "own gives each run a domain of its own"
         yield ParameterFinding(("environment", "ROS_DOMAIN_ID"), message, hint)

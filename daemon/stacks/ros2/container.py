@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.model.sut import SutFailure
-from daemon.stacks.ros2.settings import Container
+from daemon.stacks.ros2.keys import Ros2Container
 from daemon.supervision.plan import ALARM, RELAY_EXIT
 from daemon.supervision.remains import MARKER
 
@@ -30,7 +30,7 @@ def container_name(token: str) -> str:
     return f"scenario-{token}"
 
 
-def find_engine(container: Container) -> str:
+def find_engine(container: Ros2Container) -> str:
     """Return the path of the engine; raises ``SutFailure`` when it is not installed."""
     engine = shutil.which(container.engine)
     if engine is None:
@@ -41,7 +41,7 @@ def find_engine(container: Container) -> str:
 
 
 def run_command(
-    engine: str, container: Container, *, folder: Path, files: Iterable[Path], script: Path
+    engine: str, container: Ros2Container, *, folder: Path, files: Iterable[Path], script: Path
 ) -> list[str]:
     """Return the words that run ``script`` in a container that has the stack's folder."""
     token = folder.name
@@ -61,7 +61,7 @@ def run_command(
     return [*words, "sh", "-c", choose, str(script)]
 
 
-def image_command(engine: str, container: Container) -> str:
+def image_command(engine: str, container: Ros2Container) -> str:
     """Return the image's own command, for a shell; raises ``SutFailure`` when there is none."""
     words = [engine, "image", "inspect", "--format", "{{json .Config.Cmd}}", container.image]
     try:

@@ -1,8 +1,8 @@
-"""The keys that describe a ROS 2 stack, as people write them at the top of a SUT file.
+"""Keys of a ROS 2 stack at the top of a SUT file, with their defaults.
 
-The key ``files``, which other kinds have too, is not among them. Every key may be left out, for a
-file that is ``like`` another says only what differs; what a stack needs as a whole is checked by
-:mod:`daemon.stacks.ros2.settings`.
+Every key may be left out, because a file that is ``like`` another names the differences only. The
+needs of a stack as a whole are checked by :mod:`daemon.stacks.ros2.settings`. The key ``files``,
+which other kinds have too, is not among them.
 """
 
 from __future__ import annotations
@@ -10,12 +10,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticUseDefault
 
 from daemon.model.sut import TICK_RATE
-from grammars.model.robot import LASER_NAME
+from grammars.model.robot import LASER_NAME, Laser
 from grammars.text.documents import Duration, Ratio, RemovedKey, StrictModel
 
 HIGHEST_DOMAIN: Final = 101
@@ -43,16 +53,31 @@ def _ros_name(text: str) -> str:
     return text
 
 
+def _absolute(name: str, info: ValidationInfo) -> str:
+    """Return a name as the graph has it; the context has the namespace as it was written."""
+    return _in_namespace((info.context or {}).get("namespace"), _ros_name(name))
+
+
+def _in_namespace(namespace: object, name: str) -> str:
+    return name if name.startswith("/") else f"{_prefix(namespace)}/{name}"
+
+
+def _prefix(namespace: object) -> str:
+    """Return a namespace as it stands before a name: empty, or with one leading slash."""
+    name = str(namespace or "").strip("/")
+    return f"/{name}" if name else ""
+
+
+def _namespace(text: str) -> str:
+    return _prefix(text if text in ("", "/") else _ros_name(text))
+
+
 def _variable(text: str) -> str:
     if not _VARIABLE.fullmatch(text):
         raise ValueError(f'"{text}" is not the name of an environment variable')
     if text.startswith(OWN_PREFIX):
         raise ValueError(f"{text} is set by the run itself")
     return text
-
-
-def _namespace(text: str) -> str:
-    return text if text in ("", "/") else _ros_name(text)
 
 
 def _frame(text: str) -> str:
@@ -80,7 +105,7 @@ def _word(text: str) -> str:
 
 
 def _worker_path(text: str) -> str:
-    """Take a path on the machine of the worker, of which nothing is known here."""
+    """Take a path on the machine of the worker; the loading machine cannot look there."""
     if not text.startswith(("/", "~/")):
         raise ValueError(
             f'"{text}" is looked for on the machine the stack runs on: '
@@ -96,7 +121,7 @@ def _network(text: str) -> str:
 
 
 def _domain(value: Any) -> Any:
-    if value is None or value == "own":
+    if value == "own":
         return value
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= HIGHEST_DOMAIN:
         raise ValueError(f"must be own, or a whole number from 0 to {HIGHEST_DOMAIN}")
@@ -111,9 +136,7 @@ def _period(value: float) -> float:
 
 
 def _by_laser(value: Any, check: Callable[[str], str]) -> Any:
-    """Check a name, or names by laser, one type of two for which messages are about one."""
-    if value is None:
-        return None
+    """Check a name, or names by laser: as one type of two pydantic would complain about both."""
     if not isinstance(value, Mapping):
         return check(_text(value))
     if not value:
@@ -130,8 +153,8 @@ def _text(value: Any) -> str:
     return value
 
 
-def _scan_topics(value: Any) -> Any:
-    return _by_laser(value, _ros_name)
+def _scan_topics(value: Any, info: ValidationInfo) -> Any:
+    return _by_laser(value, lambda name: _absolute(name, info))
 
 
 def _laser_frames(value: Any) -> Any:
@@ -142,171 +165,216 @@ def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
-_Name: TypeAlias = Annotated[str, AfterValidator(_ros_name)]
+_Name: TypeAlias = Annotated[str, AfterValidator(_absolute)]
 _Variable: TypeAlias = Annotated[str, AfterValidator(_variable)]
+_VariableText: TypeAlias = Annotated[str, AfterValidator(_no_nul)]
 _Frame: TypeAlias = Annotated[str, AfterValidator(_frame)]
 _NamesByLaser: TypeAlias = dict[Annotated[str, Field(pattern=LASER_NAME)], str]
 _ScanTopics: TypeAlias = Annotated[
-    Any, BeforeValidator(_scan_topics, json_schema_input_type=_Name | _NamesByLaser)
+    str | Mapping[str, str],
+    PlainValidator(_scan_topics, json_schema_input_type=_Name | _NamesByLaser),
 ]
 _LaserFrames: TypeAlias = Annotated[
-    Any, BeforeValidator(_laser_frames, json_schema_input_type=_Frame | _NamesByLaser)
+    str | Mapping[str, str],
+    PlainValidator(_laser_frames, json_schema_input_type=_Frame | _NamesByLaser),
 ]
 _Names: TypeAlias = Annotated[
-    list[_Name], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
+    tuple[_Name, ...], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
 ]
 _Setups: TypeAlias = Annotated[
-    list[Annotated[str, AfterValidator(_worker_path)]],
+    tuple[Annotated[str, AfterValidator(_worker_path)], ...],
     BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
 ]
 _Domain: TypeAlias = Annotated[
-    Any,
-    BeforeValidator(
-        _domain,
-        json_schema_input_type=Annotated[int, Field(ge=0, le=HIGHEST_DOMAIN)] | Literal["own"],
-    ),
+    Annotated[int, Field(ge=0, le=HIGHEST_DOMAIN)] | Literal["own"], BeforeValidator(_domain)
 ]
+ActionKind: TypeAlias = Literal["navigate_to_pose", "follow_waypoints", "navigate_through_poses"]
+_ACTIONS: Final[Mapping[str, ActionKind]] = MappingProxyType(
+    {
+        "waypoints": "navigate_to_pose",
+        "follow": "follow_waypoints",
+        "through": "navigate_through_poses",
+    }
+)
 Reliability: TypeAlias = Literal["best effort", "reliable"]
-Mission: TypeAlias = Literal["waypoints", "follow", "through"]
 
 
-class _Ros2ContainerText(StrictModel):
+def _name_of(laser: Laser, names: str | Mapping[str, str], usual: str) -> str:
+    """Return the name of a laser's topic or frame among ``names``, else the ``usual`` one."""
+    if isinstance(names, str):
+        usual = names
+    elif laser.name in names:
+        return names[laser.name]
+    return f"{usual}_{laser.name}" if laser.name else usual
+
+
+class _Section(StrictModel):
+    """Keys that take their default where null takes an inherited value away."""
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _take_default(cls, value: Any) -> Any:
+        if value is None:
+            raise PydanticUseDefault
+        return value
+
+
+class Ros2Container(_Section):
     """An image that the stack is started in."""
 
-    image: Annotated[str, AfterValidator(_word)] | None = None
+    image: Annotated[str, AfterValidator(_word)] = ""
     """The image, with its tag: my/nav2:1.4."""
-    engine: Literal["podman", "docker"] | None = None
-    """The command that runs it; podman when left out."""
-    network: Annotated[str, AfterValidator(_network)] | None = None
-    """Its network; none when left out, which is enough for a stack that talks to itself."""
-    options: list[Annotated[str, AfterValidator(_no_nul)]] | None = None
+    engine: Literal["podman", "docker"] = "podman"
+    """The command that runs it."""
+    network: Annotated[str, AfterValidator(_network)] = "none"
+    """Its network; none is enough for a stack that talks to itself."""
+    options: tuple[Annotated[str, AfterValidator(_no_nul)], ...] = ()
     """More options for the command "run", one list item for each word."""
 
 
-class _Ros2EnvironmentText(StrictModel):
+class Ros2Environment(_Section):
     """What the stack finds in its environment: files that are sourced, domain, variables."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[_Variable, Annotated[str, AfterValidator(_no_nul)] | None] = Field(
-        init=False
-    )
+    __pydantic_extra__: dict[_Variable, _VariableText | None] = Field(init=False)
 
-    setup: _Setups | None = None
+    setup: _Setups = ()
     """Files that are sourced before the command, in this order; paths on the worker's machine."""
-    domain: _Domain = Field(default=None, alias="ROS_DOMAIN_ID")
-    """own (when left out): a domain for each run alone; or a number from 0 to 101."""
+    domain: _Domain = Field(default="own", alias="ROS_DOMAIN_ID")
+    """own: a domain for each run alone; or a number from 0 to 101."""
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables by name."""
+        return {name: text for name, text in self.__pydantic_extra__.items() if text is not None}
 
 
-class _Ros2TopicsText(StrictModel):
+class Ros2Topics(_Section):
     """Topics under other names than the usual ones; without a slash they are in the namespace."""
 
-    scan: _ScanTopics = None
-    """The laser scan is published here; scan when left out. A laser with a name is published with
-    _NAME behind it, scan_front, or where it is said by its name: {front: front/scan}."""
-    odom: _Name | None = None
-    """The wheel odometry is published here; odom when left out."""
-    command: _Name | None = None
-    """Here the robot listens for velocities, stamped or not; cmd_vel when left out."""
-    tf: _Name | None = None
-    """/tf when left out."""
-    tf_static: _Name | None = Field(default=None, alias="tf-static")
-    """/tf_static when left out."""
-    map: _Name | None = None
-    """The map is published here with "map: published"; map when left out."""
-    initial_pose: _Name | None = Field(default=None, alias="initial-pose")
-    """The initial pose is published here; initialpose when left out."""
-    plan: _Name | None = None
-    """The stack's global plan, recorded; plan when left out."""
-    local_plan: _Name | None = Field(default=None, alias="local-plan")
-    """The stack's local plan, recorded; local_plan when left out."""
-    pose: _Name | None = None
-    """The stack's pose estimate, recorded; amcl_pose when left out."""
-    particles: _Name | None = None
-    """The stack's particles, recorded; particle_cloud when left out."""
+    model_config = ConfigDict(validate_default=True)
+
+    scan: _ScanTopics = "scan"
+    """The laser scan is published here. A laser with a name is published with _NAME behind it,
+    scan_front, or where it is said by its name: {front: front/scan}."""
+    odom: _Name = "odom"
+    """The wheel odometry is published here."""
+    command: _Name = "cmd_vel"
+    """Here the robot listens for velocities, stamped or not."""
+    tf: _Name = "/tf"
+    """Transforms are published here, and those of the stack are heard."""
+    tf_static: _Name = Field(default="/tf_static", alias="tf-static")
+    """Transforms that never change."""
+    map: _Name = "map"
+    """The map is published here with "map: published"."""
+    initial_pose: _Name = Field(default="initialpose", alias="initial-pose")
+    """The initial pose is published here."""
+    plan: _Name = "plan"
+    """The stack's global plan, recorded."""
+    local_plan: _Name = Field(default="local_plan", alias="local-plan")
+    """The stack's local plan, recorded."""
+    pose: _Name = "amcl_pose"
+    """The stack's pose estimate, recorded."""
+    particles: _Name = "particle_cloud"
+    """The stack's particles, recorded."""
 
 
-class _Ros2QosText(StrictModel):
-    """How sensor data is published; "best effort" when left out, as sensors do."""
+class Ros2Qos(_Section):
+    """How sensor data is published."""
 
-    scan: Reliability | None = None
+    scan: Reliability = "best effort"
     """Of the laser scans."""
-    odom: Reliability | None = None
+    odom: Reliability = "best effort"
     """Of the wheel odometry."""
 
 
-class _Ros2FramesText(StrictModel):
+class Ros2Frames(_Section):
     """Names of the frames of REP 105."""
 
-    map: _Frame | None = None
-    """map when left out."""
-    odom: _Frame | None = None
-    """odom when left out."""
-    base: _Frame | None = None
-    """base_link when left out; also the frame of odometry twists."""
-    laser: _LaserFrames = None
-    """laser when left out; the frame of scans. That of a laser with a name has _NAME behind it,
-    laser_front, or is said by its name: {front: front_laser_link}."""
+    map: _Frame = "map"
+    """The map."""
+    odom: _Frame = "odom"
+    """The odometry."""
+    base: _Frame = "base_link"
+    """The robot; also the frame of odometry twists."""
+    laser: _LaserFrames = "laser"
+    """The frame of scans. That of a laser with a name has _NAME behind it, laser_front, or is said
+    by its name: {front: front_laser_link}."""
+
+    def of_laser(self, laser: Laser) -> str:
+        """Return the frame of a laser."""
+        return _name_of(laser, self.laser, "laser")
 
 
-class Ros2Keys(StrictModel):
+class Ros2Keys(_Section):
     """Keys of a ROS 2 stack; all that is left out has a default, except how it is started."""
 
     elsewhere: ClassVar[Mapping[str, str | RemovedKey]] = {
         "reuse": RemovedKey("a stack belongs to one run")
     }
 
-    launch: Annotated[str, AfterValidator(_shell_text)] | None = None
+    launch: Annotated[str, AfterValidator(_shell_text)] = ""
     """For "kind: ros2": the command that starts the stack, for a shell. {map}, {start.x} and names
     below "files" in braces are filled in, quoted; double braces {{ }} are plain ones."""
-    container: _Ros2ContainerText | None = None
+    container: Ros2Container | None = None
     """For "kind: ros2": start the stack in a container; without "launch" by the image's own
     command."""
-    environment: _Ros2EnvironmentText | None = None
+    environment: Ros2Environment = Field(default_factory=Ros2Environment)
     """For "kind: ros2": setup files, ROS_DOMAIN_ID, and variables; their values may contain
     placeholders."""
-    python: Annotated[str, AfterValidator(_word)] | None = None
-    """For "kind: ros2": the Python that has rclpy, found after the setup files; python3 when left
-    out."""
-    namespace: Annotated[str, AfterValidator(_namespace)] | None = None
+    python: Annotated[str, AfterValidator(_word)] = "python3"
+    """For "kind: ros2": the Python that has rclpy, found after the setup files."""
+    namespace: Annotated[str, AfterValidator(_namespace)] = ""
     """For "kind: ros2": comes before topics, actions and nodes that do not begin with a slash."""
-    topics: _Ros2TopicsText | None = None
+    topics: Ros2Topics = Field(default_factory=dict, validate_default=True)
     """For "kind: ros2": topics under other names than the usual ones."""
-    qos: _Ros2QosText | None = None
+    qos: Ros2Qos = Field(default_factory=Ros2Qos)
     """For "kind: ros2": reliability of the scan and the odometry."""
-    frames: _Ros2FramesText | None = None
+    frames: Ros2Frames = Field(default_factory=Ros2Frames)
     """For "kind: ros2": names of frames."""
-    map: Literal["file", "published"] | None = None
-    """For "kind: ros2": file (when left out): {map} is the map.yaml written for the run;
-    published: a latched topic."""
-    transforms: Literal["all", "odom", "none"] | None = None
-    """For "kind: ros2", what is published of tf: all (when left out): odom to base and base to
-    laser; odom: odom to base; none: the stack does it itself."""
-    initial_pose: Literal["published", "none"] | None = Field(default=None, alias="initial-pose")
-    """For "kind: ros2": whether the start pose is told; published when left out."""
-    mission: Mission | None = None
-    """For "kind: ros2": how waypoints are sent. waypoints (when left out): NavigateToPose for each;
-    follow: FollowWaypoints; through: NavigateThroughPoses."""
-    action: _Name | None = None
+    map: Literal["file", "published"] = "file"
+    """For "kind: ros2": file: {map} is the map.yaml written for the run; published: a latched
+    topic."""
+    transforms: Literal["all", "odom", "none"] = "all"
+    """For "kind: ros2", what is published of tf: all: odom to base and base to laser; odom: odom to
+    base; none: the stack does it itself."""
+    initial_pose: Literal["published", "none"] = Field(default="published", alias="initial-pose")
+    """For "kind: ros2": whether the start pose is told."""
+    mission: Literal["waypoints", "follow", "through"] = "waypoints"
+    """For "kind: ros2": how waypoints are sent. waypoints: NavigateToPose for each; follow:
+    FollowWaypoints; through: NavigateThroughPoses."""
+    action: _Name = Field(default="", validate_default=True)
     """For "kind: ros2": the action they are sent to, when it is not called as Nav2 calls it."""
-    ready: _Names | None = None
+    ready: _Names = ()
     """For "kind: ros2": lifecycle nodes that must be active before the mission begins."""
-    start_up: Duration | None = Field(default=None, alias="start-up", gt=0.0, le=3600.0)
-    """For "kind: ros2": wall time until it must be ready; 60 s when left out."""
-    patience: Duration | None = Field(default=None, gt=0.0, le=600.0)
-    """For "kind: ros2": wall time an answer is waited for in each cycle; 1 s when left out."""
-    late: Ratio | None = Field(default=None, ge=0.0, le=1.0)
-    """For "kind: ros2": share of cycles that may go unanswered before the run is an error; 5 %
-    when left out."""
-    tolerance: Duration | None = Field(default=None, ge=0.0, le=10.0)
-    """For "kind: ros2": a command stamped this much before the cycle is its answer too; 0 s when
-    left out."""
-    idle: Duration | None = Field(default=None, ge=0.0, le=10.0)
-    """For "kind: ros2": wall time a cycle takes while nothing is expected; 0.02 s when left out."""
-    period: Annotated[Duration, AfterValidator(_period)] | None = Field(
-        default=None, ge=TICK, le=1.0
-    )
-    """For "kind: ros2": the period of the stack's controller, a multiple of 0.01 s; 0.05 s when
-    left out."""
+    start_up: Duration = Field(default=60.0, alias="start-up", gt=0.0, le=3600.0)
+    """For "kind: ros2": wall time until it must be ready."""
+    patience: Duration = Field(default=1.0, gt=0.0, le=60.0)
+    """For "kind: ros2": wall time an answer is waited for in each cycle; a stack that hangs costs
+    this much in each. More than the period, or a controller on wall time is late in every cycle."""
+    late: Ratio = Field(default=0.05, ge=0.0, lt=1.0)
+    """For "kind: ros2": share of cycles that may go unanswered before the run is an error."""
+    tolerance: Duration = Field(default=0.0, ge=0.0, le=1.0)
+    """For "kind: ros2": a command stamped this much before the cycle is its answer too. From a
+    period on, the command of the cycle before is one."""
+    idle: Duration = Field(default=0.02, ge=0.0, le=1.0)
+    """For "kind: ros2": wall time a cycle takes while nothing is expected."""
+    period: Annotated[Duration, AfterValidator(_period)] = Field(default=0.05, ge=TICK, le=1.0)
+    """For "kind: ros2": the period of the stack's controller, a multiple of 0.01 s."""
+
+    def scan_topic(self, laser: Laser) -> str:
+        """Return the topic on which the scans of a laser are published."""
+        return _name_of(laser, self.topics.scan, _in_namespace(self.namespace, "scan"))
+
+    @property
+    def action_kind(self) -> ActionKind:
+        """The kind of Nav2's actions by which the mission is sent."""
+        return _ACTIONS[self.mission]
+
+    @field_validator("action", mode="before")
+    @classmethod
+    def _take_usual_action(cls, value: Any, info: ValidationInfo) -> Any:
+        return value or _ACTIONS[info.data.get("mission", "waypoints")]
 
 
 ROS2_KEYS: Final = tuple(field.alias or name for name, field in Ros2Keys.model_fields.items())

@@ -118,8 +118,9 @@ class StackProcess:
         domain that was asked for, after which it may be called again; ``SutFailure`` when there is
         something that keeps the command from being started at all.
         """
+        domain = self._settings.environment.domain
         try:
-            self.domain, self._domain_lock = lock_domain(self._settings.domain)
+            self.domain, self._domain_lock = lock_domain(None if domain == "own" else domain)
             inherited = (self._lock.fileno(), self._domain_lock.fileno())
             self._supervisor = _Supervisor(self._plan(), inherited)
         except PlaceholderError as error:
@@ -147,8 +148,8 @@ class StackProcess:
         script = folder / "environment.sh"
         script.write_text(
             environment_script(
-                settings.setup,
-                settings.environment,
+                settings.environment.setup,
+                settings.environment.variables,
                 isolating_variables(folder, None if container else Path.home()),
                 {"ROS_DOMAIN_ID": str(self.domain), MARKER: token},
             )

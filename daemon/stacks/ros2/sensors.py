@@ -13,7 +13,7 @@ import numpy as np
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import LaserScan, Odometry
-from daemon.stacks.ros2.settings import Frames
+from daemon.stacks.ros2.keys import Ros2Frames
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Laser
@@ -30,7 +30,7 @@ _NO_COVARIANCE: Final = np.zeros(36)
 _START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
 
 
-def odometry(sample: Odometry, time: int, frames: Frames) -> bytes:
+def odometry(sample: Odometry, time: int, frames: Ros2Frames) -> bytes:
     """Return a ``nav_msgs/Odometry`` of ``time`` [ns]; covariances are 0, "unknown"."""
     pose, twist = sample.pose, sample.twist
     message = ros.make(
@@ -49,12 +49,12 @@ def odometry(sample: Odometry, time: int, frames: Frames) -> bytes:
     return ros.serialize(message, ODOMETRY)
 
 
-def odometry_transform(sample: Odometry, time: int, frames: Frames) -> bytes:
+def odometry_transform(sample: Odometry, time: int, frames: Ros2Frames) -> bytes:
     """Return the transform odom -> base of ``time`` [ns]."""
     return _transforms(_transform(sample.pose, time, frames.odom, frames.base))
 
 
-def laser_transforms(lasers: Iterable[Laser], time: int, frames: Frames) -> bytes:
+def laser_transforms(lasers: Iterable[Laser], time: int, frames: Ros2Frames) -> bytes:
     """Return the fixed transforms base -> laser."""
     return _transforms(
         *(
@@ -64,7 +64,7 @@ def laser_transforms(lasers: Iterable[Laser], time: int, frames: Frames) -> byte
     )
 
 
-def scan(sweep: LaserScan, laser: Laser, time: int, frames: Frames) -> bytes:
+def scan(sweep: LaserScan, laser: Laser, time: int, frames: Ros2Frames) -> bytes:
     """Return a ``sensor_msgs/LaserScan`` of ``time`` [ns], taken at one instant."""
     message = ros.make(
         SCAN,
@@ -82,12 +82,12 @@ def scan(sweep: LaserScan, laser: Laser, time: int, frames: Frames) -> bytes:
     return ros.serialize(message, SCAN)
 
 
-def occupancy_grid(grid: OccupancyGrid, time: int, frames: Frames) -> bytes:
+def occupancy_grid(grid: OccupancyGrid, time: int, frames: Ros2Frames) -> bytes:
     """Return the map as a ``nav_msgs/OccupancyGrid`` of ``time`` [ns]."""
     return ros.serialize(ros.occupancy_grid(grid, time, frames.map), GRID)
 
 
-def initial_pose(pose: Pose2, time: int, frames: Frames) -> bytes:
+def initial_pose(pose: Pose2, time: int, frames: Ros2Frames) -> bytes:
     """Return where the robot stands, as a person would tell it in RViz, at ``time`` [ns]."""
     covariance = np.zeros(36)
     for index, variance in _START_VARIANCE.items():

@@ -14,8 +14,8 @@ import numpy as np
 
 from daemon.model.sut import Cloud, Decision, Estimate, Odometry, Progress, SutEvent
 from daemon.stacks.ros2 import sensors
+from daemon.stacks.ros2.keys import Ros2Frames, Ros2Topics
 from daemon.stacks.ros2.link import ReceivedMessage
-from daemon.stacks.ros2.settings import Frames, TopicNames
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 ROSOUT: Final = "/rosout"
@@ -94,7 +94,7 @@ class TransformTree:
 class Telemetry:
     """Reads what a stack says during one run."""
 
-    def __init__(self, topics: TopicNames, frames: Frames) -> None:
+    def __init__(self, topics: Ros2Topics, frames: Ros2Frames) -> None:
         self._topics, self._frames = topics, frames
         self._tree = TransformTree()
         self._covariance = np.zeros((3, 3))

@@ -7,9 +7,8 @@ import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
 from daemon.model.attachments import resolve_paths
-from daemon.stacks.ros2.defaults import settings_not_written
 from daemon.stacks.ros2.keys import ROS2_KEYS
-from daemon.stacks.ros2.settings import read_settings
+from daemon.stacks.ros2.settings import read_settings, settings_not_written
 from grammars.text.diagnostics import InputError, Severity, Where
 
 BASE = """\
@@ -109,7 +108,7 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
     ("text", "expected"),
     [
         ("kind: ros2\n", 'mine.yaml:1:1: key "launch" is missing'),
-        ("like: nav2\nlate: 5\n", "mine.yaml:3:1: late: must be less than or equal to 1"),
+        ("like: nav2\nlate: 5\n", "mine.yaml:3:1: late: must be less than 1"),
         ("like: nav2\nstart-up: 60\n", "mine.yaml:3:1: start-up: 60 has no unit"),
         ("like: nav2\nlunch: x\n", 'mine.yaml:3:1: unknown key "lunch"'),
         ("like: nav2\ntopics:\n  scan: front\n  odm: x\n", 'mine.yaml:5:3: unknown key "odm"'),
@@ -187,7 +186,7 @@ def test_every_key_is_documented_with_its_default():
     section = text.partition("## A ROS 2 stack")[2]
     rows = dict(re.findall(r"^\| `([a-z-]+)` \| (.*?) \|", section, re.MULTILINE))
     assert rows.keys() == {*ROS2_KEYS, "files"}
-    defaults = settings_not_written({"launch": "nav {map}", "repeatable": False})
+    defaults = settings_not_written(read_settings({"launch": "nav {map}"}))
     for key, value in defaults["stack"].items():
         if value != "none" and key != "action":
             assert rows[key].strip("`") == value, key

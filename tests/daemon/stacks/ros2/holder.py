@@ -81,7 +81,8 @@ def hold(what):
         resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, most))
         os.environ |= {"PYTHONSAFEPATH": "1", "SCENARIO_STATE": "/nowhere"}
     relay = Path(what.pop("relay", QUIET_RELAY))
-    stack = StackProcess(Ros2Settings(**{"python": "sh"} | what), values={}, relay=relay)
+    settings = Ros2Settings.model_validate({"python": "sh"} | what)
+    stack = StackProcess(settings, values={}, relay=relay)
     stack.start()
     print(json.dumps({"folder": str(stack.folder), "domain": stack.domain}), flush=True)
     for line in sys.stdin:

@@ -6,6 +6,7 @@ import pytest
 from daemon.model.sut import Briefing, LaserScan, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import bring_up, sensors
 from daemon.stacks.ros2.inspection import PARAMETERS, inspect_stack
+from daemon.stacks.ros2.keys import Ros2Frames
 from daemon.stacks.ros2.link import (
     CycleAnswer,
     Graph,
@@ -14,7 +15,7 @@ from daemon.stacks.ros2.link import (
     ReceivedMessage,
     StackIdentity,
 )
-from daemon.stacks.ros2.settings import Frames, read_settings
+from daemon.stacks.ros2.settings import read_settings
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
@@ -50,8 +51,8 @@ class PretendedStack(PretendedLink):
         self.looks = 0
         self.active_after = 3
         self.gone = False
-        frames = Frames()
-        localised = sensors.odometry_transform(STANDING, 0, Frames(odom="map", base="odom"))
+        frames = Ros2Frames()
+        localised = sensors.odometry_transform(STANDING, 0, Ros2Frames(odom="map", base="odom"))
         fused = sensors.odometry_transform(STANDING, 0, frames)
         self.messages = tuple(
             ReceivedMessage("/tf", sensors.TRANSFORMS, data)

@@ -11,11 +11,10 @@ from daemon.stacks.findings import ParameterError
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.advice import advise_for_robot
 from daemon.stacks.ros2.checkup import examine
-from daemon.stacks.ros2.defaults import settings_not_written
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
 from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
-from daemon.stacks.ros2.settings import read_settings
+from daemon.stacks.ros2.settings import read_settings, settings_not_written
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
@@ -156,8 +155,8 @@ def test_a_laser_nobody_hears_is_a_warning_and_none_a_defect():
 
 
 def test_defaults_are_shown_as_they_are_written():
-    shown = settings_not_written({"launch": "nav {map}", "repeatable": False})
+    shown = settings_not_written(read_settings({"launch": "nav {map}"}))
     assert (shown["topics"]["scan"], shown["frames"]["laser"]) == ("/scan", "laser")
     assert "scans" not in shown["topics"]
     written = {"launch": "nav {map}", "topics": {"scan": {"front": "/f"}}}
-    assert "scan" not in settings_not_written(written)["topics"]
+    assert "scan" not in settings_not_written(read_settings(written))["topics"]

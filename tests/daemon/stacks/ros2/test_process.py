@@ -16,7 +16,7 @@ import pytest
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.isolation import DomainTaken, lock_domain
 from daemon.stacks.ros2.process import StackProcess
-from daemon.stacks.ros2.settings import Container, Ros2Settings
+from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.supervision.output_file import OutputFile
 from daemon.supervision.plan import STACK_OUTPUT
 from tests.daemon.batch.harness import alive
@@ -75,7 +75,7 @@ def start():
 
     def start_stack(launch="sleep 600", *, begin=True, **more):
         own = {name: more.pop(name) for name in ("relay", "grace", "values") if name in more}
-        settings = Ros2Settings(launch=launch, **{"python": "sh"} | more)
+        settings = Ros2Settings.model_validate({"launch": launch or None, "python": "sh"} | more)
         stack = StackProcess(settings, **{"values": {}, "relay": QUIET_RELAY} | own)
         started.append(stack)
         if begin:
@@ -325,17 +325,17 @@ def test_the_relay_is_alone_in_its_folder_and_knows_where_to_connect(start, tmp_
 
 def test_a_setup_file_that_is_missing_or_fails_is_named(start, tmp_path):
     with pytest.raises(SutFailure, match=r"there is no setup file /opt/ros/no/setup.bash\Z"):
-        start(setup=("/opt/ros/no/setup.bash",))
+        start(environment={"setup": "/opt/ros/no/setup.bash"})
     setup = tmp_path / "setup.bash"
     setup.write_text("echo trouble; exit 3\n")
     with pytest.raises(SutFailure, match=r"setup.bash ended its shell, exit code 3\Z"):
-        start(setup=(str(setup),))
+        start(environment={"setup": str(setup)})
 
 
 def test_a_setup_file_that_never_ends_is_ended(start, tmp_path):
     setup = tmp_path / "setup.bash"
     setup.write_text("sleep 600\n")
-    stack = start(begin=False, setup=(str(setup),), start_up=0.5)
+    stack = start(begin=False, **{"environment": {"setup": str(setup)}, "start-up": "0.5 s"})
     with pytest.raises(SutFailure, match=r"the setup files did not end within 0.5 s"):
         stack.start()
     stack.release()
@@ -357,7 +357,7 @@ def test_what_a_setup_file_starts_belongs_to_the_stack(start, tmp_path):
     setup = tmp_path / "setup.bash"
     seconds = own_seconds()
     setup.write_text(f"setsid sleep {seconds} >/dev/null 2>&1 &\n")
-    stack = start(setup=(str(setup),))
+    stack = start(environment={"setup": str(setup)})
     eventually(lambda: sleepers(seconds))
     assert stack.ended() == ""
     supervisor_of(stack.folder).kill()
@@ -397,8 +397,7 @@ def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
     setup.write_text('echo "$#" arguments; export FROM_SETUP=yes HOME=/wrong\n')
     stack = start(
         "env; echo {domain}; sleep 600",
-        setup=(str(setup),),
-        environment={"ROS_LOG_DIR": "/chosen", "DOMAIN": "no. {domain}"},
+        environment={"setup": str(setup), "ROS_LOG_DIR": "/chosen", "DOMAIN": "no. {domain}"},
     )
     domain = stack.domain
     printed(stack, f"\n{domain}\n")
@@ -424,7 +423,7 @@ def test_two_at_once_have_nothing_in_common(start):
 
 def test_a_domain_of_ones_choice_is_for_one_run_at_a_time(start):
     first = start()
-    second = start(begin=False, domain=first.domain)
+    second = start(begin=False, environment={"ROS_DOMAIN_ID": first.domain})
     with pytest.raises(DomainTaken, match="in use by another run"):
         second.start()
     first.release()
@@ -535,8 +534,8 @@ def test_stack_and_relay_live_in_one_container(start, tmp_path, engine):
     stack = start(
         "echo stack $ROS_LOCALHOST_ONLY $HOME; trap 'echo bye; exit 0' INT; "
         "while :; do sleep 0.05; done",
-        container=Container("my/nav2:1.4", options=("--shm-size", "512m")),
-        setup=(str(setup),),
+        container={"image": "my/nav2:1.4", "options": ["--shm-size", "512m"]},
+        environment={"setup": str(setup)},
         files={"params": str(params)},
         relay=Path(relay),
         python=PYTHON,
@@ -562,7 +561,7 @@ def test_stack_and_relay_live_in_one_container(start, tmp_path, engine):
 
 
 def test_a_container_that_does_not_listen_is_killed_by_its_name(start, engine):
-    stack = start("echo up; sleep 600", container=Container("ignores/it"), grace=0.3)
+    stack = start("echo up; sleep 600", container={"image": "ignores/it"}, grace=0.3)
     printed(stack, "up")
     stack.release()
     name = f"scenario-{stack.folder.name}"
@@ -572,7 +571,7 @@ def test_a_container_that_does_not_listen_is_killed_by_its_name(start, engine):
 
 
 def test_the_container_of_a_killed_supervisor_is_ended(start, engine):
-    stack = start("echo up; sleep 600", container=Container("my/nav2:1.4"))
+    stack = start("echo up; sleep 600", container={"image": "my/nav2:1.4"})
     printed(stack, "up")
     supervisor_of(stack.folder).kill()
     eventually(stack.ended)
@@ -582,7 +581,7 @@ def test_the_container_of_a_killed_supervisor_is_ended(start, engine):
 
 
 def test_the_end_of_stack_and_relay_in_a_container_is_told(start, tmp_path, engine):
-    container = Container("my/nav2:1.4")
+    container = {"image": "my/nav2:1.4"}
     stack = start("echo Error: no space left; exit 125", container=container)
     eventually(stack.ended)
     assert stack.ended() == 'the container cannot be started: "Error: no space left"'
@@ -597,10 +596,10 @@ def test_the_end_of_stack_and_relay_in_a_container_is_told(start, tmp_path, engi
 
 
 def test_a_container_may_start_its_own_command(start, engine):
-    stack = start("", container=Container("my/nav2:1.4", engine="docker"))
+    stack = start("", container={"image": "my/nav2:1.4", "engine": "docker"})
     printed(stack, "own command")
     with pytest.raises(SutFailure, match="podman knows no image my/typo"):
-        start("", container=Container("my/typo"))
+        start("", container={"image": "my/typo"})
     assert engine()
 
 
@@ -608,4 +607,4 @@ def test_an_engine_that_is_missing_is_named(start, tmp_path, monkeypatch):
     (tmp_path / "sh").symlink_to("/bin/sh")
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(SutFailure, match="there is no podman on this machine"):
-        start(container=Container("my/nav2:1.4"))
+        start(container={"image": "my/nav2:1.4"})

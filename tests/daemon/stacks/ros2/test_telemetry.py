@@ -9,8 +9,9 @@ import pytest
 from daemon.model import ros_messages as ros
 from daemon.model.sut import Odometry
 from daemon.stacks.ros2 import sensors
+from daemon.stacks.ros2.keys import Ros2Frames
 from daemon.stacks.ros2.link import ReceivedMessage
-from daemon.stacks.ros2.settings import Frames, read_settings
+from daemon.stacks.ros2.settings import read_settings
 from daemon.stacks.ros2.telemetry import LOG, PARTICLES, PATH, POSE, ROSOUT, Telemetry
 from grammars.model.geometry import Pose2, Twist2
 
@@ -19,7 +20,7 @@ ODOMETRY = Odometry(1.0, Pose2(1.0, 0.0, 0.0), Twist2())
 
 
 def telemetry():
-    return Telemetry(TOPICS, Frames())
+    return Telemetry(TOPICS, Ros2Frames())
 
 
 def transform(parent, child, x, y, yaw):
