@@ -16,9 +16,9 @@ from daemon.trace._model import (
     TraceError,
 )
 from daemon.trace._reader import read_outputs, read_scene, read_spec, read_trace
+from daemon.trace._recorder import MessageStream, Recorder
 from daemon.trace._signals import JointSamples
 from daemon.trace._statics import MovingLinks
-from daemon.trace._stream import MessageStream, Recorder
 from daemon.trace._views import decode_path, encode_costmap, encode_path, encode_poses
 from daemon.trace._wall_clock import copy_with_wall_clock
 from daemon.trace._writer import PARTIAL, TraceWriter

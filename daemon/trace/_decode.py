@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -26,7 +26,7 @@ from daemon.trace._model import (
     ScanTrack,
 )
 from daemon.trace._views import decode_path
-from daemon.trace.layouts import HEADER, MessageLayout
+from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
 from grammars.model.geometry import Floats
 from grammars.model.robot import Laser
 
@@ -36,46 +36,27 @@ T = TypeVar("T")
 _RARE_LIMIT: Final = 1 << 20
 """Largest message [bytes] that is given to rosbags; ours cut texts at ten thousand characters."""
 _LEVELS: Final = {number: level for level, number in messages.LEVELS.items()}
-_LOG_TIME: Final = struct.Struct("<Q")
-_LOG_TIME_AT: Final = 15
-"""Offset in an MCAP message record, after opcode, length, channel and sequence."""
 
 
-def known_layouts() -> dict[str, MessageLayout]:
-    """Return the layouts of the topics that are the same in every trace."""
-    return {
-        layout.topic: layout
-        for layout in (
-            layouts.odometry("/ground_truth", "map"),
-            layouts.odometry("/odom", "odom"),
-            layouts.command(),
-            layouts.estimate("/pose"),
-            layouts.estimate("/particle_cloud/summary"),
-            layouts.count(),
-            layouts.latency(),
-        )
-    }
+Track = TypeVar("Track", MotionTrack, CommandTrack, PoseTrack, LatencyTrack, JointTrack, ScanTrack)
 
 
-def motion(recording: McapContents, topic: str, frame: str) -> MotionTrack:
-    """Decode ``/ground_truth`` or ``/odom``."""
-    found = _fields(recording, layouts.odometry(topic, frame))
-    return MotionTrack(
-        _seconds(found), found["x"], found["y"], _yaw(found), found["vx"], found["vy"], found["wz"]
-    )
+def track(
+    recording: McapContents, kind: type[Track], layout: MessageLayout, **constants: Any
+) -> Track:
+    """Decode the messages of a layout as a track with some ``constants``.
 
-
-def command(recording: McapContents) -> CommandTrack:
-    """Decode ``/cmd_vel``."""
-    found = _fields(recording, layouts.command())
-    return CommandTrack(_seconds(found), found["vx"], found["vy"], found["wz"])
-
-
-def poses(recording: McapContents, topic: str) -> PoseTrack:
-    """Decode ``/pose`` or ``/particle_cloud/summary``."""
-    found = _fields(recording, layouts.estimate(topic))
-    covariance = np.stack([found[f"c{i}"] for i in range(9)], axis=1).reshape(-1, 3, 3)
-    return PoseTrack(_seconds(found), found["x"], found["y"], _yaw(found), covariance)
+    Its other fields are those of the messages, ``time`` [s], ``yaw`` and ``covariance``.
+    """
+    columns = _fields(recording, layout)
+    columns["time"] = columns["log_time"] / 1e9
+    if "qz" in columns:
+        columns["yaw"] = _yaw(columns)
+    if "c0" in columns:
+        covariance = np.stack([columns[f"c{i}"] for i in range(9)], axis=1)
+        columns["covariance"] = covariance.reshape(-1, 3, 3)
+    values: dict[str, Any] = {each.name: columns.get(each.name) for each in fields(kind)}
+    return kind(**values | constants)
 
 
 def cloud_count(recording: McapContents) -> npt.NDArray[np.int64]:
@@ -83,19 +64,12 @@ def cloud_count(recording: McapContents) -> npt.NDArray[np.int64]:
     return _fields(recording, layouts.count())["count"].astype(np.int64)
 
 
-def latency(recording: McapContents) -> LatencyTrack:
-    """Decode ``/sut/latency``; only external systems have any."""
-    found = _fields(recording, layouts.latency())
-    return LatencyTrack(_seconds(found), found["seconds"])
-
-
 def joints(recording: McapContents, names: tuple[str, ...]) -> JointTrack:
     """Decode ``/joint_states``; a scene without joints has none."""
     if not names:
         nothing = np.empty((0, 0))
         return JointTrack((), np.empty(0), nothing, nothing)
-    found = _fields(recording, layouts.joints(names))
-    return JointTrack(names, _seconds(found), found["position"], found["velocity"])
+    return track(recording, JointTrack, layouts.joints(names), names=names)
 
 
 def scans(recording: McapContents, laser: Laser) -> ScanTrack:
@@ -106,8 +80,7 @@ def scans(recording: McapContents, laser: Laser) -> ScanTrack:
         return ScanTrack(np.empty(0), nothing, laser.name)
     if not 0 < 4 * laser.rays < rows[0].shape[1] or not laser.rate > 0:
         raise DamagedTraceError("scans of another size than the robot's laser makes")
-    found = _fields(recording, layouts.scan(laser))
-    return ScanTrack(_seconds(found), found["ranges"], laser.name)
+    return track(recording, ScanTrack, layouts.scan(laser), laser=laser.name)
 
 
 def contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
@@ -119,7 +92,7 @@ def contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
         while len(rows):
             # A pair of names costs a layout and a look at all rows, some 4 of them a step.
             recording.spend(128 + len(rows) // 4)
-            first, second = _contact_names(rows[0].tobytes()[HEADER.size :])
+            ((first, second),) = _decoded(rows[:1], "/contacts", _contact_names)
             layout = layouts.contact(first, second)
             fits = layout.fits(rows)
             if not fits[0]:
@@ -151,13 +124,11 @@ def plans(recording: McapContents) -> tuple[PlanRecord, ...]:
     found = []
     for rows in recording.runs.get("/plan", []):
         recording.spend(RECORD_STEPS * len(rows))
-        for row in rows:
-            data = row.tobytes()
+        for time, row in zip(_times(rows), rows[:, HEADER.size :], strict=True):
             try:
-                points = decode_path(data[HEADER.size :])
+                found.append(PlanRecord(time, decode_path(row.tobytes())))
             except ValueError as error:
                 raise DamagedTraceError("a damaged message on /plan") from error
-            found.append(PlanRecord(_LOG_TIME.unpack_from(data, _LOG_TIME_AT)[0] / 1e9, points))
     return tuple(sorted(found, key=lambda plan: plan.time))
 
 
@@ -185,11 +156,6 @@ def _fields(recording: McapContents, layout: MessageLayout) -> Fields:
     return {name: np.concatenate([part[name] for part in packed]) for name in names}
 
 
-def _seconds(fields: Fields) -> Floats:
-    seconds: Floats = fields["log_time"] / 1e9
-    return seconds
-
-
 def _yaw(fields: Fields) -> Floats:
     """Return yaws in (-pi, pi]; by the C library one by one, equal on every machine."""
     halves = map(math.atan2, fields["qz"].tolist(), fields["qw"].tolist())
@@ -208,23 +174,9 @@ def _contact_records(
         yield ContactRecord(time, first, second, (px, py), (nx, ny), depth)
 
 
-def _contact_names(payload: bytes) -> tuple[str, str]:
-    """Read the two names from a ``ContactsState`` with one state."""
-    # CDR: the encapsulation (4 bytes) and the stamp (8), then four strings: frame_id, behind it the
-    # number of states (4 bytes to skip), info and the two names. Strings are aligned to 4 bytes.
-    at, found = 12, []
-    try:
-        for skip in (4, 0, 0, 0):
-            (length,) = struct.unpack_from("<I", payload, at)
-            text = payload[at + 4 : at + 4 + length]
-            if not length or len(text) != length:
-                raise DamagedTraceError("a damaged contact")
-            found.append(text[:-1].decode())
-            at += 4 + length
-            at += -at % 4 + skip
-    except (struct.error, UnicodeDecodeError) as error:
-        raise DamagedTraceError("a damaged contact") from error
-    return found[2], found[3]
+def _contact_names(message: Any) -> tuple[str, str]:
+    (state,) = message.states
+    return state.collision1_name, state.collision2_name
 
 
 def _rare(
@@ -232,14 +184,23 @@ def _rare(
 ) -> Iterator[tuple[float, T]]:
     """Yield time and content of messages that are decoded one by one."""
     for rows in recording.runs.get(topic, []):
-        if rows.shape[1] > _RARE_LIMIT:
-            raise DamagedTraceError(f"a message on {topic} is too large")
         recording.spend(2 * RECORD_STEPS * len(rows))
-        for row in rows:
-            data = row.tobytes()
-            try:
-                content = read(ros.deserialize(data[HEADER.size :], messages.KINDS[topic]))
-            except Exception as error:
-                # Whatever: rosbags reads damaged bytes with struct, numpy and its own code.
-                raise DamagedTraceError(f"a damaged message on {topic}") from error
-            yield _LOG_TIME.unpack_from(data, _LOG_TIME_AT)[0] / 1e9, content
+        yield from zip(_times(rows), _decoded(rows, topic, read), strict=True)
+
+
+def _decoded(rows: ByteArray, topic: str, read: Callable[[Any], T]) -> Iterator[T]:
+    """Yield what ``read`` makes of messages of one size."""
+    if rows.shape[1] > _RARE_LIMIT:
+        raise DamagedTraceError(f"a message on {topic} is too large")
+    for row in rows[:, HEADER.size :]:
+        try:
+            content = read(ros.deserialize(row.tobytes(), messages.KINDS[topic]))
+        except Exception as error:
+            # Whatever: rosbags reads damaged bytes with struct, numpy and its own code.
+            raise DamagedTraceError(f"a damaged message on {topic}") from error
+        yield content
+
+
+def _times(rows: ByteArray) -> list[float]:
+    """Return the times [s] of message records."""
+    return [HEADER.unpack_from(row)[4] / 1e9 for row in rows]

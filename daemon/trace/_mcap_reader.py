@@ -12,7 +12,6 @@ import stat
 import struct
 import zlib
 from collections.abc import Collection, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -66,18 +65,44 @@ class _MessageIndex:
 class McapContents:
     """What a file holds: ``runs`` are rows of message records (n, size), in file order.
 
-    Those of topics whose layout was known are in ``packed``, as :meth:`MessageLayout.pack` has
+    Those of topics with one of the ``layouts`` are in ``packed``, as :meth:`MessageLayout.pack` has
     them; rows that do not fit it stay in ``runs``. ``cut`` says why reading stopped before the end
     of the file, or is empty. ``steps`` is the work done so far.
     """
 
     path: Path
+    layouts: Mapping[str, MessageLayout]
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     runs: dict[str, list[ByteArray]] = field(default_factory=dict)
     packed: dict[str, list[npt.NDArray[np.void]]] = field(default_factory=dict)
     cut: str = ""
     steps: int = 0
+
+    def copy(self) -> McapContents:
+        """Return contents that can be added to without changing these."""
+        return replace(
+            self,
+            metadata={**self.metadata},
+            runs={topic: [*rows] for topic, rows in self.runs.items()},
+            packed={topic: [*rows] for topic, rows in self.packed.items()},
+        )
+
+    def add(self, topic: str, data: bytes | memoryview, offsets: IntArray, sizes: IntArray) -> None:
+        """Add message records of a topic, each ``sizes`` (n,) bytes long from ``offsets`` (n,) on.
+
+        Those of equal size in a row are kept together.
+        """
+        edges = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
+        self.spend(RECORD_STEPS * (len(edges) + 1))
+        layout = self.layouts.get(topic)
+        for first, stop in itertools.pairwise((0, *edges, len(sizes))):
+            table = records_at_any_place(data, int(sizes[first]))
+            rows = table[offsets[first:stop]]
+            if layout is not None and layout.fits_all(rows):
+                self.packed.setdefault(topic, []).append(layout.pack(rows))
+            else:
+                self.runs.setdefault(topic, []).append(rows)
 
     def spend(self, steps: int) -> None:
         """Count work; raises :class:`TraceError` when it is more than a trace can need."""
@@ -92,12 +117,12 @@ class McapContents:
 
 def read_mcap(
     path: Path,
-    topics: Collection[str],
+    topics: Collection[str] | None,
     *,
     layouts: Mapping[str, MessageLayout] | None = None,
     scans: bool = False,
 ) -> McapContents:
-    """Read the messages on ``topics`` and everything that is not a message.
+    """Read the messages on ``topics``, all for ``None``, and everything that is not a message.
 
     With ``scans`` also those of all lasers, whose names are only known afterwards. With ``layouts``
     of topics a chunk is let go of when it has been read, and what it says is kept: of a run of the
@@ -120,39 +145,12 @@ def read_mcap(
             "is empty" if not data else "is not an MCAP file",
             "traces are the .mcap files a run leaves; run it again to get one",
         )
-    walk = _McapWalk(McapContents(path), data, topics, layouts, scans)
+    walk = _McapWalk(McapContents(path, layouts or {}), data, topics, scans)
     try:
         walk.run()
     except DamagedTraceError as error:
         walk.recording.cut = f"{error} (at byte {walk.at} of {len(data)})"
     return walk.recording
-
-
-class McapFollower:
-    """Reads an MCAP file while its writer, which has flushed it, is still at work.
-
-    Every call takes up where the one before stopped, so that what was read is not read again.
-    """
-
-    def __init__(
-        self, path: Path, topics: Collection[str], layouts: Mapping[str, MessageLayout]
-    ) -> None:
-        self._walk = _McapWalk(McapContents(path), b"", topics, layouts, False)
-        self._read = 0
-
-    def read_on(self, pending: bytes) -> McapContents:
-        """Return everything so far; ``pending`` are message records that no chunk holds yet.
-
-        Raises ``OSError`` and :class:`DamagedTraceError`.
-        """
-        walk = self._walk
-        with walk.recording.path.open("rb") as file:
-            file.seek(self._read)
-            walk.take(file.read(), 0 if self._read else len(MAGIC))
-        with suppress(DamagedTraceError):  # the end, as far as there is one
-            walk.run()
-        self._read += walk.at
-        return walk.with_records(pending)
 
 
 class _McapWalk:
@@ -162,37 +160,17 @@ class _McapWalk:
         self,
         recording: McapContents,
         data: bytes,
-        topics: Collection[str],
-        layouts: Mapping[str, MessageLayout] | None,
+        topics: Collection[str] | None,
         scans: bool,
     ) -> None:
         self.recording = recording
         self.at = len(MAGIC)
         self._data = data
-        self._topics, self._layouts, self._scans = topics, layouts, scans
+        self._topics, self._scans = topics, scans
         self._decompressor = zstandard.ZstdDecompressor()
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
         self._total = 0
-
-    def take(self, data: bytes, at: int) -> None:
-        """Go on with other data, which begins ``at`` that byte."""
-        self._data, self.at = data, at
-
-    def with_records(self, data: bytes) -> McapContents:
-        """Return what was read with these records, of which nothing is kept here."""
-        before = self.recording
-        self.recording = replace(
-            before,
-            metadata={**before.metadata},
-            runs={topic: [*rows] for topic, rows in before.runs.items()},
-            packed={topic: [*rows] for topic, rows in before.packed.items()},
-        )
-        try:
-            self._records(data, np.empty(0, np.int64))
-            return self.recording
-        finally:
-            self.recording = before
 
     def run(self) -> None:
         """Read up to the end of the data; raises :class:`DamagedTraceError` when it is cut."""
@@ -319,7 +297,7 @@ class _McapWalk:
         return topic is None or self._collected(topic)
 
     def _collected(self, topic: str) -> bool:
-        return topic in self._topics or (self._scans and is_scan(topic))
+        return self._topics is None or topic in self._topics or (self._scans and is_scan(topic))
 
     def _decompressed(self, content: slice) -> bytes:
         raw = memoryview(self._data)[content]
@@ -356,22 +334,7 @@ class _McapWalk:
                 raise DamagedTraceError("a message on an unknown channel")
             if self._collected(topic):
                 mine = np.flatnonzero(channels == channel)
-                self._collect_runs(topic, data, offsets[mine], lengths[mine] + _RECORD.size)
-
-    def _collect_runs(self, topic: str, data: bytes, offsets: IntArray, sizes: IntArray) -> None:
-        """Collect messages of a topic, those of equal size in a row together."""
-        edges = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
-        self.recording.spend(RECORD_STEPS * (len(edges) + 1))
-        for first, stop in itertools.pairwise((0, *edges, len(sizes))):
-            table = records_at_any_place(data, int(sizes[first]))
-            self._collect(topic, table[offsets[first:stop]])
-
-    def _collect(self, topic: str, rows: ByteArray) -> None:
-        layout = None if self._layouts is None else self._layouts.get(topic)
-        if layout is not None and layout.fits_all(rows):
-            self.recording.packed.setdefault(topic, []).append(layout.pack(rows))
-        else:
-            self.recording.runs.setdefault(topic, []).append(rows)
+                self.recording.add(topic, data, offsets[mine], lengths[mine] + _RECORD.size)
 
 
 def record_offsets(data: bytes, at: int, offsets: IntArray) -> IntArray | None:

@@ -9,30 +9,27 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from daemon.model.spec import RunSpec
-from daemon.trace import _decode, messages
-from daemon.trace._blocks import MessageBlock
-from daemon.trace._mcap_reader import (
-    DamagedTraceError,
-    McapContents,
-    McapFollower,
-    decompress,
-    read_mcap,
-)
+from daemon.trace import _decode, layouts, messages
+from daemon.trace._mcap_reader import DamagedTraceError, McapContents, decompress, read_mcap
 from daemon.trace._model import (
+    CommandTrack,
     JointTrack,
+    LatencyTrack,
     MotionTrack,
     PoseTrack,
     ScanTrack,
     Trace,
     TraceError,
 )
+from daemon.trace._signals import common_signals
+from daemon.trace.layouts import MessageLayout
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -43,13 +40,6 @@ may be missing, as it is recorded at 20 Hz."""
 
 _SCENE_LIMIT: Final = 64 << 20
 """Largest scene [bytes of JSON] that is unpacked from a file that may be anybody's."""
-_JUDGED: Final = frozenset(
-    {
-        "/ground_truth", "/odom", "/joint_states", "/cmd_vel", "/pose", "/contacts",
-        "/particle_cloud/summary", "/particle_cloud/count", "/mission/status", "/events",
-        "/sut/latency",
-    }
-)  # fmt: skip
 
 
 def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace:
@@ -60,8 +50,8 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
     """
     recording = read_mcap(
         path,
-        _JUDGED | {"/plan"} if plans else _JUDGED,
-        layouts=_decode.known_layouts(),
+        messages.JUDGED | {"/plan"} if plans else messages.JUDGED,
+        layouts=judged_layouts(),
         scans=scans,
     )
     if recording.metadata.get(messages.WALL_CLOCK, {}).get("stamps") == messages.WALL_STAMPS:
@@ -72,30 +62,9 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:
-        return _decoded(recording, spec, scene, scans)
+        return decode_trace(recording, spec, scene, scans=scans)
     except DamagedTraceError as error:
         raise TraceError(path, f"damaged: {error}", "run the specification again") from error
-
-
-class GrowingTrace:
-    """The trace of a run that goes on, read again and again from the file of its writer."""
-
-    def __init__(self, path: Path, spec: RunSpec, scene: Scene) -> None:
-        self._path, self._spec, self._scene = path, spec, scene
-        self._follower = McapFollower(path, _JUDGED, _decode.known_layouts())
-
-    def read(self, pending: Iterable[MessageBlock], outcome: Mapping[str, str]) -> Trace:
-        """Return what is in the file and what is ``pending``, which its writer still has.
-
-        Without scans and plans, and cut unless ``outcome`` says that the run is over. Raises
-        :class:`TraceError` when the file is not what its writer has written.
-        """
-        try:
-            recording = self._follower.read_on(b"".join(block.data for block in pending))
-            recording.metadata["outcome"] = dict(outcome)
-            return _decoded(recording, self._spec, self._scene, False)
-        except (OSError, DamagedTraceError) as error:
-            raise TraceError(self._path, f"damaged: {error}") from error
 
 
 def read_spec(path: Path) -> RunSpec:
@@ -120,17 +89,29 @@ def read_outputs(path: Path) -> dict[str, str]:
     }
 
 
-def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) -> Trace:
-    truth = _decode.motion(recording, "/ground_truth", "map")
+@functools.cache
+def judged_layouts() -> dict[str, MessageLayout]:
+    """Return the layouts of the judged topics that are the same in every trace."""
+    signals = common_signals().values()
+    filled = (layout for signal in signals for layout in signal.layouts)
+    return {layout.topic: layout for layout in filled if layout.topic in messages.JUDGED}
+
+
+def decode_trace(
+    recording: McapContents, spec: RunSpec, scene: Scene, *, scans: bool = False
+) -> Trace:
+    """Return what the messages say; raises :class:`DamagedTraceError` for others than ours."""
+    truth = _decode.track(recording, MotionTrack, layouts.odometry("/ground_truth", "map"))
     joints = _decode.joints(recording, scene.joint_names)
     outcome = recording.metadata.get("outcome", {})
     complete = not recording.cut and outcome.get("complete") == "true"
     last = float(truth.time[-1]) if len(truth.time) else 0.0
     valid_until = _decode.number(outcome.get("valid_until", "")) if complete else last
-    odometry = _decode.motion(recording, "/odom", "odom")
-    command = _decode.command(recording)
-    estimate = _decode.poses(recording, "/pose")
-    cloud = _decode.poses(recording, "/particle_cloud/summary")
+    odometry = _decode.track(recording, MotionTrack, layouts.odometry("/odom", "odom"))
+    command = _decode.track(recording, CommandTrack, layouts.command())
+    estimate = _decode.track(recording, PoseTrack, layouts.estimate("/pose"))
+    summary = layouts.estimate("/particle_cloud/summary")
+    cloud = _decode.track(recording, PoseTrack, summary)
     problems = [
         *_backwards({"ground truth": truth, "odometry": odometry, "joint states": joints}),
         *_not_finite("ground truth", truth.time, *_motion_values(truth)),
@@ -163,7 +144,7 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         events=_decode.events(recording),
         scans=_scans(recording, spec) if scans else None,
         plans=_decode.plans(recording),
-        latency=_decode.latency(recording),
+        latency=_decode.track(recording, LatencyTrack, layouts.latency()),
     )
 
 

@@ -1,25 +1,25 @@
-"""Everything recorded since the last chunk, and how it becomes blocks of messages.
+"""Signals of a run: how their samples are collected, and the messages that these become.
 
-Signals are judged; what is shown only is in :mod:`daemon.trace._views`.
+One buffer per signal and not one list of messages: a chunk is then encoded column by column, see
+:mod:`daemon.trace.layouts`.
 """
 
 from __future__ import annotations
 
-import copy
+import functools
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from daemon.trace import layouts, messages
-from daemon.trace._blocks import MessageBlock, MessageRecords, SampleColumns, encode_block
+from daemon.trace import layouts
 from daemon.trace._statics import MovingLinks
-from daemon.trace._views import ViewerMessages
-from daemon.trace.layouts import IntArray
+from daemon.trace.layouts import IntArray, MessageLayout
+from daemon.trace.messages import scan_topic
 from grammars.model.geometry import Floats
-from grammars.model.robot import Laser
+from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 
 HEARTBEAT: Final = 1_000_000_000
@@ -28,22 +28,115 @@ the states of 20 doors take 436 bytes, 20 times a second; a viewer that jumps in
 still find one near."""
 
 DOOR_PERIOD: Final = 100_000_000
-"""Shortest time [ns] between two messages with the frames of doors: enough for eyes; what is judged
-comes from the joint states, which have every sample."""
+"""Shortest time [ns] between two messages with the frames of doors: enough for eyes. Judges read
+the joint states, which have every sample."""
 
 POSE: Final = ("x", "y", "qz", "qw")
-PLANAR_POSE: Final = ("x", "y", "yaw")
 TWIST: Final = ("vx", "vy", "wz")
-COVARIANCE: Final = tuple(f"c{i}" for i in range(9))
-
-
-Columns: TypeAlias = tuple[IntArray, dict[str, npt.NDArray[Any]]]
-"""Times (n,) [ns] and the column (n,) of every field that varies."""
+MOTION: Final = ("x", "y", "yaw", *TWIST)
+BELIEF: Final = (*POSE, *(f"c{i}" for i in range(9)))
+"""Pose and row-major (3, 3) covariance over x, y, yaw."""
 
 _FLOAT32: Final = np.dtype(np.float32)
-_JUDGED_BUFFERS: Final = (
-    "truth", "odometry", "command", "estimate", "cloud", "latency", "events", "status", "goal",
-)  # fmt: skip
+
+Columns: TypeAlias = dict[str, npt.NDArray[Any]]
+"""A column (n, ...) for every field of a message that varies."""
+
+
+class SampleBuffer(Protocol):
+    """Collected samples of one signal; times are simulated ones [ns]."""
+
+    def add(self, time: int, values: Sequence[Any]) -> None:
+        """Append a sample; raises ``ValueError`` for values of another shape."""
+
+    def peek(self) -> tuple[IntArray, Columns]:
+        """Return times (n,) and columns as they would be if this were the end, and keep them."""
+
+    def drain(self) -> tuple[IntArray, Columns]:
+        """Return times (n,) and columns, and start anew."""
+
+
+class SampledSignal:
+    """Samples that ``collect()`` makes a buffer for; each fills one message of every layout."""
+
+    def __init__(self, collect: Callable[[], SampleBuffer], *filled: MessageLayout) -> None:
+        self.collect, self.layouts = collect, filled
+        self.topics = frozenset(layout.topic for layout in filled)
+
+    def messages(
+        self, times: IntArray, columns: Columns
+    ) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
+        """Yield the layout, times (n,) [ns] and columns of the messages that samples become."""
+        for layout in self.layouts:
+            yield layout, times, columns
+
+
+class JointSignal(SampledSignal):
+    """Joint states, and at most ten times a second the frames of the links that joints move."""
+
+    def __init__(self, scene: Scene) -> None:
+        names = scene.joint_names
+        super().__init__(functools.partial(JointSamples, len(names)), layouts.joints(names))
+        self._links = MovingLinks.of(scene)
+        self._frames = layouts.transforms(tuple(("map", name) for name in self._links.names))
+        self.topics |= {"/tf"}
+        self._due = 0
+
+    def messages(
+        self, times: IntArray, columns: Columns
+    ) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
+        """Yield the joint states, then the frames."""
+        yield from super().messages(times, columns)
+        rows = []
+        for row, now in enumerate(times.tolist()):
+            if now >= self._due:
+                rows.append(row)
+                self._due = now + DOOR_PERIOD
+        if rows and self._links.names:
+            poses = self._links.poses(columns["position"][rows])
+            frames = {
+                layouts.numbered(name, i): poses[:, i, j]
+                for i in range(len(self._links.names))
+                for j, name in enumerate(POSE)
+            }
+            yield self._frames, times[rows], frames
+
+
+class SampleColumns:
+    """Samples of a fixed number of floats each; a yaw gets its quaternion when they are columns.
+
+    Appending costs a fraction of a microsecond; nothing is encoded before :meth:`drain`.
+    """
+
+    __slots__ = ("_names", "_times", "_values")
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        # Lists and not ``array``: extending one by seven floats takes 27 ns and 8 ns each when it
+        # becomes columns, extending an ``array`` 350 ns.
+        self._times: list[int] = []
+        self._values: list[float] = []
+
+    def add(self, time: int, values: Sequence[float]) -> None:
+        """Append a sample; ``values`` in the order of the names."""
+        self._times.append(time)
+        self._values.extend(values)
+
+    def peek(self) -> tuple[IntArray, Columns]:
+        """Return times (n,) and one column (n,) per name, and keep the samples."""
+        times = np.array(self._times, np.int64)
+        values = np.fromiter(self._values, np.float64, len(self._values))
+        table = values.reshape(len(times), len(self._names))
+        columns = {name: table[:, i] for i, name in enumerate(self._names)}
+        if "yaw" in columns:
+            columns |= _quaternions(columns["yaw"])
+        return times, columns
+
+    def drain(self) -> tuple[IntArray, Columns]:
+        """Return what :meth:`peek` does and start anew."""
+        samples = self.peek()
+        self._times, self._values = [], []
+        return samples
 
 
 class JointSamples:
@@ -53,35 +146,36 @@ class JointSamples:
     ones gives back every one that was left out.
     """
 
-    __slots__ = ("_due", "_held", "_last", "_repeated", "_states", "_times", "_width")
+    __slots__ = ("_due", "_held", "_joints", "_last", "_repeated", "_states", "_times")
 
     def __init__(self, joints: int) -> None:
-        self._width = 2 * joints
+        self._joints = joints
         self._times: list[int] = []
         self._states: list[bytes] = []
         self._last, self._held, self._due = b"", -1, 0
         self._repeated: tuple[Floats, Floats] | None = None
 
-    def add(self, time: int, positions: Floats, velocities: Floats) -> None:
-        """Take a state; raises ``ValueError`` when it is not one float64 per joint, twice.
+    def add(self, time: int, values: Sequence[Floats]) -> None:
+        """Take positions and velocities; raises ``ValueError`` unless they are a float64 a joint.
 
         While joints rest, the same two arrays again, if read-only, are not looked into.
         """
+        positions, velocities = values
         same = self._repeated
         if same and positions is same[0] and velocities is same[1] and time < self._due:
             self._held = time
             return
         # By bytes: there nan equals itself.
         state = positions.tobytes() + velocities.tobytes()
-        if not state and not self._width:
+        if not state and not self._joints:
             return
         if state == self._last and time < self._due:
             self._held = time
             if not (positions.flags.writeable or velocities.flags.writeable):
                 self._repeated = positions, velocities
             return
-        if len(state) != 8 * self._width:
-            raise ValueError(f"joint states must have {self._width // 2} positions and velocities")
+        if len(state) != 16 * self._joints:
+            raise ValueError(f"joint states must have {self._joints} positions and velocities")
         self.keep_last_repeat()
         self._times.append(time)
         self._states.append(state)
@@ -96,175 +190,110 @@ class JointSamples:
             self._states.append(self._last)
             self._held = -1
 
-    def peek(self) -> tuple[IntArray, Floats]:
-        """Return what :meth:`drain` would if this were the end, and keep it."""
-        other = copy.copy(self)
-        other._times, other._states = [*self._times], [*self._states]
-        other.keep_last_repeat()
-        return other.drain()
+    def peek(self) -> tuple[IntArray, Columns]:
+        """Return times (n,) and columns (n, joints) with the last repetition, and keep them."""
+        if self._held < 0:
+            return self._columns(self._times, self._states)
+        return self._columns([*self._times, self._held], [*self._states, self._last])
 
-    def drain(self) -> tuple[IntArray, Floats]:
-        """Return times (n,) and states (n, 2 k), positions first, and start anew."""
-        times = np.array(self._times, np.int64)
-        states = np.frombuffer(b"".join(self._states), np.float64)
+    def drain(self) -> tuple[IntArray, Columns]:
+        """Return times (n,), ``position`` and ``velocity`` (n, joints), and start anew."""
+        samples = self._columns(self._times, self._states)
         self._times, self._states = [], []
-        return times, states.reshape(len(times), self._width)
+        return samples
+
+    def _columns(self, times: list[int], states: list[bytes]) -> tuple[IntArray, Columns]:
+        table = np.frombuffer(b"".join(states), np.float64).reshape(len(times), 2 * self._joints)
+        columns = {"position": table[:, : self._joints], "velocity": table[:, self._joints :]}
+        return np.array(times, np.int64), columns
 
 
 class _ScanBuffer:
     """Collects the scans of one laser."""
 
-    __slots__ = ("_laser", "_ranges", "_times")
+    __slots__ = ("_ranges", "_rays", "_times")
 
-    def __init__(self, laser: Laser) -> None:
-        self._laser = laser
+    def __init__(self, rays: int) -> None:
+        self._rays = rays
         self._times: list[int] = []
         self._ranges: list[bytes] = []
 
-    def add(self, time: int, ranges: npt.NDArray[np.float32]) -> None:
+    def add(self, time: int, values: Sequence[npt.NDArray[np.float32]]) -> None:
         """Take a scan; raises ``ValueError`` for other than float32 of shape (rays,)."""
-        if ranges.shape != (self._laser.rays,) or ranges.dtype != _FLOAT32:
-            raise ValueError(f"ranges must be float32 of shape ({self._laser.rays},)")
+        (ranges,) = values
+        if ranges.shape != (self._rays,) or ranges.dtype != _FLOAT32:
+            raise ValueError(f"ranges must be float32 of shape ({self._rays},)")
         self._times.append(time)
         self._ranges.append(ranges.tobytes())
 
-    def drain(self, ids: Mapping[str, int]) -> MessageBlock:
-        """Return what was collected and start anew."""
-        times = np.array(self._times, np.int64)
+    def peek(self) -> tuple[IntArray, Columns]:
+        """Return times (n,) and ``ranges`` (n, rays), and keep the scans."""
         ranges = np.frombuffer(b"".join(self._ranges), np.float32)
+        columns = {"ranges": ranges.reshape(len(self._times), self._rays)}
+        return np.array(self._times, np.int64), columns
+
+    def drain(self) -> tuple[IntArray, Columns]:
+        """Return what :meth:`peek` does and start anew."""
+        samples = self.peek()
         self._times, self._ranges = [], []
-        columns = {"ranges": ranges.reshape(len(times), self._laser.rays)}
-        channel = ids[messages.scan_topic(self._laser)]
-        return encode_block(layouts.scan(self._laser), channel, times, columns)
+        return samples
 
 
-class SignalBuffers:
-    """The collected samples of every topic; ``ids`` are the channel ids of the topics.
+def _signal(columns: tuple[str, ...], *filled: MessageLayout) -> SampledSignal:
+    return SampledSignal(functools.partial(SampleColumns, columns), *filled)
 
-    One buffer per topic and not one list of messages: a chunk is then encoded column by column,
-    see :mod:`daemon.trace.layouts`.
+
+@functools.cache
+def common_signals() -> dict[str, SampledSignal]:
+    """Return the signals that are the same in every run, by topic.
+
+    Several signals share ``/tf``. Its messages of one instant follow each other in the order of
+    this table.
     """
-
-    def __init__(self, scene: Scene, lasers: Sequence[Laser], ids: Mapping[str, int]) -> None:
-        self._ids = ids
-        self.scans = {laser.name: _ScanBuffer(laser) for laser in lasers}
-        self._joint_names = scene.joint_names
-        self.moving = MovingLinks.of(scene)
-        self._door_due = 0
-        self.clock = SampleColumns(())
-        self.truth = SampleColumns(PLANAR_POSE + TWIST)
-        self.odometry = SampleColumns(PLANAR_POSE + TWIST)
-        self.command = SampleColumns(TWIST)
-        self.estimate = SampleColumns(POSE + COVARIANCE)
-        self.cloud = SampleColumns((*POSE, *COVARIANCE, "count"))
-        self.correction = SampleColumns(POSE)
-        self.latency = SampleColumns(("seconds",))
-        self.joints = JointSamples(len(scene.joint_names))
-        self.contacts: dict[tuple[str, str], SampleColumns] = {}
-        self.events = MessageRecords(ids["/events"])
-        self.status = MessageRecords(ids["/mission/status"])
-        self.goal = MessageRecords(ids["/mission/goal"])
-        self.views = ViewerMessages(ids)
-
-    def drain(self) -> list[MessageBlock]:
-        """Return everything as blocks and start anew."""
-        # Drained once and used twice: odometry also becomes odom -> base_link, joints the frames
-        # of doors. These copies are not recorded separately, so they can never disagree.
-        odometry, joints = _with_quaternion(*self.odometry.drain()), self.joints.drain()
-        return [*self._judged(odometry, joints), *self._watched(odometry, joints)]
-
-    def peek_judged(self) -> list[MessageBlock]:
-        """Return what is judged as it would be if this were the end, and keep it."""
-        # Draining gives a buffer new lists; those of a shallow copy leave the original as it is.
-        other = copy.copy(self)
-        for name in _JUDGED_BUFFERS:
-            setattr(other, name, copy.copy(getattr(self, name)))
-        other.contacts = {pair: copy.copy(columns) for pair, columns in self.contacts.items()}
-        return other._judged(_with_quaternion(*other.odometry.drain()), self.joints.peek())
-
-    def _judged(
-        self,
-        odometry: Columns,
-        joints: tuple[IntArray, Floats],
-    ) -> list[MessageBlock]:
-        ids, cloud = self._ids, self.cloud.drain()
-        contacts = [
-            encode_block(layouts.contact(*pair), ids["/contacts"], *columns.drain())
-            for pair, columns in self.contacts.items()
-        ]
-        self.contacts.clear()
-        return [
-            encode_block(
-                layouts.odometry("/ground_truth", "map"),
-                ids["/ground_truth"],
-                *_with_quaternion(*self.truth.drain()),
-            ),
-            encode_block(layouts.odometry("/odom", "odom"), ids["/odom"], *odometry),
-            *self._joint_blocks(*joints),
-            encode_block(layouts.command(), ids["/cmd_vel"], *self.command.drain()),
-            encode_block(layouts.estimate("/pose"), ids["/pose"], *self.estimate.drain()),
-            encode_block(
-                layouts.estimate("/particle_cloud/summary"), ids["/particle_cloud/summary"], *cloud
-            ),
-            encode_block(layouts.count(), ids["/particle_cloud/count"], *cloud),
-            *contacts,
-            encode_block(layouts.latency(), ids["/sut/latency"], *self.latency.drain()),
-            self.status.drain(),
-            self.goal.drain(),
-            self.events.drain(),
-        ]
-
-    def _watched(
-        self,
-        odometry: Columns,
-        joints: tuple[IntArray, Floats],
-    ) -> list[MessageBlock]:
-        ids, tf = self._ids, self._ids["/tf"]
-        to_odom = layouts.transforms((("map", "odom"),))
-        to_base = layouts.transforms((("odom", "base_link"),))
-        return [
-            encode_block(layouts.clock(), ids["/clock"], *self.clock.drain()),
-            encode_block(to_odom, tf, *_as_first_transform(*self.correction.drain())),
-            encode_block(to_base, tf, *_as_first_transform(*odometry)),
-            *self._door_blocks(*joints),
-            *(scans.drain(ids) for scans in self.scans.values()),
-            *self.views.drain(),
-        ]
-
-    def _joint_blocks(self, times: IntArray, states: Floats) -> list[MessageBlock]:
-        names = self._joint_names
-        if not len(times):
-            return []
-        columns = {"position": states[:, : len(names)], "velocity": states[:, len(names) :]}
-        return [encode_block(layouts.joints(names), self._ids["/joint_states"], times, columns)]
-
-    def _door_blocks(self, times: IntArray, states: Floats) -> list[MessageBlock]:
-        """Return the frames of all links that joints move, at most ten times a second."""
-        rows = []
-        for row, now in enumerate(times.tolist()):
-            if now >= self._door_due:
-                rows.append(row)
-                self._door_due = now + DOOR_PERIOD
-        names = self.moving.names
-        if not rows or not names:
-            return []
-        poses = self.moving.poses(states[rows, : len(self._joint_names)])
-        columns = {
-            f"{name}{i}": poses[:, i, j] for i in range(len(names)) for j, name in enumerate(POSE)
-        }
-        layout = layouts.transforms(tuple(("map", name) for name in names))
-        return [encode_block(layout, self._ids["/tf"], times[rows], columns)]
+    summary = layouts.estimate("/particle_cloud/summary")
+    return {
+        "/clock": _signal((), layouts.clock()),
+        "/tf": _signal(POSE, layouts.transforms((("map", "odom"),))),
+        # odom -> base_link has the columns of the odometry, so the two can never disagree.
+        "/odom": _signal(
+            MOTION,
+            layouts.odometry("/odom", "odom"),
+            layouts.transforms((("odom", "base_link"),)),
+        ),
+        "/ground_truth": _signal(MOTION, layouts.odometry("/ground_truth", "map")),
+        "/cmd_vel": _signal(TWIST, layouts.command()),
+        "/pose": _signal(BELIEF, layouts.estimate("/pose")),
+        "/particle_cloud/summary": _signal((*BELIEF, "count"), summary, layouts.count()),
+        "/sut/latency": _signal(("seconds",), layouts.latency()),
+    }
 
 
-def _with_quaternion(times: IntArray, columns: dict[str, npt.NDArray[Any]]) -> Columns:
-    """Add z and w of the quaternion of the yaw, as :func:`ros.yaw_quaternion` gives them."""
-    halves = columns["yaw"] * 0.5
+def run_signals(robot: Robot, scene: Scene) -> dict[str, SampledSignal]:
+    """Return the signals of a run but its contacts, by topic; of one recording alone."""
+    return {
+        **common_signals(),
+        "/joint_states": JointSignal(scene),
+        **{
+            scan_topic(laser): SampledSignal(
+                functools.partial(_ScanBuffer, laser.rays), layouts.scan(laser)
+            )
+            for laser in robot.lasers
+        },
+    }
+
+
+@functools.lru_cache(maxsize=1024)
+def contact_signal(first: str, second: str) -> SampledSignal:
+    """Return the signal of contacts between two named bodies."""
+    return _signal(("px", "py", "nx", "ny", "depth"), layouts.contact(first, second))
+
+
+def _quaternions(yaw: Floats) -> Columns:
+    """Return z and w of the quaternions of yaws (n,), as :func:`ros.yaw_quaternion` gives them."""
+    halves = yaw * 0.5
     halves[np.isinf(halves)] = math.nan
-    for name, function in (("qz", math.sin), ("qw", math.cos)):
-        columns[name] = np.fromiter(map(function, halves.tolist()), np.float64, len(times))
-    return times, columns
-
-
-def _as_first_transform(times: IntArray, columns: dict[str, npt.NDArray[Any]]) -> Columns:
-    """Name the columns as the first transform of a message does."""
-    return times, {f"{name}0": column for name, column in columns.items()}
+    values = halves.tolist()
+    return {
+        name: np.fromiter(map(function, values), np.float64, len(values))
+        for name, function in (("qz", math.sin), ("qw", math.cos))
+    }

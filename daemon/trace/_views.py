@@ -1,4 +1,4 @@
-"""What is recorded for viewers alone: plans, particles and costmaps, thinned as they come.
+"""Messages for viewers: plans, particles and costmaps as CDR.
 
 A plan has hundreds of poses and a costmap thousands of cells, of each of which rosbags wants a
 Python object or a copy. So the CDR of these messages is written out here, a header and a table of
@@ -9,22 +9,18 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from daemon.model.sut import CostmapPicture
-from daemon.trace._blocks import MessageBlock, MessageRecords
-from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, IntArray, stamps
+from daemon.trace.layouts import stamps
 from grammars.model.geometry import Floats
 
 _SECOND: Final = 1_000_000_000
 
 _HEAD: Final = struct.Struct("<4siIi4sI")
 """Encapsulation, stamp, length and text of the frame, number of rows."""
-_RECORD_HEAD: Final = struct.Struct(HEADER.format + _HEAD.format.removeprefix("<"))
-"""The head of an MCAP record and that of the message in it."""
 _ENCAPSULATION: Final = b"\0\1\0\0"
 _FRAME: Final = (4, b"map\0")
 _STAMPED_POSE: Final = np.dtype([("stamp", "<u8"), ("frame", "V8"), ("pose", "<f8", 7)])
@@ -34,13 +30,9 @@ bytes after the four of the encapsulation, so four of padding precede them; all 
 aligned by then."""
 _PADDING: Final = bytes(4)
 
-PARTICLES: Final = "/particlecloud"
-COSTMAP: Final = "/move_base/local_costmap/costmap"
-
 PLAN_POINTS: Final = 500
 """A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
 
-_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
 _STEPS_PER_METRE: Final = 1024.0
 
 
@@ -49,11 +41,18 @@ def encode_path(now: int, points: Floats) -> bytes:
 
     Raises ``ValueError`` for any other shape.
     """
-    rows = memoryview(_stamped_poses(np.array([now]), [len(points)], _plan_bytes(points)))
+    _check_plan(points)
     head = _pack_head(now, len(points))
     if not len(points):
         return head
-    return b"".join((head, rows[:_FIRST], _PADDING, rows[_FIRST:]))
+    rows = np.zeros(len(points), _STAMPED_POSE)
+    rows["stamp"] = stamps(np.array([now]))
+    rows["frame"] = struct.pack("<i4s", *_FRAME)
+    poses = rows["pose"]
+    poses[:, :2] = points
+    poses[:, 6] = 1.0
+    data = rows.tobytes()
+    return b"".join((head, data[:_FIRST], _PADDING, data[_FIRST:]))
 
 
 def decode_path(payload: bytes) -> Floats:
@@ -69,127 +68,18 @@ def decode_path(payload: bytes) -> Floats:
     return points
 
 
-def _plan_bytes(points: Floats) -> bytes:
+def _check_plan(points: Floats) -> None:
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
-    return np.asarray(points, np.float64).tobytes()
-
-
-def _stamped_poses(times: IntArray, counts: Sequence[int], points: bytes) -> bytes:
-    """Return the rows of paths at ``times`` (n,) [ns] with ``counts`` (n,) points each."""
-    rows = np.zeros(sum(counts), _STAMPED_POSE)
-    rows["stamp"] = np.repeat(stamps(times), counts)
-    rows["frame"] = struct.pack("<i4s", *_FRAME)
-    poses = rows["pose"]
-    poses[:, :2] = np.frombuffer(points, np.float64).reshape(-1, 2)
-    poses[:, 6] = 1.0
-    return rows.tobytes()
 
 
 def _pack_head(now: int, count: int) -> bytes:
     return _HEAD.pack(_ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count)
 
 
-class _PathRecords:
-    """Paths of one channel, encoded together when their chunk is written."""
-
-    __slots__ = ("_channel", "_counts", "_points", "_times")
-
-    def __init__(self, channel: int) -> None:
-        self._channel = channel
-        self._times: list[int] = []
-        self._counts: list[int] = []
-        self._points: list[bytes] = []
-
-    def add(self, time: int, points: Floats) -> None:
-        """Append a path through ``points`` (n, 2); raises ``ValueError`` for another shape."""
-        self._points.append(_plan_bytes(points))
-        self._counts.append(len(points))
-        self._times.append(time)
-
-    def drain(self) -> MessageBlock:
-        """Return the paths as a block of messages and start anew."""
-        times = np.array(self._times, np.int64)
-        rows = memoryview(_stamped_poses(times, self._counts, b"".join(self._points)))
-        parts: list[bytes | memoryview] = []
-        starts, size, at = [], 0, 0
-        for now, count in zip(self._times, self._counts, strict=True):
-            end = at + count * _STAMPED_POSE.itemsize
-            length = _RECORD_HEAD.size + end - at + (len(_PADDING) if count else 0)
-            parts.append(
-                _RECORD_HEAD.pack(
-                    MESSAGE_OPCODE, length - 9, self._channel, 0, now, now,
-                    _ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count,
-                )
-            )  # fmt: skip
-            if count:
-                parts += (rows[at : at + _FIRST], _PADDING, rows[at + _FIRST : end])
-            starts.append(size)
-            size, at = size + length, end
-        self._times, self._counts, self._points = [], [], []
-        return MessageBlock(self._channel, times, np.array(starts, np.int64), b"".join(parts))
-
-
-class ViewerMessages:
-    """Collects messages for viewers; times are simulated ones [ns]."""
-
-    def __init__(self, ids: Mapping[str, int]) -> None:
-        self._plan, self._local_plan = (_PathRecords(ids[t]) for t in ("/plan", "/local_plan"))
-        self._particles, self._costmap = (MessageRecords(ids[t]) for t in (PARTICLES, COSTMAP))
-        self._due = dict.fromkeys(("plan", "local plan", "particles", "costmap"), 0)
-        self._last = b""
-        self._waiting: tuple[int, Floats] | None = None
-
-    def plan(self, now: int, points: Floats) -> None:
-        """Take a global plan (n, 2); an unchanged one is left out.
-
-        Of plans that change more than once a second the latest is kept until it is time. Raises
-        ``ValueError`` for another shape.
-        """
-        thin = thin_plan(points)
-        raw = thin.tobytes()
-        if raw == self._last:
-            return
-        self._last, self._waiting = raw, (now, thin)
-        self.flush(now)
-
-    def flush(self, now: int, *, end: bool = False) -> None:
-        """Write the plan that waits for its time, if that has come or the recording ends."""
-        if self._waiting is not None and (end or now >= self._due["plan"]):
-            self._plan.add(*self._waiting)
-            self._waiting, self._due["plan"] = None, now + _SECOND
-
-    def local_plan(self, now: int, points: Floats) -> None:
-        """Take a local plan (n, 2); more than five a second are left out."""
-        if self._take("local plan", now, _LOCAL_PLAN_PERIOD):
-            self._local_plan.add(now, points)
-
-    def particles(self, now: int, poses: Floats) -> None:
-        """Take particles (n, 3); more than one cloud a second is left out."""
-        if self._take("particles", now, _SECOND):
-            self._particles.add(now, encode_poses(now, poses))
-
-    def costmap(self, now: int, picture: CostmapPicture) -> None:
-        """Take a costmap; more than one a second is left out."""
-        if self._take("costmap", now, _SECOND):
-            self._costmap.add(now, encode_costmap(now, picture))
-
-    def _take(self, what: str, now: int, period: int) -> bool:
-        due = now >= self._due[what]
-        if due:
-            self._due[what] = now + period
-        return due
-
-    def drain(self) -> list[MessageBlock]:
-        """Return what was collected and start anew."""
-        kept = (self._plan, self._local_plan, self._particles, self._costmap)
-        return [records.drain() for records in kept]
-
-
 def thin_plan(points: Floats) -> Floats:
     """Round a plan and leave points out evenly, but never the last one."""
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
+    _check_plan(points)
     step = -(-len(points) // PLAN_POINTS)
     if step <= 1:
         return _round_coordinates(points)

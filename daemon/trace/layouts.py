@@ -248,9 +248,14 @@ def odometry(topic: str, frame: str) -> MessageLayout:
     return derive_layout(topic, kind, build)
 
 
+def numbered(name: str, index: int) -> str:
+    """Return the name of a field of the transform at ``index``; the first has no number."""
+    return f"{name}{index or ''}"
+
+
 @functools.lru_cache(maxsize=64)
 def transforms(frames: tuple[tuple[str, str], ...]) -> MessageLayout:
-    """``/tf`` with one transform per (parent, child): x0, y0, qz0, qw0, x1, ..."""
+    """``/tf`` with one transform per (parent, child): x, y, qz, qw, x1, ..., see `numbered`."""
     kind = "tf2_msgs/msg/TFMessage"
 
     def build(mark: FieldMarker) -> Any:
@@ -261,10 +266,10 @@ def transforms(frames: tuple[tuple[str, str], ...]) -> MessageLayout:
                     mark.stamp(f"stamp{i}"),
                     parent,
                     child,
-                    x=mark.f8(f"x{i}"),
-                    y=mark.f8(f"y{i}"),
-                    qz=mark.f8(f"qz{i}"),
-                    qw=mark.f8(f"qw{i}"),
+                    x=mark.f8(numbered("x", i)),
+                    y=mark.f8(numbered("y", i)),
+                    qz=mark.f8(numbered("qz", i)),
+                    qw=mark.f8(numbered("qw", i)),
                 )
                 for i, (parent, child) in enumerate(frames)
             ],

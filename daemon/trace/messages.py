@@ -24,39 +24,48 @@ LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
 class Topic:
     """A topic of a trace; ``latched`` ones are published once and kept (transient local).
 
-    ``external`` ones are only in traces of systems that live outside of the simulator.
+    ``external`` ones are only in traces of systems that live outside of the simulator. ``judged``
+    ones are read by judges. A trace keeps one message in a ``period`` [ns], which is zero for
+    topics that keep all.
     """
 
     name: str
     kind: str
     latched: bool = False
     external: bool = False
+    judged: bool = False
+    period: int = 0
 
+
+PARTICLES: Final = "/particlecloud"
+COSTMAP: Final = "/move_base/local_costmap/costmap"
+
+_SECOND: Final = 1_000_000_000
 
 TOPICS: Final = (
     Topic("/map", "nav_msgs/msg/OccupancyGrid", latched=True),
     Topic("/footprint", "geometry_msgs/msg/PolygonStamped", latched=True),
     Topic("/scene", "visualization_msgs/msg/MarkerArray", latched=True),
     Topic("/tf_static", "tf2_msgs/msg/TFMessage", latched=True),
-    Topic("/clock", "rosgraph_msgs/msg/Clock"),
+    Topic("/clock", "rosgraph_msgs/msg/Clock", period=_SECOND // 10),
     Topic("/tf", "tf2_msgs/msg/TFMessage"),
     Topic("/scan", "sensor_msgs/msg/LaserScan"),
-    Topic("/odom", "nav_msgs/msg/Odometry"),
-    Topic("/ground_truth", "nav_msgs/msg/Odometry"),
-    Topic("/joint_states", "sensor_msgs/msg/JointState"),
-    Topic("/cmd_vel", "geometry_msgs/msg/TwistStamped"),
-    Topic("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-    Topic("/particle_cloud/summary", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-    Topic("/particle_cloud/count", "std_msgs/msg/UInt32"),
-    Topic("/plan", "nav_msgs/msg/Path"),
-    Topic("/local_plan", "nav_msgs/msg/Path"),
-    Topic("/contacts", ros.CONTACTS),
-    Topic("/mission/status", "action_msgs/msg/GoalStatusArray", latched=True),
+    Topic("/odom", "nav_msgs/msg/Odometry", judged=True),
+    Topic("/ground_truth", "nav_msgs/msg/Odometry", judged=True),
+    Topic("/joint_states", "sensor_msgs/msg/JointState", judged=True),
+    Topic("/cmd_vel", "geometry_msgs/msg/TwistStamped", judged=True),
+    Topic("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", judged=True),
+    Topic("/particle_cloud/summary", "geometry_msgs/msg/PoseWithCovarianceStamped", judged=True),
+    Topic("/particle_cloud/count", "std_msgs/msg/UInt32", judged=True),
+    Topic("/plan", "nav_msgs/msg/Path", period=_SECOND),
+    Topic("/local_plan", "nav_msgs/msg/Path", period=_SECOND // 5),
+    Topic("/contacts", ros.CONTACTS, judged=True),
+    Topic("/mission/status", "action_msgs/msg/GoalStatusArray", latched=True, judged=True),
     Topic("/mission/goal", "geometry_msgs/msg/PoseStamped", latched=True),
-    Topic("/events", "rcl_interfaces/msg/Log"),
-    Topic("/particlecloud", "geometry_msgs/msg/PoseArray"),
-    Topic("/move_base/local_costmap/costmap", "nav_msgs/msg/OccupancyGrid"),
-    Topic("/sut/latency", "std_msgs/msg/Float64", external=True),
+    Topic("/events", "rcl_interfaces/msg/Log", judged=True),
+    Topic(PARTICLES, "geometry_msgs/msg/PoseArray", period=_SECOND),
+    Topic(COSTMAP, "nav_msgs/msg/OccupancyGrid", period=_SECOND),
+    Topic("/sut/latency", "std_msgs/msg/Float64", external=True, judged=True),
 )
 """Every topic a trace can have if the robot's only laser has no name, see :func:`topics_of`; the
 position plus one is its channel id in the file. External ones are last, so that what is declared in
@@ -102,6 +111,7 @@ OUTPUT_PREFIX: Final = "output/"
 """Begins the names of attachments with what a system under test printed."""
 
 KINDS: Final = {topic.name: topic.kind for topic in TOPICS}
+JUDGED: Final = frozenset(topic.name for topic in TOPICS if topic.judged)
 
 
 def warm_up() -> None:
@@ -181,10 +191,11 @@ def progress(message: Any) -> Progress:
     return Progress(here[0] if here else reached, reached, _STATES[codes[-1]])
 
 
-def goal(waypoint: Waypoint, stamp: int) -> Any:
-    """Return the current waypoint as a ``geometry_msgs/PoseStamped``."""
-    return ros.make(
+def goal(waypoint: Waypoint, stamp: int) -> bytes:
+    """Return the current waypoint as a ``geometry_msgs/PoseStamped``, as CDR."""
+    message = ros.make(
         "geometry_msgs/msg/PoseStamped",
         header=ros.header(ros.time(stamp), "map"),
         pose=ros.pose(waypoint.x, waypoint.y, *ros.yaw_quaternion(waypoint.yaw or 0.0)),
     )
+    return ros.serialize(message, KINDS["/mission/goal"])

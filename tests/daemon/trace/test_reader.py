@@ -120,11 +120,11 @@ def test_joint_states_left_out_are_given_back_by_interpolation(recorded):
 def test_thinned_joint_states_interpolate_to_all_of_them(positions):
     samples = JointSamples(1)
     for step, position in enumerate(positions):
-        samples.add(step * 50_000_000, np.array([position]), np.zeros(1))
+        samples.add(step * 50_000_000, (np.array([position]), np.zeros(1)))
     samples.keep_last_repeat()
-    times, states = samples.drain()
+    times, columns = samples.drain()
     assert np.diff(times).max(initial=0) <= 1_000_000_000
-    found = np.interp(np.arange(len(positions)) * 50_000_000, times, states[:, 0])
+    found = np.interp(np.arange(len(positions)) * 50_000_000, times, columns["position"][:, 0])
     np.testing.assert_array_equal(found, positions)
 
 
@@ -137,16 +137,17 @@ def test_joint_states_are_the_same_however_they_are_handed_over(positions):
         array.flags.writeable = False
     for step, position in enumerate(positions):
         time = step * 50_000_000
-        fresh.add(time, np.array([position]), np.zeros(1))
+        fresh.add(time, (np.array([position]), np.zeros(1)))
         buffer[:] = position
-        changed.add(time, buffer, velocity)
-        kept.add(time, arrays[position], velocity)
+        changed.add(time, (buffer, velocity))
+        kept.add(time, (arrays[position], velocity))
     for samples in (fresh, changed, kept):
         samples.keep_last_repeat()
-    (times, states), *others = (samples.drain() for samples in (fresh, changed, kept))
-    for found_times, found_states in others:
+    (times, columns), *others = (samples.drain() for samples in (fresh, changed, kept))
+    for found_times, found in others:
         np.testing.assert_array_equal(found_times, times)
-        np.testing.assert_array_equal(found_states, states)
+        for name in ("position", "velocity"):
+            np.testing.assert_array_equal(found[name], columns[name])
 
 
 @given(st.floats(-math.pi, math.pi, exclude_min=True))

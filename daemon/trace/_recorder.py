@@ -1,0 +1,307 @@
+"""Recording of a run: one call per thing that happens, turned into samples and messages.
+
+A trace collects them (:class:`~daemon.trace.TraceWriter`), a live world hands them over at once
+(:class:`MessageStream`): the same topics, types and bytes.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from abc import ABC, abstractmethod
+from array import array
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.model import ros_messages as ros
+from daemon.model.spec import RunSpec
+from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
+from daemon.trace import _statics, messages
+from daemon.trace._signals import SampledSignal, contact_signal, run_signals
+from daemon.trace._views import encode_costmap, encode_path, encode_poses, thin_plan
+from daemon.trace.layouts import HEADER
+from grammars.model.geometry import Floats, Point2, Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+
+_TEXT_LIMIT: Final = 10_000
+_LATCHED: Final = frozenset(topic.name for topic in messages.TOPICS if topic.latched)
+
+Correction: TypeAlias = tuple[float, float, float, float]
+"""x, y [m], qz, qw of odom in map."""
+
+
+# Close to twenty methods, and on purpose: one per thing that is recorded is its interface.
+class Recorder(ABC):
+    """Recorder of one run; times are simulated seconds, and calls come in the order of events.
+
+    Values of the wrong shape raise ``ValueError``.
+    """
+
+    def __init__(self, spec: RunSpec, scene: Scene) -> None:
+        self._spec, self._scene = spec, scene
+        self._signals = run_signals(spec.robot, scene)
+        self._scans = {
+            laser.name: self._signals[messages.scan_topic(laser)] for laser in spec.robot.lasers
+        }
+        self._goals = messages.goal_ids(spec.digest, spec.mission)
+        self._corrections = _MapCorrection(spec.mission.start)
+        self._progress = Progress(-1, -1, "active")
+
+    @abstractmethod
+    def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
+        """Take a sample of a signal."""
+
+    @abstractmethod
+    def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
+        """Take a message; ``encode`` returns its CDR for a time [ns]."""
+
+    @abstractmethod
+    def _latch(self, payloads: Mapping[str, bytes]) -> None:
+        """Take messages, by topic, that hold for the whole run."""
+
+    def static(self, grid: OccupancyGrid) -> None:
+        """Record everything that holds for the whole run, at time 0."""
+        drawn = ros.serialize(ros.occupancy_grid(grid), messages.KINDS["/map"])
+        latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
+        self._latch({"/map": drawn, **latched})
+        self.progress(0.0, Progress(0, 0, "active"))
+
+    def clock(self, time: float) -> None:
+        """Record the simulated time."""
+        self._sample(self._signals["/clock"], time, ())
+
+    def scan(self, time: float, ranges: npt.NDArray[np.float32], laser: str = "") -> None:
+        """Record a scan of the laser of that name; ``ranges`` (rays,) float32."""
+        if laser not in self._scans:
+            raise ValueError(f"{self._spec.robot.name} has no laser {laser!r}")
+        self._sample(self._scans[laser], time, (ranges,))
+
+    def odometry(self, sample: Odometry) -> None:
+        """Record an odometry sample, and odom -> base_link.
+
+        The first one also fixes map -> odom by the pose the mission starts at, which holds
+        until there is an estimate.
+        """
+        pose, twist = sample.pose, sample.twist
+        row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
+        self._sample(self._signals["/odom"], sample.time, row)
+        self._correct(sample.time, self._corrections.odometry(sample))
+
+    def ground_truth(self, time: float, pose: Pose2, twist: Twist2) -> None:
+        """Record the true pose in map and the true body twist."""
+        row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
+        self._sample(self._signals["/ground_truth"], time, row)
+
+    def joints(self, time: float, positions: Floats, velocities: Floats) -> None:
+        """Record all joints (k,) in the order of ``scene.joint_names``, and their frames."""
+        self._sample(self._signals["/joint_states"], time, (positions, velocities))
+
+    def command(self, time: float, twist: Twist2) -> None:
+        """Record a velocity command in the body frame."""
+        values: Sequence[float]
+        values = vx, vy, wz = twist.vx, twist.vy, twist.wz
+        if not (type(vx) is type(vy) is type(wz) is float):
+            # From a system under test: what is no number is refused now and not with its chunk.
+            values = array("d", values)
+        self._sample(self._signals["/cmd_vel"], time, values)
+
+    def estimate(self, estimate: Estimate) -> None:
+        """Record a pose estimate, and map -> odom as it follows from odometry at that time."""
+        row = _belief(estimate.pose, estimate.covariance)
+        self._sample(self._signals["/pose"], estimate.time, row)
+        self._correct(estimate.time, self._corrections.estimate(estimate))
+
+    def cloud(self, cloud: Cloud) -> None:
+        """Record the summary of a particle cloud and the number of particles."""
+        row = (*_belief(cloud.mean, cloud.covariance), float(cloud.count))
+        self._sample(self._signals["/particle_cloud/summary"], cloud.time, row)
+
+    def plan(self, time: float, points: Floats) -> None:
+        """Record a global plan (n, 2) in map."""
+        thin = thin_plan(points)
+        self._message("/plan", time, lambda now: encode_path(now, thin))
+
+    def local_plan(self, time: float, points: Floats) -> None:
+        """Record a local plan (n, 2) in map."""
+        self._message("/local_plan", time, lambda now: encode_path(now, points))
+
+    def particles(self, time: float, poses: Floats) -> None:
+        """Record particles (n, 3) of x, y, yaw in map."""
+        self._message(messages.PARTICLES, time, lambda now: encode_poses(now, poses))
+
+    def costmap(self, picture: CostmapPicture) -> None:
+        """Record a costmap."""
+        self._message(messages.COSTMAP, picture.time, lambda now: encode_costmap(now, picture))
+
+    def progress(self, time: float, progress: Progress) -> None:
+        """Record the state of the mission when it has changed, and the current waypoint."""
+        if progress == self._progress:
+            return
+        status = ros.serialize(messages.status(self._goals, progress), messages.STATUS)
+        self._message("/mission/status", time, lambda _: status)
+        waypoints = self._spec.mission.waypoints
+        moved = progress.current != self._progress.current
+        if moved and 0 <= progress.current < len(waypoints):
+            target = waypoints[progress.current]
+            self._message("/mission/goal", time, lambda now: messages.goal(target, now))
+        self._progress = progress
+
+    def contact(
+        self, time: float, first: str, second: str, point: Point2, normal: Point2, depth: float
+    ) -> None:
+        """Record two bodies touching; ``normal`` points from first to second, in map."""
+        row = (point[0], point[1], normal[0], normal[1], depth)
+        self._sample(contact_signal(first, second), time, row)
+
+    def event(self, time: float, source: str, text: str, *, level: str = "info") -> None:
+        """Record a sentence for the log; ``level`` is debug, info, warn, error or fatal."""
+        self._message("/events", time, lambda now: _log_payload(now, source, text, level))
+
+    def latency(self, time: float, seconds: float) -> None:
+        """Record how long an external system took to answer [s of wall clock].
+
+        A repeatable run records none: the wall clock would be all that differs between two of them.
+        """
+        if not self._spec.sut.repeatable:
+            self._sample(self._signals["/sut/latency"], time, (seconds,))
+
+    def _correct(self, time: float, correction: Correction | None) -> None:
+        if correction is not None:
+            self._sample(self._signals["/tf"], time, correction)
+
+
+class MessageStream(Recorder):
+    """Recorder that hands over every message as topic, time [ns] and CDR, in the order of time.
+
+    Nothing is collected, so clock, joints, plans and costmaps come as often as they are recorded.
+    ``wanted`` is asked before a message of a topic is made; latched ones are always made.
+    """
+
+    def __init__(
+        self,
+        spec: RunSpec,
+        scene: Scene,
+        send: Callable[[str, int, bytes], None],
+        wanted: Callable[[str], bool],
+    ) -> None:
+        super().__init__(spec, scene)
+        self._send, self._wanted = send, wanted
+
+    def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
+        if any(self._wanted(topic) for topic in signal.topics):
+            buffer, now = signal.collect(), nanoseconds(time)
+            buffer.add(now, values)
+            for layout, times, columns in signal.messages(*buffer.drain()):
+                if self._wanted(layout.topic):
+                    # A layout is that of a record in a file, of which the message is the rest.
+                    for row in layout.encode(0, times, columns)[:, HEADER.size :]:
+                        self._send(layout.topic, now, row.tobytes())
+
+    def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
+        if topic in _LATCHED or self._wanted(topic):
+            now = nanoseconds(time)
+            self._send(topic, now, encode(now))
+
+    def _latch(self, payloads: Mapping[str, bytes]) -> None:
+        for topic, payload in payloads.items():
+            self._send(topic, 0, payload)
+
+
+class _MapCorrection:
+    """Latest odometry, and map -> odom as it follows from pose estimates.
+
+    ``start`` is where the mission starts: it holds until there is an estimate.
+    """
+
+    def __init__(self, start: Pose2) -> None:
+        self._start = start
+        # Three seconds at 20 Hz: an estimate has the stamp of its scan, a few samples back.
+        self._odometers: deque[Odometry] = deque(maxlen=64)
+        self._localised = False
+
+    def odometry(self, sample: Odometry) -> Correction | None:
+        """Take a sample; return what follows from it, ``None`` but for the first one."""
+        self._odometers.append(sample)
+        if self._localised:
+            return None
+        return self._correct(self._start, sample.pose)
+
+    def estimate(self, estimate: Estimate) -> Correction | None:
+        """Return what follows from an estimate and odometry at that time.
+
+        A pose that is not a number has no frame (``None``); viewers keep the one before.
+        """
+        return self._correct(estimate.pose, self._odometer_at(estimate.time))
+
+    def _odometer_at(self, time: float) -> Pose2:
+        """Return base_link in odom, carried on by its twist since the last sample."""
+        for sample in reversed(self._odometers):
+            if sample.time <= time:
+                since, twist = time - sample.time, sample.twist
+                way = Pose2(since * twist.vx, since * twist.vy, since * twist.wz)
+                return sample.pose @ way if since > 0.0 else sample.pose
+        return Pose2()
+
+    def _correct(self, pose: Pose2, odometry: Pose2) -> Correction | None:
+        """Return map -> odom such that ``odometry`` (base in odom) lies at ``pose`` in map."""
+        self._localised = True
+        turn = pose.yaw - odometry.yaw
+        if not math.isfinite(turn):
+            return None
+        qz, qw = ros.yaw_quaternion(math.remainder(turn, math.tau))
+        c, s = qw * qw - qz * qz, 2.0 * qz * qw
+        x = pose.x - c * odometry.x + s * odometry.y
+        y = pose.y - s * odometry.x - c * odometry.y
+        return x, y, qz, qw
+
+
+def nanoseconds(time: float) -> int:
+    """Return a simulated time [s] in nanoseconds."""
+    # Times are multiples of 10 or of 1 ms in binary floats; rounding makes them whole again.
+    return int(time * 1e9 + 0.5)
+
+
+def utf8_text(text: str) -> str:
+    """Return text that UTF-8 can hold (what a crashed program says may not be), not endless."""
+    if len(text) > _TEXT_LIMIT:
+        text = text[: _TEXT_LIMIT - 1] + "…"
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+@functools.lru_cache(maxsize=4)
+def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> dict[str, bytes]:
+    """Return the payloads of the latched topics but the map, the same for every repeat."""
+    latched = {
+        "/footprint": _statics.footprint(robot),
+        "/tf_static": _statics.fixed_frames(robot, scene),
+        "/scene": _statics.markers(scene, course),
+    }
+    return {topic: ros.serialize(m, messages.KINDS[topic]) for topic, m in latched.items()}
+
+
+def _log_payload(now: int, source: str, text: str, level: str) -> bytes:
+    """Return a sentence for the log at ``now`` [ns]; raises ``ValueError`` for another level."""
+    if level not in messages.LEVELS:
+        known = ", ".join(messages.LEVELS)
+        raise ValueError(f"the level of an event is one of {known}, not {level!r}")
+    message = ros.make(
+        "rcl_interfaces/msg/Log",
+        stamp=ros.time(now), level=messages.LEVELS[level],
+        name=utf8_text(source), msg=utf8_text(text),
+        file="", function="", line=0,
+    )  # fmt: skip
+    return ros.serialize(message, messages.KINDS["/events"])
+
+
+def _belief(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
+    """Return pose and covariance (3, 3) as an estimate's layout names them, in its order."""
+    if covariance.shape != (3, 3):
+        raise ValueError(f"a covariance must have shape (3, 3), not {covariance.shape}")
+    return (pose.x, pose.y, *ros.yaw_quaternion(pose.yaw), *covariance.ravel().tolist())
