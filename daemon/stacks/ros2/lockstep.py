@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from daemon.model.sut import SutEvent, SutFailure
+from daemon.stacks.ros2.settings import Ros2Settings
 
 _FEW: Final = 5
 """So many cycles may be late in any run: one is lost whenever a stack pauses, between waypoints or
@@ -27,22 +28,6 @@ _STEADY: Final = 3
 """So many waits in a row that ended with nothing but earlier commands show that it is a habit."""
 
 Pace = Literal["free", "locked", "quiet"]
-
-
-@dataclass(frozen=True, slots=True)
-class LockStepSettings:
-    """``period`` of the cycles in simulated time, the rest of the wall clock [s].
-
-    ``late`` is the largest share of cycles that may be late. ``real_time``: the stack's control
-    loop runs on the wall clock, so nothing may go faster than real time.
-    """
-
-    period: float
-    patience: float
-    idle: float
-    late: float
-    tolerance: float
-    real_time: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +45,14 @@ class HeardAnswer:
 
 
 class LockStep:
-    """The pace of one run and its count of late answers."""
+    """The pace of one run and its count of late answers.
 
-    def __init__(self, settings: LockStepSettings) -> None:
-        self._settings = settings
+    ``real_time``: the stack's control loop runs on the wall clock, so no cycle may be shorter than
+    its period.
+    """
+
+    def __init__(self, settings: Ros2Settings, *, real_time: bool) -> None:
+        self._settings, self._real_time = settings, real_time
         self.pace: Pace = "free"
         self.tolerance = settings.tolerance
         self.expected = self.late = 0
@@ -78,7 +67,7 @@ class LockStep:
         real_time = max(self._settings.idle, self._settings.period)
         if self.pace == "locked":
             return self._settings.patience
-        if self.pace == "quiet" or self._settings.real_time:
+        if self.pace == "quiet" or self._real_time:
             return real_time
         return self._settings.idle
 

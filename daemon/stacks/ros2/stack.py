@@ -17,7 +17,6 @@ from daemon.model.sut import (
     Briefing,
     Decision,
     Observation,
-    Odometry,
     SutEvent,
     SutFailure,
 )
@@ -25,7 +24,7 @@ from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.bring_up import BringUp, StackSession
 from daemon.stacks.ros2.endpoints import measured_messages
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost
-from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep, LockStepSettings
+from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep
 from daemon.stacks.ros2.mission import GoalSequence
 from daemon.stacks.ros2.pace import WALL_CLOCK_CONTROLLERS
 from daemon.stacks.ros2.settings import Ros2Settings
@@ -44,15 +43,10 @@ class Ros2Stack:
 
     def __init__(self, settings: Ros2Settings) -> None:
         self._settings = settings
-        self._session: StackSession | None = None
-        self._outputs: Mapping[str, bytes] = {}
-        self._mission: GoalSequence | None = None
-        self._lockstep: LockStep | None = None
         self._briefing: Briefing | None = None
-        self._zero = 0
-        self._odometry: Odometry | None = None
-        self._server_missing: float | None = None
-        self._said: list[SutEvent] = []
+        self._session: StackSession | None = None
+        self._drive: _StackDrive | None = None
+        self._outputs: Mapping[str, bytes] = {}
 
     @property
     def period(self) -> float:
@@ -72,113 +66,19 @@ class Ros2Stack:
         except SutFailure as error:
             raise SutFailure(error.reason, printed=error.printed, events=attempt.events) from error
         finally:
-            # Also of a stack that did not come up: it has to be ended, and what it printed kept.
+            # A stack that did not come up has to be ended too, and its output kept.
             self._session = attempt.session
-        session = attempt.ready_session()
-        self._zero, self._said = session.zero, list(attempt.events)
-        settings = self._settings
-        mode = settings.mission
-        self._mission = GoalSequence(
-            self._briefing.mission, mode, session.link, settings.frames.map
-        )
-        distribution = session.link.identity.distribution
-        self._lockstep = LockStep(
-            LockStepSettings(
-                period=settings.period,
-                patience=settings.patience,
-                idle=settings.idle,
-                late=settings.late,
-                tolerance=settings.tolerance,
-                real_time=distribution in WALL_CLOCK_CONTROLLERS,
-            )
-        )
+        self._drive = _StackDrive(attempt.ready_session(), self._briefing, first, attempt.events)
 
     def update(self, observation: Observation) -> Decision:
         """Do one cycle; raises :class:`SutFailure` when the stack cannot be tested any further."""
-        assert self._session is not None
-        assert self._mission is not None
-        assert self._lockstep is not None
-        try:
-            return self._cycle(observation, self._session, self._mission, self._lockstep)
-        except LinkLost as error:
-            raise self._session.failure(self._session.explain(str(error)), self._said) from error
-        except SutFailure as error:
-            raise self._session.failure(error.reason, self._said) from error
-
-    def _cycle(
-        self,
-        observation: Observation,
-        session: StackSession,
-        mission: GoalSequence,
-        lockstep: LockStep,
-    ) -> Decision:
-        time = self._zero + round(observation.time * _NANO)
-        if observation.odometry:
-            self._odometry = observation.odometry[-1]
-            session.telemetry.move(self._odometry)
-        assert self._odometry is not None  # the robot's first sample is of time 0
-        mission.send_next(time)
-        active = mission.active
-        answer = session.cycle(
-            Cycle(
-                time,
-                tuple(self._outgoing(observation)),
-                "command",
-                lockstep.wait(active=active),
-                round(lockstep.tolerance * _NANO),
-            )
-        )
-        # First of all: what a stack says last explains why it ended.
-        heard = session.telemetry.read(
-            answer.messages, observation.time, self._odometry, answer.dropped
-        )
-        self._said += heard.events
-        # After the wait, in which a crash shows: it says more than what is missing because of it.
-        ended = session.process.ended()
-        if ended:
-            raise SutFailure(ended)
-        command, behind = _newest_command(answer, self._settings.topics.command, time)
-        for line in heard.log:
-            mission.hear_log(line)
-        for update in answer.goals:
-            self._said += mission.take(update)
-        # A goal that ended in this cycle is owed no command any more.
-        latency, events = lockstep.take(
-            HeardAnswer(answer.latency, behind, answer.commands, answer.heard),
-            active=active and mission.active,
-        )
-        self._said += events
-        self._watch_server(answer, mission)
-        said, self._said = self._said, []
-        return heard.decision(mission.progress, command, latency=latency, events=said)
-
-    def _outgoing(self, observation: Observation) -> Iterator[tuple[str, bytes]]:
-        """Yield what is new: transforms, odometry, scans, each with its own stamp."""
-        assert self._briefing is not None
-        return measured_messages(
-            self._settings,
-            self._briefing.robot.lasers,
-            observation.odometry,
-            observation.scans,
-            lambda time: self._zero + round(time * _NANO),
-        )
-
-    def _watch_server(self, answer: CycleAnswer, mission: GoalSequence) -> None:
-        if answer.server or not mission.active:
-            self._server_missing = None
-            return
-        now = wall_clock.monotonic()
-        self._server_missing = self._server_missing or now
-        if now - self._server_missing > _SERVER_GONE:
-            raise SutFailure(f"the action server {self._settings.action} is gone")
+        assert self._drive is not None
+        return self._drive.update(observation)
 
     def finish(self) -> None:
         """Raise :class:`SutFailure` when too many answers were late."""
-        if self._lockstep is not None and self._session is not None:
-            try:
-                self._lockstep.check_share()
-            except SutFailure as error:
-                raise self._session.failure(error.reason) from error
+        assert self._drive is not None
+        self._drive.finish()
 
     def close(self) -> None:
         """End the stack."""
@@ -188,6 +88,96 @@ class Ros2Stack:
     def outputs(self) -> Mapping[str, bytes]:
         """Return what the stack and the relay printed."""
         return self._outputs
+
+
+class _StackDrive:
+    """A stack that is ready and its mission, cycle by cycle."""
+
+    def __init__(
+        self, session: StackSession, briefing: Briefing, first: Observation, events: list[SutEvent]
+    ) -> None:
+        self._session, self._lasers = session, briefing.robot.lasers
+        self._settings = settings = session.settings
+        self._mission = GoalSequence(
+            briefing.mission, settings.mission, session.link, settings.frames.map
+        )
+        real_time = session.link.identity.distribution in WALL_CLOCK_CONTROLLERS
+        self._lockstep = LockStep(settings, real_time=real_time)
+        self._odometry = first.odometry[-1]
+        self._server_missing: float | None = None
+        self._events = list(events)
+
+    def update(self, observation: Observation) -> Decision:
+        """Do one cycle; raises :class:`SutFailure` with the last lines of the stack."""
+        session = self._session
+        try:
+            return self._cycle(observation)
+        except LinkLost as error:
+            raise session.failure(session.explain(str(error)), self._events) from error
+        except SutFailure as error:
+            raise session.failure(error.reason, self._events) from error
+
+    def finish(self) -> None:
+        """Raise :class:`SutFailure` when too many answers were late."""
+        try:
+            self._lockstep.check_share()
+        except SutFailure as error:
+            raise self._session.failure(error.reason) from error
+
+    def _cycle(self, observation: Observation) -> Decision:
+        session, mission, lockstep = self._session, self._mission, self._lockstep
+        time = self._ros_time(observation.time)
+        if observation.odometry:
+            self._odometry = observation.odometry[-1]
+            session.telemetry.move(self._odometry)
+        mission.send_next(time)
+        active = mission.active
+        # Only new measurements, each with its own stamp.
+        outgoing = measured_messages(
+            self._settings,
+            self._lasers,
+            observation.odometry,
+            observation.scans,
+            self._ros_time,
+        )
+        wait, tolerance = lockstep.wait(active=active), round(lockstep.tolerance * _NANO)
+        answer = session.cycle(Cycle(time, tuple(outgoing), "command", wait, tolerance))
+        # First of all: what a stack says last explains why it ended.
+        heard = session.telemetry.read(
+            answer.messages, observation.time, self._odometry, answer.dropped
+        )
+        self._events += heard.events
+        # After the wait, in which a crash shows: it says more than what is missing because of it.
+        ended = session.process.ended()
+        if ended:
+            raise SutFailure(ended)
+        command, behind = _newest_command(answer, self._settings.topics.command, time)
+        for line in heard.log:
+            mission.hear_log(line)
+        for update in answer.goals:
+            self._events += mission.take(update)
+        # A goal that ended in this cycle is owed no command any more.
+        latency, events = lockstep.take(
+            HeardAnswer(answer.latency, behind, answer.commands, answer.heard),
+            active=active and mission.active,
+        )
+        self._events += events
+        self._watch_server(answer)
+        events, self._events = self._events, []
+        return heard.decision(mission.progress, command, latency=latency, events=events)
+
+    def _ros_time(self, time: float) -> int:
+        """Return ROS time [ns] of simulated time [s]."""
+        return self._session.zero + round(time * _NANO)
+
+    def _watch_server(self, answer: CycleAnswer) -> None:
+        if answer.server or not self._mission.active:
+            self._server_missing = None
+            return
+        now = wall_clock.monotonic()
+        self._server_missing = self._server_missing or now
+        if now - self._server_missing > _SERVER_GONE:
+            raise SutFailure(f"the action server {self._settings.action} is gone")
 
 
 def _newest_command(

@@ -3,7 +3,8 @@
 import pytest
 
 from daemon.model.sut import SutFailure
-from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep, LockStepSettings
+from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep
+from daemon.stacks.ros2.settings import read_settings
 
 ANSWERED = HeardAnswer(0.002, 0.0, 1, alive=True)
 UNSTAMPED = HeardAnswer(0.002, None, 1, alive=True)
@@ -12,7 +13,8 @@ ONLY_FEEDBACK = HeardAnswer(None, None, 0, alive=True)
 
 
 def lock_step(*, late=0.05, real_time=False, tolerance=0.0):
-    return LockStep(LockStepSettings(0.05, 1.0, 0.02, late, tolerance, real_time))
+    keys = {"launch": "nav", "late": late, "tolerance": f"{tolerance} s"}
+    return LockStep(read_settings(keys), real_time=real_time)
 
 
 def repeat(steps, *answers):
@@ -59,7 +61,7 @@ def test_a_missed_answer_is_late_once_while_the_stack_is_alive():
 
 
 def test_a_stack_that_says_nothing_at_all_is_given_up_after_ten_seconds():
-    steps = lock_step(late=1.0)
+    steps = lock_step(late=0.99)
     steps.take(ANSWERED, active=True)
     with pytest.raises(SutFailure, match="said nothing for 10 s"):
         repeat(steps, NOTHING)
