@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -34,7 +35,7 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     from daemon.model.submission import CampaignOrigin
 
     digest = hashlib.sha256(campaign.source.encode()).hexdigest()
-    unknown = CampaignOrigin(file.name, digest, campaign.seed)
+    unknown = CampaignOrigin(file.name, digest, campaign.seed, path=str(file.absolute()))
     how = ("--porcelain=v2", "--branch", "--no-ahead-behind", "--untracked-files=no")
     status = _git(file.parent, "status", *how)
     if status is None:
@@ -45,10 +46,8 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     lines = status.splitlines()
     heads = dict(line[2:].split(" ", 1) for line in lines if line.startswith("# branch."))
     commit, branch = heads.get("branch.oid", ""), heads.get("branch.head", "")
-    return CampaignOrigin(
-        file.name,
-        digest,
-        campaign.seed,
+    return replace(
+        unknown,
         commit="" if commit == "(initial)" else commit,
         branch="" if branch == "(detached)" else branch,
         changed=not known or any(not line.startswith("#") for line in lines),

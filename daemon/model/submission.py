@@ -37,10 +37,11 @@ class CellRun(NamedTuple):
 class CampaignOrigin:
     """Which file a campaign was written in, and the state of its folder under version control.
 
-    ``file`` is a name without folders, ``digest`` the SHA-256 of its text, ``seed`` the one it
-    names. ``commit`` and ``branch`` are git's, empty where there is no repository or no git;
-    ``changed`` says whether something was not committed, ``None`` when that is not known. Of a
-    campaign that was entered before this was kept nothing is known.
+    ``file`` is a name without folders, ``path`` its place on the machine that submitted it,
+    ``digest`` the SHA-256 of its text, ``seed`` the one it names. ``commit`` and ``branch`` are
+    git's, empty where there is no repository or no git; ``changed`` says whether something was not
+    committed, ``None`` when that is not known. Of a campaign that was entered before this was kept
+    nothing is known.
     """
 
     file: str = ""
@@ -49,6 +50,7 @@ class CampaignOrigin:
     commit: str = ""
     branch: str = ""
     changed: bool | None = None
+    path: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,7 +56,7 @@ def blame(
         typer.Option(
             "--campaign",
             metavar="FILE",
-            help="Campaign file of a trace or id. Default: looked for below this folder.",
+            help="Campaign file of a trace or id. Default: the file it was run from.",
             autocompletion=completion.files(campaign_files),
         ),
     ] = None,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
 
 from daemon.analysis.blame._elements import (
     Element,
@@ -18,6 +16,8 @@ from daemon.analysis.blame._elements import (
     sut_differences,
 )
 from daemon.analysis.rejudge import find_traces
+from daemon.analysis.report import open_ledger, read_campaign_note
+from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
 from daemon.campaign import (
     Campaign,
@@ -37,12 +37,6 @@ from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
-_DEEPEST: Final = 4
-"""Campaign files are looked for so many folders below the current one: a whole home takes long."""
-_RESULTS: Final = "scenario-results"
-"""Commands leave copies of campaigns in a folder of this name, under the names of the originals."""
-_SKIPPED: Final = re.compile(r"\.|node_modules\Z|__pycache__\Z")
-
 
 @dataclass(frozen=True, slots=True)
 class CampaignRun:
@@ -59,10 +53,10 @@ def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = No
     """Return the run that ``words`` name.
 
     ``CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]``, or a trace, or the id of a run in the ledger. For
-    the latter two the layers are needed that a trace does not hold: those of ``campaign``, else
-    of the campaign file below the current folder that specifies the very run, of a copy among
-    results only if no other one does. Raises ``ValueError`` for what names none,
-    :class:`InputError` for files that cannot be used.
+    the latter two the layers are needed that a trace does not hold: those of ``campaign``,
+    otherwise of the campaign file that the record of the run names, as long as it specifies that
+    very run. Raises ``ValueError`` for what names none, :class:`InputError` for files that cannot
+    be used.
     """
     first, *rest = words
     if first.endswith((".yaml", ".yml")):
@@ -74,11 +68,14 @@ def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = No
         raise ValueError(f"{first} names {len(traces)} runs, name one of them")
     spec = read_spec(traces[0])
     # A trace holds what was composed, not the layers it was composed of, which are what is blamed.
-    file = campaign or _find_campaign_file(spec)
+    file = campaign or _recorded_file(first, traces[0], paths)
     note = ""
-    if campaign is None and _is_copy(file):
-        note = f"its layers are read from the copy {file}"
-    elif campaign is not None and not _has_run(campaign, spec):
+    if not _has_run(file, spec):
+        if campaign is None:
+            raise ValueError(
+                f"{file} does not specify this run any more: say --campaign {file} "
+                "to ask about the run as its layers are now"
+            )
         note = "its layers have changed since: this is about the run as they are now"
     return CampaignRun(file, spec.scenario, spec.sut.name, spec.repeat, note)
 
@@ -92,44 +89,22 @@ def _run_in_file(campaign: Path, rest: Sequence[str]) -> CampaignRun:
     return CampaignRun(campaign, scenario, sut, int(repeat))
 
 
-def _find_campaign_file(spec: RunSpec) -> Path:
-    """Return the campaign file that specifies a run, among those of its campaign's name."""
-    # By a line of its text before it is loaded: most YAML files of a project are no campaigns.
-    named = [path for path in _yaml_files(Path()) if _is_campaign_named(path, spec.campaign)]
-    named.sort(key=_is_copy)
-    for path in named:
-        if _has_run(path, spec):
-            return path
-    if named:
-        files = ", ".join(map(str, named))
-        raise ValueError(
-            f"{files} does not specify this run any more: say --campaign {named[0]} "
-            "to ask about the run as its layers are now"
-        )
-    raise ValueError(
-        f"no campaign file {spec.campaign} below this folder, and a trace does not hold the "
-        "layers: say --campaign FILE"
-    )
+def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
+    """Return the campaign file that the record of a run names.
 
-
-def _is_copy(path: Path) -> bool:
-    return _RESULTS in path.parts
-
-
-def _yaml_files(folder: Path) -> Iterator[Path]:
-    for place, folders, files in os.walk(folder):
-        depth = len(Path(place).parts)
-        wanted = [name for name in sorted(folders) if not _SKIPPED.match(name)]
-        folders[:] = wanted if depth < _DEEPEST else []
-        yield from (Path(place, name) for name in sorted(files) if name.endswith((".yaml", ".yml")))
-
-
-def _is_campaign_named(path: Path, campaign: str) -> bool:
-    pattern = rf"^campaign:\s*[\"']?{re.escape(campaign)}[\"']?\s*(#.*)?$"
-    try:
-        return re.search(pattern, path.read_text(encoding="utf-8"), re.MULTILINE) is not None
-    except (OSError, UnicodeDecodeError):
-        return False
+    The record is the ledger, or what ``scenario run`` left beside the trace. Raises ``ValueError``
+    for a run without one, and for a file that is not there any more.
+    """
+    origin = read_campaign_note(trace.parent).origin
+    campaign = trace.parent.name if Path(name).is_file() else name.partition(".")[0]
+    if not origin.path and paths.ledger.is_file():
+        with suppress(Refused), open_ledger(paths) as ledger:
+            origin = ledger.origin(campaign)
+    if not origin.path:
+        raise ValueError(f"no record names the campaign file of {trace}: say --campaign FILE")
+    if not Path(origin.path).is_file():
+        raise ValueError(f"there is no {origin.path} any more: say --campaign FILE")
+    return Path(origin.path)
 
 
 def _has_run(path: Path, spec: RunSpec) -> bool:

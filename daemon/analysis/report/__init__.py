@@ -12,6 +12,7 @@ from daemon.analysis.report._input import (
     ledger_input,
     local_record,
     open_ledger,
+    read_campaign_note,
     write_campaign_note,
 )
 
@@ -60,6 +61,7 @@ __all__ = [
     "open_ledger",
     "oracle_limit",
     "plot_recorded_way",
+    "read_campaign_note",
     "read_report_data",
     "safety_buffer",
     "thinned_indices",

@@ -147,8 +147,8 @@ def write_campaign_note(
     (folder / NOTE).write_bytes(codec.to_json(note))
 
 
-def _read_note(folder: Path, otherwise: str) -> CampaignNote:
-    """Read what :func:`write_campaign_note` wrote.
+def read_campaign_note(folder: Path, otherwise: str = "") -> CampaignNote:
+    """Read what :func:`write_campaign_note` wrote; without it, a note with a name alone.
 
     Raises :class:`daemon.batch.errors.Refused` for nonsense.
     """
@@ -198,7 +198,7 @@ def folder_input(folder: Path) -> ReportInput:
     if not records:
         why = f": {unread[0][0]}: {unread[0][1]}" if unread else " (.mcap files)"
         raise Refused(f"{folder} holds no traces that can be read{why}")
-    note = _read_note(folder, ", ".join(dict.fromkeys(spec.campaign for spec in specs)))
+    note = read_campaign_note(folder, ", ".join(dict.fromkeys(spec.campaign for spec in specs)))
     chosen = ReportInput(
         "",
         note.name,

@@ -1,13 +1,16 @@
 """Which run is meant by what people write."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from daemon.analysis.blame import find_run
+from daemon.analysis.blame import CampaignRun, find_run
+from daemon.analysis.report import write_campaign_note
+from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.campaign import expand, load_campaign
+from daemon.campaign import campaign_origin, expand, load_campaign
 from daemon.run import execute
 from tests.daemon.analysis.blame.cases import CAMPAIGN, write
 
@@ -43,44 +46,40 @@ def test_what_names_no_run_is_refused(places, words, message):
         find_run(words, places)
 
 
-def test_a_trace_is_of_the_campaign_file_that_specifies_it(folder, places, monkeypatch):
+def test_a_trace_is_of_the_campaign_file_that_its_record_names(folder, places):
     file = write(folder, CAMPAIGN.replace("16 s", "1 s"))
-    planned = expand(load_campaign(file))
-    execute(planned.specs[1], planned.scenes[0], trace_path=folder / "run.mcap")
-    monkeypatch.chdir(folder.parent)
-    meant = find_run(["demo/run.mcap"], places)
-    assert meant.campaign.resolve() == file
-    assert (meant.scenario, meant.sut, meant.repeat, meant.note) == ("rude", "pilot", 1, "")
+    # As a search leaves it: a copy that specifies the same run.
+    shutil.copytree(folder, folder.parent / "a_copy")
+    campaign = load_campaign(file)
+    planned = expand(campaign)
+    trace = folder.parent / "results" / "run.mcap"
+    trace.parent.mkdir()
+    execute(planned.specs[1], planned.scenes[0], trace_path=trace)
+    with pytest.raises(ValueError, match="no record names the campaign file.*--campaign"):
+        find_run([str(trace)], places)
+    write_campaign_note(trace.parent, replace(planned, origin=campaign_origin(campaign, file)))
+    meant = find_run([str(trace)], places)
+    assert meant == CampaignRun(file, "rude", "pilot", 1)
 
     file.write_text(file.read_text().replace("near: 1 m", "near: 99 cm"))
     with pytest.raises(ValueError, match="does not specify this run any more.*--campaign"):
-        find_run(["demo/run.mcap"], places)
-    assert "layers have changed" in find_run(["demo/run.mcap"], places, file).note
+        find_run([str(trace)], places)
+    assert "layers have changed" in find_run([str(trace)], places, file).note
 
     file.unlink()
-    with pytest.raises(ValueError, match="no campaign file tiny"):
-        find_run(["demo/run.mcap"], places)
+    with pytest.raises(ValueError, match="tiny.yaml any more: say --campaign FILE"):
+        find_run([str(trace)], places)
 
 
-def test_a_copy_of_the_campaign_among_results_gives_way_to_the_original(
-    folder, places, tmp_path, monkeypatch
-):
-    original = write(folder, CAMPAIGN.replace("16 s", "1 s"))
-    planned = expand(load_campaign(original))
-    # As a search leaves it: after the alphabet the copy comes before the original in tests/.
-    results = tmp_path / "scenario-results" / "search"
-    for name in ("demo", "robots", "suts"):
-        shutil.copytree(tmp_path / name, results / name)
-    copy = results / "demo" / "tiny.yaml"
-    (tmp_path / "demo").rename(tmp_path / "tests")
-    trace = tmp_path / "run.mcap"
-    execute(planned.specs[0], planned.scenes[0], trace_path=trace)
-    monkeypatch.chdir(tmp_path)
-    meant = find_run(["run.mcap"], places)
-    assert (meant.campaign, meant.note) == (Path("tests/tiny.yaml"), "")
-
-    original = tmp_path / "tests" / "tiny.yaml"
-    original.write_text(original.read_text().replace("near: 1 m", "near: 99 cm"))
-    meant = find_run(["run.mcap"], places)
-    assert meant.campaign.resolve() == copy
-    assert meant.note == f"its layers are read from the copy {meant.campaign}"
+def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(folder, places):
+    file = write(folder, CAMPAIGN.replace("16 s", "1 s"))
+    campaign = load_campaign(file)
+    submission = replace(expand(campaign), origin=campaign_origin(campaign, file))
+    places.state.mkdir()
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(submission, 0.0)
+    trace = places.traces / submission.campaign / "rude.pilot.0.mcap"
+    trace.parent.mkdir(parents=True)
+    execute(submission.specs[0], submission.scenes[0], trace_path=trace)
+    meant = CampaignRun(file, "rude", "pilot", 0)
+    assert find_run([str(trace)], places) == meant
