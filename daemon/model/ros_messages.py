@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from grammars.model.grid import OccupancyGrid
+from grammars.model.robot import Laser
 
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
 
@@ -103,6 +106,49 @@ def pose(x: float, y: float, qz: float, qw: float, z: float = 0.0) -> Any:
 def twist(vx: float, vy: float, wz: float) -> Any:
     """Return a planar ``geometry_msgs/Twist``."""
     return make("geometry_msgs/msg/Twist", linear=vector(vx, vy), angular=vector(0.0, 0.0, wz))
+
+
+def odometry(stamp: Any, frame: str, child: str, pose: Any, twist: Any) -> Any:
+    """Return a ``nav_msgs/Odometry``; covariances are 0, "unknown"."""
+    unknown = np.zeros(36)
+    return make(
+        "nav_msgs/msg/Odometry",
+        header=header(stamp, frame),
+        child_frame_id=child,
+        pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
+        twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+    )
+
+
+def scan(stamp: Any, frame: str, laser: Laser, ranges: npt.NDArray[np.float32]) -> Any:
+    """Return a ``sensor_msgs/LaserScan``, taken at one instant."""
+    return make(
+        "sensor_msgs/msg/LaserScan",
+        header=header(stamp, frame),
+        angle_min=laser.angle_min,
+        angle_max=laser.angle_max,
+        angle_increment=laser.angle_increment,
+        time_increment=0.0,
+        scan_time=1.0 / laser.rate,
+        range_min=laser.range_min,
+        range_max=laser.range_max,
+        ranges=ranges,
+        intensities=np.zeros(0, np.float32),
+    )
+
+
+def uncertain_pose(stamp: Any, frame: str, pose: Any, covariance: Mapping[int, float]) -> Any:
+    """Return a ``geometry_msgs/PoseWithCovarianceStamped``.
+
+    ``covariance`` has the values of the row-major (6, 6) matrix that are not 0, by their index.
+    """
+    matrix = np.zeros(36)
+    matrix[list(covariance)] = list(covariance.values())
+    return make(
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        header=header(stamp, frame),
+        pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=matrix),
+    )
 
 
 def transform(stamp: Any, parent: str, child: str, *, x: float, y: float, z: float = 0.0,

@@ -213,8 +213,6 @@ def _find_marker(data: bytes, marker: bytes) -> int:
 COVARIANCE_SLOTS: Final = (0, 1, 5, 6, 7, 11, 30, 31, 35)
 """Where x, y, yaw of a (3, 3) covariance lie in a row-major (6, 6) one over x..yaw."""
 
-_NO_COVARIANCE: Final = np.zeros(36)
-
 
 @functools.cache
 def clock() -> MessageLayout:
@@ -229,21 +227,9 @@ def odometry(topic: str, frame: str) -> MessageLayout:
     kind = "nav_msgs/msg/Odometry"
 
     def build(mark: FieldMarker) -> Any:
-        return ros.make(
-            kind,
-            header=ros.header(mark.stamp(), frame),
-            child_frame_id="base_link",
-            pose=ros.make(
-                "geometry_msgs/msg/PoseWithCovariance",
-                pose=ros.pose(mark.f8("x"), mark.f8("y"), mark.f8("qz"), mark.f8("qw")),
-                covariance=_NO_COVARIANCE,
-            ),
-            twist=ros.make(
-                "geometry_msgs/msg/TwistWithCovariance",
-                twist=ros.twist(mark.f8("vx"), mark.f8("vy"), mark.f8("wz")),
-                covariance=_NO_COVARIANCE,
-            ),
-        )
+        pose = ros.pose(mark.f8("x"), mark.f8("y"), mark.f8("qz"), mark.f8("qw"))
+        twist = ros.twist(mark.f8("vx"), mark.f8("vy"), mark.f8("wz"))
+        return ros.odometry(mark.stamp(), frame, "base_link", pose, twist)
 
     return derive_layout(topic, kind, build)
 
@@ -282,22 +268,10 @@ def transforms(frames: tuple[tuple[str, str], ...]) -> MessageLayout:
 def scan(laser: Laser) -> MessageLayout:
     """``/scan``, or ``/scan_NAME``: ranges (rays,) float32."""
     kind = "sensor_msgs/msg/LaserScan"
-    steps = max(laser.rays - 1, 1)
 
     def build(mark: FieldMarker) -> Any:
-        return ros.make(
-            kind,
-            header=ros.header(mark.stamp(), laser.frame),
-            angle_min=laser.angle_min,
-            angle_max=laser.angle_max,
-            angle_increment=(laser.angle_max - laser.angle_min) / steps,
-            time_increment=0.0,
-            scan_time=1.0 / laser.rate,
-            range_min=laser.range_min,
-            range_max=laser.range_max,
-            ranges=mark.f4s("ranges", laser.rays),
-            intensities=np.zeros(0, np.float32),
-        )
+        ranges = mark.f4s("ranges", laser.rays)
+        return ros.scan(mark.stamp(), laser.frame, laser, ranges)
 
     return derive_layout(f"/{laser.topic}", kind, build)
 
@@ -323,18 +297,9 @@ def estimate(topic: str) -> MessageLayout:
     kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
     def build(mark: FieldMarker) -> Any:
-        covariance = np.zeros(36)
-        for i, slot in enumerate(COVARIANCE_SLOTS):
-            covariance[slot] = mark.f8(f"c{i}")
-        return ros.make(
-            kind,
-            header=ros.header(mark.stamp(), "map"),
-            pose=ros.make(
-                "geometry_msgs/msg/PoseWithCovariance",
-                pose=ros.pose(mark.f8("x"), mark.f8("y"), mark.f8("qz"), mark.f8("qw")),
-                covariance=covariance,
-            ),
-        )
+        pose = ros.pose(mark.f8("x"), mark.f8("y"), mark.f8("qz"), mark.f8("qw"))
+        covariance = {slot: mark.f8(f"c{i}") for i, slot in enumerate(COVARIANCE_SLOTS)}
+        return ros.uncertain_pose(mark.stamp(), "map", pose, covariance)
 
     return derive_layout(topic, kind, build)
 

@@ -24,7 +24,6 @@ TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
 GRID: Final = "nav_msgs/msg/OccupancyGrid"
 INITIAL_POSE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
-_NO_COVARIANCE: Final = np.zeros(36)
 # What RViz sends with its "2D Pose Estimate": 0.5 m, 0.5 m and 15 degrees. AMCL spreads its
 # particles by it, so nobody gets a better start than a person would give.
 _START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
@@ -32,20 +31,8 @@ _START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
 
 def odometry(sample: Odometry, time: int, frames: Ros2Frames) -> bytes:
     """Return a ``nav_msgs/Odometry`` of ``time`` [ns]; covariances are 0, "unknown"."""
-    pose, twist = sample.pose, sample.twist
-    message = ros.make(
-        ODOMETRY,
-        header=ros.header(ros.time(time), frames.odom),
-        child_frame_id=frames.base,
-        pose=ros.make(
-            "geometry_msgs/msg/PoseWithCovariance", pose=_pose(pose), covariance=_NO_COVARIANCE
-        ),
-        twist=ros.make(
-            "geometry_msgs/msg/TwistWithCovariance",
-            twist=ros.twist(twist.vx, twist.vy, twist.wz),
-            covariance=_NO_COVARIANCE,
-        ),
-    )
+    twist = ros.twist(sample.twist.vx, sample.twist.vy, sample.twist.wz)
+    message = ros.odometry(ros.time(time), frames.odom, frames.base, _pose(sample.pose), twist)
     return ros.serialize(message, ODOMETRY)
 
 
@@ -66,19 +53,7 @@ def laser_transforms(lasers: Iterable[Laser], time: int, frames: Ros2Frames) -> 
 
 def scan(sweep: LaserScan, laser: Laser, time: int, frames: Ros2Frames) -> bytes:
     """Return a ``sensor_msgs/LaserScan`` of ``time`` [ns], taken at one instant."""
-    message = ros.make(
-        SCAN,
-        header=ros.header(ros.time(time), frames.of_laser(laser)),
-        angle_min=laser.angle_min,
-        angle_max=laser.angle_max,
-        angle_increment=laser.angle_increment,
-        time_increment=0.0,
-        scan_time=1.0 / laser.rate,
-        range_min=laser.range_min,
-        range_max=laser.range_max,
-        ranges=sweep.ranges,
-        intensities=np.zeros(0, np.float32),
-    )
+    message = ros.scan(ros.time(time), frames.of_laser(laser), laser, sweep.ranges)
     return ros.serialize(message, SCAN)
 
 
@@ -89,16 +64,7 @@ def occupancy_grid(grid: OccupancyGrid, time: int, frames: Ros2Frames) -> bytes:
 
 def initial_pose(pose: Pose2, time: int, frames: Ros2Frames) -> bytes:
     """Return where the robot stands, as a person would tell it in RViz, at ``time`` [ns]."""
-    covariance = np.zeros(36)
-    for index, variance in _START_VARIANCE.items():
-        covariance[index] = variance
-    message = ros.make(
-        INITIAL_POSE,
-        header=ros.header(ros.time(time), frames.map),
-        pose=ros.make(
-            "geometry_msgs/msg/PoseWithCovariance", pose=_pose(pose), covariance=covariance
-        ),
-    )
+    message = ros.uncertain_pose(ros.time(time), frames.map, _pose(pose), _START_VARIANCE)
     return ros.serialize(message, INITIAL_POSE)
 
 
@@ -107,18 +73,22 @@ def read_command(data: bytes, kind: str) -> tuple[Twist2, int | None]:
 
     Raises ``ValueError`` for damaged bytes and numbers that are not finite.
     """
-    message = _read(data, kind)
+    message = read_message(data, kind)
     stamped = hasattr(message, "header")
     twist = message.twist if stamped else message
-    found = Twist2(float(twist.linear.x), float(twist.linear.y), float(twist.angular.z))
-    if not np.isfinite((found.vx, found.vy, found.wz)).all():
-        raise ValueError(f"the stack commanded {found}, which is no velocity")
-    return found, stamp(message) if stamped else None
+    command = Twist2(float(twist.linear.x), float(twist.linear.y), float(twist.angular.z))
+    if not np.isfinite((command.vx, command.vy, command.wz)).all():
+        raise ValueError(f"the stack commanded {command}, which is no velocity")
+    return command, stamp(message) if stamped else None
 
 
 def read_message(data: bytes, kind: str) -> Any:
-    """Read any other message of the stack; raises ``ValueError`` for damaged bytes."""
-    return _read(data, kind)
+    """Read a message of the stack; raises ``ValueError`` for damaged bytes."""
+    try:
+        return ros.deserialize(data, kind)
+    except Exception as error:
+        # rosbags reads with struct, numpy and code it generates: whatever those raise.
+        raise ValueError(f"a damaged {kind}: {error}") from error
 
 
 def stamp(message: Any) -> int:
@@ -132,14 +102,6 @@ def plane_pose(position: Any, orientation: Any) -> Pose2:
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     yaw = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
     return Pose2(float(position.x), float(position.y), yaw)
-
-
-def _read(data: bytes, kind: str) -> Any:
-    try:
-        return ros.deserialize(data, kind)
-    except Exception as error:
-        # rosbags reads with struct, numpy and code it generates: whatever those raise.
-        raise ValueError(f"a damaged {kind}: {error}") from error
 
 
 def _pose(pose: Pose2) -> Any:
