@@ -7,39 +7,28 @@ campaign file gives, digest by digest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING
 
 from daemon.campaign import (
     Campaign,
     CampaignCell,
+    Composer,
     LayerLibrary,
-    LayerReference,
     ResolvedScenario,
     campaign_text,
-    repeat_seed,
     run_spec,
     with_overrides,
 )
-from daemon.model.search import ParameterSlot, Point, SearchTask
+from daemon.model.search import Point, SearchTask
 from daemon.model.spec import OracleText, RunSpec
 from daemon.search.points import is_as_written
-from grammars.floorplan import FloorPlan
-from grammars.model.free_space import inscribed_radius
-from grammars.model.scene import Scene
-from grammars.scenery import SceneryLayer
-from grammars.scenery.composition import compile_scene, resolve_behaviours
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Candidate, RunCase
     from daemon.model.trials import Trial
-
-_MOST_SCENES: Final = 64
-"""So many scenes are kept: those of repeats, and of points nearby."""
-_Values: TypeAlias = Mapping[tuple[ParameterSlot, int], Mapping[str, object]]
 
 
 @dataclass(slots=True)
@@ -55,9 +44,8 @@ class SearchCase:
     folder: Path
     cell: CampaignCell
     sut: int
-    _library: LayerLibrary
+    _composer: Composer
     _oracles: tuple[OracleText, ...]
-    _scenes: dict[tuple[FloorPlan, tuple[SceneryLayer, ...]], Scene] = field(default_factory=dict)
 
     def candidate(self, point: Point, number: int, repeat: int = 0) -> Candidate:
         """Return the run of a point: ``repeat`` of proposal ``number``.
@@ -101,117 +89,35 @@ class SearchCase:
             comment=comment,
         )
 
-    def scenario_at(self, point: Point, number: int) -> ResolvedScenario:
-        """Return the scenario with the values of a point written beside its layers."""
-        return self._with_values(self._values(point), number)
+    def scenario_at(
+        self, point: Point, number: int, *, only_changed: bool = False
+    ) -> ResolvedScenario:
+        """Return the scenario with the values of a point written beside its layers.
 
-    def _with_values(self, values: _Values, number: int) -> ResolvedScenario:
+        With ``only_changed`` those that are as written are left out.
+        """
         scenario = replace(self.cell.scenario, name=self.task.scenario_of(number))
-        for (slot, index), found in values.items():
-            scenario = with_overrides(scenario, slot, index, found)
+        for parameter, value in zip(self.task.parameters, point, strict=True):
+            written = parameter.written is not None and is_as_written(parameter, value)
+            if not (only_changed and written):
+                override = {parameter.key: parameter.override(value)}
+                scenario = with_overrides(scenario, parameter.slot, parameter.index, override)
         return scenario
 
     def _found_scenario(self, point: Point, number: int) -> ResolvedScenario:
         """Return the scenario of a point that says what is not as written, and the same run."""
-        whole = self.scenario_at(point, number)
-        told = self._with_values(self._values(point, only_changed=True), number)
-        runs = [self._spec(self._composed(one, point, 0), 0) for one in (whole, told)]
+        scenarios = [self.scenario_at(point, number, only_changed=one) for one in (True, False)]
+        cells = (self._composer.cell(self.cell, one, 0) for one in scenarios)
+        digests = [self._spec(cell, 0).digest for cell in cells]
         # Written with more digits than a value of a point has, say, it would be another run.
-        return told if runs[0].digest == runs[1].digest else whole
+        return scenarios[0] if digests[0] == digests[1] else scenarios[1]
 
     def cell_at(self, point: Point, number: int, repeat: int) -> CampaignCell:
         """Return the loaded scenario of a point, with the behaviours of one repeat alone.
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
-        return self._composed(self.scenario_at(point, number), point, repeat)
-
-    def _composed(self, scenario: ResolvedScenario, point: Point, repeat: int) -> CampaignCell:
-        library = self._library
-        # Those of the scenario as written have been told; of every point they would pile up.
-        library.warnings.clear()
-        changed = {parameter.slot for parameter in self.task.parameters}
-        cell = self.cell
-        robot, mission, suts = cell.robot, cell.mission, cell.suts
-        if "robot" in changed:
-            robot = library.robot(_one(scenario.robot))
-        if "mission" in changed:
-            mission, _ = library.mission(_one(scenario.mission))
-        if "sut" in changed:
-            made = library.sut(scenario.suts[self.sut])
-            suts = (*suts[: self.sut], made, *suts[self.sut + 1 :])
-        variant, plan = self._plan(scenario, changed, inscribed_radius(robot.footprint))
-        layers = self._layers(scenario, changed)
-        objects = layers[: len(scenario.objects)]
-        scene = self._scene(plan, objects)
-        draw = repeat if scenario.chance == "per repeat" else 0
-        resolved = resolve_behaviours(
-            scene, layers, seed=repeat_seed(self.campaign.seed, draw), limit=scenario.limit
-        )
-        return replace(
-            cell,
-            name=scenario.name + variant,
-            scenario=scenario,
-            plan=plan,
-            layers=layers,
-            scene=scene,
-            mission=mission,
-            robot=robot,
-            suts=suts,
-            behaviours=(resolved.behaviours,),
-        )
-
-    def _values(self, point: Point, *, only_changed: bool = False) -> _Values:
-        """Return the overrides of a point by the layers beside which they are written.
-
-        Or those alone that are not as written, and those that are written nowhere.
-        """
-        found: dict[tuple[ParameterSlot, int], dict[str, object]] = {}
-        for parameter, value in zip(self.task.parameters, point, strict=True):
-            written = parameter.written is not None and is_as_written(parameter, value)
-            if only_changed and written:
-                continue
-            layer = found.setdefault((parameter.slot, parameter.index), {})
-            layer[parameter.key] = parameter.override(value)
-        return found
-
-    def _plan(
-        self, scenario: ResolvedScenario, changed: set[ParameterSlot], radius: float
-    ) -> tuple[str, FloorPlan]:
-        """Return the plan and what the name of its cell has behind that of the scenario."""
-        vary = scenario.vary
-        if vary is None:
-            if "floorplan" not in changed:
-                return "", self.cell.plan
-            return "", self._library.floorplan(_one(scenario.floorplan))
-        if not changed & {"vary", "robot"}:
-            return self.cell.name.removeprefix(self.cell.scenario.name), self.cell.plan
-        variants = self._library.variants(vary, radius)
-        if len(variants) != 1:
-            message = f"{scenario.name} is run in {len(variants)} buildings, a search is about one"
-            raise InputError(Diagnostic(vary.floorplan.where, message, "write samples: 1"))
-        ((name, plan),) = variants
-        return f"@{name.rpartition('_')[2]}", plan
-
-    def _layers(
-        self, scenario: ResolvedScenario, changed: set[ParameterSlot]
-    ) -> tuple[SceneryLayer, ...]:
-        if not changed & {"objects", "behaviours"}:
-            return self.cell.layers
-        references = (*scenario.objects, *scenario.behaviours)
-        return tuple(map(self._library.configured_scenery, references))
-
-    def _scene(self, plan: FloorPlan, objects: Sequence[SceneryLayer]) -> Scene:
-        own = self.cell.layers[: len(self.cell.scenario.objects)]
-        if plan == self.cell.plan and tuple(objects) == own:
-            return self.cell.scene
-        key = (plan, tuple(objects))
-        if key not in self._scenes:
-            scene = compile_scene(plan, objects)
-            while len(self._scenes) >= _MOST_SCENES:
-                del self._scenes[next(iter(self._scenes))]
-            self._scenes[key] = scene
-        return self._scenes[key]
+        return self._composer.cell(self.cell, self.scenario_at(point, number), repeat)
 
     def _spec(self, cell: CampaignCell, repeat: int) -> RunSpec:
         return run_spec(
@@ -251,12 +157,6 @@ def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
         folder=folder,
         cell=cell,
         sut=names.index(task.sut),
-        _library=LayerLibrary(folder),
+        _composer=Composer(LayerLibrary(folder), campaign.seed),
         _oracles=oracles,
     )
-
-
-def _one(reference: LayerReference | None) -> LayerReference:
-    if reference is None:
-        raise ValueError("a loaded scenario has no empty slot")
-    return reference
