@@ -172,7 +172,8 @@ class Decision:
 class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run ended)
     """The system under test cannot be tested any further: not the robot failed, the system did.
 
-    ``reason`` says why, written for people, and ``printed`` holds the last lines of its programs.
+    ``reason`` says why, written for people, and ``printed`` holds lines of its programs that tell
+    more, the last ones among them.
     Together they are the message, and that is the note of the run. ``events`` belong into the log
     of the run before it: sentences that no decision carries any more. Any other exception ends a
     run as well, but is told as a crash with its place in the code.
@@ -183,7 +184,7 @@ class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run end
     def __init__(
         self, reason: str, *, printed: Sequence[str] = (), events: Sequence[SutEvent] = ()
     ) -> None:
-        first = f"{reason}; the stack's last lines:" if printed else reason
+        first = f"{reason}; the stack printed:" if printed else reason
         super().__init__("\n".join([first, *(f"  {line}" for line in printed)]))
         self.reason, self.printed, self.events = reason, tuple(printed), tuple(events)
 

@@ -22,13 +22,9 @@ class OutputFile:
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        self._full = False
-        self.clear()
-
-    def clear(self) -> None:
-        """Begin again, for the next run."""
-        self._total = 0
         os.ftruncate(self._file, 0)
+        self._full = False
+        self._total = 0
 
     def write(self, data: bytes) -> None:
         """Add what was printed; what a full disk does not take is lost, and nobody waits for it."""

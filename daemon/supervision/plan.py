@@ -25,9 +25,10 @@ class StackPlan:
 
     ``setup`` is a command that writes the environment of the stack to :data:`ENVIRONMENT`, or
     empty; ``stack`` and ``relay`` are commands, their programs looked for in that environment,
-    ``relay_variables`` for the relay alone, ``domain`` the stack's. ``engine`` and ``name`` are
-    those of a container. ``holder`` is the process that the stack does not outlive. ``grace`` [s]
-    is waited after each of SIGINT and SIGTERM, ``setup_limit`` [s] for the setup files.
+    ``relay_variables`` for the relay alone, ``domain`` the stack's. Lines of the stack's output
+    that contain one of ``alarms`` are reported. ``engine`` and ``name`` are those of a container.
+    ``holder`` is the process that the stack does not outlive. ``grace`` [s] is waited after each of
+    SIGINT and SIGTERM, ``setup_limit`` [s] for the setup files.
     """
 
     token: str
@@ -37,6 +38,7 @@ class StackPlan:
     stack: list[str]
     relay: list[str]
     relay_variables: dict[str, str]
+    alarms: list[str]
     engine: str
     name: str
     holder: int

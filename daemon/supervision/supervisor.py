@@ -46,6 +46,9 @@ from .remains import (
 from .shared_memory import remove_shared_memory
 
 _CONTAINER_POLL: Final = 0.5
+_LONGEST_LINE: Final = 4096
+_MOST_ALARMS: Final = 100
+"""Alarms that are reported of a stack: its holder need not be waited for with so few."""
 
 
 class Supervisor(EventLoop):
@@ -57,8 +60,10 @@ class Supervisor(EventLoop):
         self._folder = Path(plan.folder)
         self._wire = wire
         self._held = True
+        alarms = [alarm.encode() for alarm in plan.alarms]
         self._outputs = {
-            name: OutputFile(self._folder / name) for name in (STACK_OUTPUT, RELAY_OUTPUT)
+            STACK_OUTPUT: _WatchedOutput(self._folder / STACK_OUTPUT, alarms, self._report_alarm),
+            RELAY_OUTPUT: OutputFile(self._folder / RELAY_OUTPUT),
         }
         self._children: dict[int, str] = {}
         self._groups: list[int] = []
@@ -171,6 +176,9 @@ class Supervisor(EventLoop):
         self.drain()
         self._say({"ended": role, "code": code})
 
+    def _report_alarm(self, line: str) -> None:
+        self._say({"alarm": line})
+
     def _next_deadline(self) -> float | None:
         until = self._setup_until
         wait = None if until is None else max(0.0, until - time.monotonic())
@@ -260,6 +268,26 @@ class Supervisor(EventLoop):
         that have got the same number since.
         """
         return {p: group for p, group in descendants(os.getpid()).items() if group in self._groups}
+
+
+class _WatchedOutput(OutputFile):
+    """An output whose lines that contain one of ``alarms`` are reported as they are printed."""
+
+    def __init__(self, path: Path, alarms: list[bytes], report: Callable[[str], object]) -> None:
+        super().__init__(path)
+        self._alarms, self._report = alarms, report
+        self._reports_left = _MOST_ALARMS
+        self._line = b""
+
+    def write(self, data: bytes) -> None:
+        """Add what was printed, and report its alarms."""
+        super().write(data)
+        *lines, rest = (self._line + data).split(b"\n")
+        self._line = rest[:_LONGEST_LINE]
+        for line in lines:
+            if self._reports_left and any(alarm in line for alarm in self._alarms):
+                self._reports_left -= 1
+                self._report(line[:_LONGEST_LINE].decode("utf-8", "replace"))
 
 
 def _in_words(code: int) -> str:

@@ -142,7 +142,7 @@ def test_what_is_not_the_robots_doing_is_an_error_with_the_stacks_words(drive, o
     assert run.result.ended == "crashed"
     assert run.result.outcome == "error"
     assert words in run.result.note
-    assert "last lines" in run.result.note
+    assert "the stack printed" in run.result.note
     assert run.output
 
 

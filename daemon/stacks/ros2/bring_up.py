@@ -13,6 +13,14 @@ from typing import Final
 
 from daemon.model.sut import Briefing, Observation, SutEvent, SutFailure
 from daemon.stacks.ros2 import placeholders, sensors
+from daemon.stacks.ros2.causes import (
+    ABORTED,
+    find_cause,
+    first_error,
+    read_death,
+    read_down,
+    telling_lines,
+)
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages, scan_topics
 from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import (
@@ -45,7 +53,9 @@ _POSE_PATIENCE: Final = 5.0
 _FAR: Final = 0.5
 """A stack that believes to be farther from the start [m, rad] was told in vain."""
 _NOT_UP: Final = "the stack did not come up"
-_LAST_LINES: Final = 20
+_SETTLING: Final = 0.2
+"""What a process prints last may come after the news of its death, so long [s of wall clock]."""
+_ORDINALS: Final = ("first", "second", "third")
 
 
 class StackSession:
@@ -55,6 +65,31 @@ class StackSession:
         self.settings, self.process, self.link = settings, process, link
         self.telemetry = Telemetry(settings.topics, settings.frames)
         self.zero = self.time = 0
+        self.fault = ""
+        """Why the stack is not what it was; empty while it is."""
+        self.is_aborted = False
+        """Whether Nav2's lifecycle manager has given up bringing its nodes up."""
+        self._alarms = 0
+
+    def watch(self) -> list[SutEvent]:
+        """Look whether the stack goes on living; return what is worth a line of the log."""
+        ended = self.process.ended()
+        alarms = self.process.alarms()[self._alarms :]
+        self._alarms += len(alarms)
+        events = []
+        for line in alarms:
+            death, node = read_death(line), read_down(line)
+            if death is not None and not death.is_of(self.settings.ready):
+                events.append(SutEvent(f"{death}; it has none of the nodes of ready", "warn"))
+            elif death is not None:
+                self.fault = self.fault or str(death)
+            elif node:
+                down = f"{node} is down: the lifecycle manager has missed its heartbeat"
+                self.fault = self.fault or down
+            self.is_aborted = self.is_aborted or ABORTED in line
+        # A launch file may end all because of a death, which says more.
+        self.fault = self.fault or ended
+        return events
 
     def cycle(self, cycle: Cycle) -> CycleAnswer:
         """Do one cycle; the clock never goes back."""
@@ -64,15 +99,23 @@ class StackSession:
     def explain(self, lost: str) -> str:
         """Return why the link was lost: an end of a process says more than its silence."""
         until = wall_clock.monotonic() + 2.0
-        ended = self.process.ended()
-        while not ended and wall_clock.monotonic() < until:
+        self.watch()
+        while not self.fault and wall_clock.monotonic() < until:
             wall_clock.sleep(0.05)
-            ended = self.process.ended()
-        return ended or lost
+            self.watch()
+        return self.fault or lost
 
     def failure(self, reason: str, events: Sequence[SutEvent] = ()) -> SutFailure:
-        """Return a failure of the stack with the last lines it printed."""
-        return SutFailure(reason, printed=self.process.last_lines(_LAST_LINES), events=events)
+        """Return a failure of the stack with the lines it printed that tell most."""
+        return SutFailure(reason, printed=telling_lines(self.process.lines()), events=events)
+
+    def start_failure(self, fault: str) -> SutFailure:
+        """Return a failure of the start: its cause as far as the stack has printed it."""
+        wall_clock.sleep(_SETTLING)
+        printed = self.process.lines()
+        cause = find_cause(printed, self.settings.files)
+        first = first_error(printed)
+        return self.failure(f"{_NOT_UP}: {cause or (f'{fault}: {first}' if first else fault)}")
 
     def close(self) -> Mapping[str, bytes]:
         """End the stack; return what it printed."""
@@ -82,7 +125,10 @@ class StackSession:
 
 
 class BringUp:
-    """One attempt to get a stack ready; ``session`` is there as soon as something is connected."""
+    """The start of a stack; ``session`` is there as soon as something is connected.
+
+    ``outputs`` are those of attempts before the last one, by name.
+    """
 
     def __init__(self, settings: Ros2Settings, briefing: Briefing, first: Observation) -> None:
         self._settings, self._briefing = settings, briefing
@@ -91,26 +137,48 @@ class BringUp:
         self._began = 0.0
         self.session: StackSession | None = None
         self.events: list[SutEvent] = []
+        self.outputs: dict[str, bytes] = {}
 
     def run(self) -> Iterator[str]:
         """Yield what is being waited for; raises :class:`SutFailure` when it does not come up."""
-        began = wall_clock.monotonic()
+        self._began = wall_clock.monotonic()
+        for ordinal in _ORDINALS[: self._settings.attempts]:
+            try:
+                yield from self._attempt()
+                break
+            except SutFailure as error:
+                last = ordinal == _ORDINALS[self._settings.attempts - 1]
+                if last or self._seconds() > self._settings.start_up:
+                    raise
+                why = error.reason.removeprefix(f"{_NOT_UP}: ")
+                text = f"the {ordinal} start failed: {why}; started again"
+                self.events.append(SutEvent(text, "warn"))
+                self._end_attempt(ordinal)
+        identity = self.ready_session().link.identity
+        self.events.append(
+            SutEvent(
+                f"ready after {self._seconds():.1f} s of wall clock; ROS 2 "
+                f"{identity.distribution or 'of unknown distribution'}, {identity.rmw}; "
+                f"time 0 is ROS time {self.ready_session().zero / _NANO:g} s"
+            )
+        )
+
+    def _attempt(self) -> Iterator[str]:
         try:
             yield from self._connect()
             yield from self._wait_until_ready()
             self._align()
         except LinkLost as error:
             session = self.ready_session()
-            why = session.explain(str(error))
-            raise session.failure(f"{_NOT_UP}: {why}") from error
-        identity = self.ready_session().link.identity
-        self.events.append(
-            SutEvent(
-                f"ready after {wall_clock.monotonic() - began:.1f} s of wall clock; ROS 2 "
-                f"{identity.distribution or 'of unknown distribution'}, {identity.rmw}; "
-                f"time 0 is ROS time {self.ready_session().zero / _NANO:g} s"
-            )
-        )
+            raise session.start_failure(session.explain(str(error))) from error
+
+    def _end_attempt(self, ordinal: str) -> None:
+        """End a stack that did not come up; what it printed is kept."""
+        if self.session is not None:
+            for name, data in self.session.close().items():
+                self.outputs[f"{ordinal}-{name}"] = data
+        self.session = None
+        self._latched = False
 
     def ready_session(self) -> StackSession:
         """Return the session; only after something was connected."""
@@ -120,7 +188,6 @@ class BringUp:
     def _connect(self) -> Iterator[str]:
         """Start the stack and wait for a link to it."""
         settings = self._settings
-        self._began = wall_clock.monotonic()
         yield "starting the stack"
         values = self._values()
         process = StackProcess(settings, values=values, relay=relay_path())
@@ -134,7 +201,7 @@ class BringUp:
         self.session = StackSession(settings, process, link)
         yield from self._start(process)
         while not link.accept(timeout=0.1):
-            self._check_alive(process, "its relay has not come")
+            self._check_alive("its relay has not come")
             yield f"waiting for the relay in the stack's ROS 2, {self._waited()}"
         link.set_up(link_setup(settings, self._briefing.robot.lasers))
 
@@ -144,7 +211,7 @@ class BringUp:
             try:
                 process.start()
             except DomainTaken as error:
-                if wall_clock.monotonic() - self._began > self._settings.start_up:
+                if self._seconds() > self._settings.start_up:
                     raise
                 yield str(error)
                 wall_clock.sleep(_ASK_PERIOD)
@@ -175,7 +242,7 @@ class BringUp:
                 missing = f"no transform {settings.frames.map} -> {settings.frames.base} yet"
             else:
                 complete_since = None
-            self._check_alive(session.process, missing)
+            self._check_alive(missing)
             yield f"{missing}, {self._waited()}"
         self._check_pose(session.telemetry.pose())
         self._check_alone()
@@ -271,18 +338,25 @@ class BringUp:
         message = sensors.initial_pose(self._briefing.start, session.time, self._settings.frames)
         self._cycle(Cycle(session.time + 1, ((self._settings.topics.initial_pose, message),)))
 
-    def _check_alive(self, process: StackProcess, missing: str) -> None:
-        ended = process.ended()
-        if ended:
-            raise self.ready_session().failure(f"{_NOT_UP}: {ended}")
-        if wall_clock.monotonic() - self._began > self._settings.start_up:
-            raise self.ready_session().failure(
-                f"the stack was not ready within {self._settings.start_up:g} s of wall clock "
-                f"(start-up): {missing}"
+    def _check_alive(self, missing: str) -> None:
+        """Raise :class:`SutFailure` when the stack cannot come up any more, or not in time."""
+        session, limit = self.ready_session(), self._settings.start_up
+        self.events += session.watch()
+        if session.fault or session.is_aborted:
+            raise session.start_failure(session.fault or "Nav2 gave up bringing its nodes up")
+        if self._seconds() > limit:
+            cause = find_cause(session.process.lines(), self._settings.files)
+            raise session.failure(
+                f"the stack was not ready within {limit:g} s of wall clock (start-up): {missing}"
+                f"{f'; {cause}' if cause else ''}"
             )
 
+    def _seconds(self) -> float:
+        """Return for how long the stack is coming up [s of wall clock]."""
+        return wall_clock.monotonic() - self._began
+
     def _waited(self) -> str:
-        return f"{wall_clock.monotonic() - self._began:.0f} s"
+        return f"{self._seconds():.0f} s"
 
     def _values(self) -> dict[str, str]:
         """Return the values of placeholders that do not depend on the folder of the run."""

@@ -349,6 +349,8 @@ class Ros2Keys(_Section):
     """For "kind: ros2": lifecycle nodes that must be active before the mission begins."""
     start_up: Duration = Field(default=60.0, alias="start-up", gt=0.0, le=3600.0)
     """For "kind: ros2": wall time until it must be ready."""
+    attempts: int = Field(default=1, ge=1, le=3)
+    """For "kind: ros2": starts within start-up; after one that failed the stack is started anew."""
     patience: Duration = Field(default=1.0, gt=0.0, le=60.0)
     """For "kind: ros2": wall time an answer is waited for in each cycle; a stack that hangs costs
     this much in each. More than the period, or a controller on wall time is late in every cycle."""

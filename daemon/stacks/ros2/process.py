@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.causes import ALARMS
 from daemon.stacks.ros2.container import (
     container_name,
     container_script,
@@ -182,6 +183,7 @@ class StackProcess:
             stack=stack,
             relay=relay_command,
             relay_variables=relay_variables,
+            alarms=list(ALARMS),
             engine=engine,
             name=name,
             holder=os.getpid(),
@@ -217,9 +219,16 @@ class StackProcess:
         last = _lines(self._read(name))[-1:]
         return f': "{last[0]}"' if last else ""
 
-    def last_lines(self, count: int = 20) -> tuple[str, ...]:
-        """Return the last lines the stack printed, without escapes for terminals."""
-        return tuple(_lines(self._read(STACK_OUTPUT))[-count:])
+    def alarms(self) -> list[str]:
+        """Return the lines of the stack that contain an alarm, oldest first; at most 100."""
+        if self._supervisor is None:
+            return []
+        self._supervisor.listen()
+        return [one["alarm"] for one in self._supervisor.events if "alarm" in one]
+
+    def lines(self) -> list[str]:
+        """Return the lines the stack printed, without escapes for terminals."""
+        return _lines(self._read(STACK_OUTPUT))
 
     def outputs(self) -> Mapping[str, bytes]:
         """Return what stack and relay printed in this run, by name, at most a MiB each."""

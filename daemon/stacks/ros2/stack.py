@@ -67,7 +67,7 @@ class Ros2Stack:
             raise SutFailure(error.reason, printed=error.printed, events=attempt.events) from error
         finally:
             # A stack that did not come up has to be ended too, and its output kept.
-            self._session = attempt.session
+            self._session, self._outputs = attempt.session, attempt.outputs
         self._drive = _StackDrive(attempt.ready_session(), self._briefing, first, attempt.events)
 
     def update(self, observation: Observation) -> Decision:
@@ -83,7 +83,7 @@ class Ros2Stack:
     def close(self) -> None:
         """End the stack."""
         if self._session is not None:
-            self._outputs = self._session.close()
+            self._outputs = {**self._outputs, **self._session.close()}
 
     def outputs(self) -> Mapping[str, bytes]:
         """Return what the stack and the relay printed."""
@@ -108,12 +108,13 @@ class _StackDrive:
         self._events = list(events)
 
     def update(self, observation: Observation) -> Decision:
-        """Do one cycle; raises :class:`SutFailure` with the last lines of the stack."""
+        """Do one cycle; raises :class:`SutFailure` with what the stack has printed."""
         session = self._session
         try:
             return self._cycle(observation)
         except LinkLost as error:
-            raise session.failure(session.explain(str(error)), self._events) from error
+            why = f"{session.explain(str(error))} at {observation.time:.1f} s"
+            raise session.failure(why, self._events) from error
         except SutFailure as error:
             raise session.failure(error.reason, self._events) from error
 
@@ -148,9 +149,9 @@ class _StackDrive:
         )
         self._events += heard.events
         # After the wait, in which a crash shows: it says more than what is missing because of it.
-        ended = session.process.ended()
-        if ended:
-            raise SutFailure(ended)
+        self._events += session.watch()
+        if session.fault:
+            raise SutFailure(f"{session.fault} at {observation.time:.1f} s")
         command, behind = _newest_command(answer, self._settings.topics.command, time)
         for line in heard.log:
             mission.hear_log(line)

@@ -189,7 +189,7 @@ def test_every_key_is_documented_with_its_default():
     defaults = settings_not_written(read_settings({"launch": "nav {map}"}))
     for key, value in defaults["stack"].items():
         if value != "none" and key != "action":
-            assert rows[key].strip("`") == value, key
+            assert rows[key].strip("`") == str(value), key
 
 
 def test_checking_starts_nothing(folder):

@@ -1,5 +1,6 @@
 """A link and processes without anything behind them, for tests of what stands on links."""
 
+from daemon.stacks.ros2.causes import ALARMS
 from daemon.stacks.ros2.link import (
     CycleAnswer,
     Graph,
@@ -52,6 +53,7 @@ class PretendedProcess:
         self.folder = folder
         self.socket, self.nonce, self.domain = folder / "socket", "", 7
         self.end = ""
+        self.printed = ["its last line"]
         self.released = 0
 
     def __call__(self, settings, **_):
@@ -64,8 +66,11 @@ class PretendedProcess:
     def ended(self):
         return self.end
 
-    def last_lines(self, count=20):
-        return ("its last line",)
+    def alarms(self):
+        return [line for line in self.printed if any(alarm in line for alarm in ALARMS)]
+
+    def lines(self):
+        return self.printed
 
     def outputs(self):
         return {}

@@ -240,3 +240,111 @@ def test_a_second_clock_in_the_domain_is_refused(machine, briefing):
     )
     with pytest.raises(SutFailure, match="/bag publishes /clock too, in ROS domain 7"):
         list(coming_up(briefing)[1])
+
+
+DEATH = "[ERROR] [{}-2]: process has died [pid 7, exit code {}, cmd '/opt/{} --ros-args']."
+ABORT = (
+    "[lifecycle_manager-7] [ERROR] [1.0] [lifecycle_manager]: Failed to bring up all requested "
+    "nodes. Aborting bringup."
+)
+
+
+def died(process, code=-11):
+    return DEATH.format(process, code, process)
+
+
+def coming_up_in_vain(machine, briefing, *printed, **keys):
+    """Make a stack whose amcl never becomes active; it has printed these lines."""
+    stack, process = machine.will_have(Stack())
+    stack.states["/amcl"] = "inactive"
+    process.printed = list(printed)
+    return process, coming_up(briefing, **keys)
+
+
+@pytest.mark.parametrize(
+    ("printed", "reason"),
+    [
+        ([died("amcl")], "amcl died with exit code -11 (SIGSEGV)"),
+        ([ABORT], "Nav2 gave up bringing its nodes up"),
+        (
+            ["[amcl-2] [ERROR] [1.0] [amcl]: no map", ABORT],
+            "Nav2 gave up bringing its nodes up: amcl: no map",
+        ),
+        (
+            ["[bt_navigator-3] [ERROR] [1.0] [bt_navigator]: Could not load library: x.so", ABORT],
+            "bt_navigator cannot load the library x.so",
+        ),
+    ],
+)
+def test_a_start_ends_at_once_with_its_cause(machine, briefing, printed, reason):
+    _, (_, waiting) = coming_up_in_vain(machine, briefing, *printed)
+    with pytest.raises(SutFailure) as failed:
+        list(waiting)
+    assert failed.value.reason == f"the stack did not come up: {reason}"
+    assert failed.value.printed == tuple(printed)
+
+
+def test_a_start_that_takes_too_long_names_a_cause_that_is_known(machine, briefing):
+    line = "[amcl-2] [ERROR] [1.0] [amcl]: Could not load library: x.so"
+    _, (_, waiting) = coming_up_in_vain(machine, briefing, line, **{"start-up": "0.2 s"})
+    with pytest.raises(SutFailure, match=r"amcl is inactive; amcl cannot load the library x\.so;"):
+        list(waiting)
+
+
+def test_a_start_that_failed_is_told_and_followed_by_another(machine, briefing):
+    first, (attempt, waiting) = coming_up_in_vain(machine, briefing, died("amcl"), attempts=2)
+    first.outputs = lambda: {"stack.txt": b"first"}
+    second, _ = machine.will_have(Stack())
+    list(waiting)
+    assert attempt.ready_session().link is second
+    assert first.released == 1
+    assert attempt.events[0].text == (
+        "the first start failed: amcl died with exit code -11 (SIGSEGV); started again"
+    )
+    assert attempt.outputs == {"first-stack.txt": b"first"}
+    # What is latched is published to each.
+    assert second.cycles[0].messages[0][0] == "/tf_static"
+
+
+def test_the_last_start_fails_as_the_only_one_does(machine, briefing):
+    coming_up_in_vain(machine, briefing, died("amcl", 1))
+    _, (attempt, waiting) = coming_up_in_vain(machine, briefing, died("amcl", 2), attempts=2)
+    with pytest.raises(SutFailure, match="exit code 2"):
+        list(waiting)
+    assert [event.text[:22] for event in attempt.events] == ["the first start failed"]
+
+
+def test_no_start_begins_after_start_up(machine, briefing):
+    _, (_, waiting) = coming_up_in_vain(machine, briefing, "x", attempts=2, **{"start-up": "0.1 s"})
+    with pytest.raises(SutFailure, match=r"not ready within 0\.1 s"):
+        list(waiting)
+
+
+@pytest.mark.parametrize(
+    ("printed", "reason"),
+    [
+        (died("amcl"), "amcl died with exit code -11 (SIGSEGV) at 12.4 s"),
+        (
+            "CRITICAL FAILURE: SERVER amcl IS DOWN after not receiving a heartbeat for 4000 ms.",
+            "amcl is down: the lifecycle manager has missed its heartbeat at 12.4 s",
+        ),
+    ],
+)
+def test_a_node_that_dies_during_a_run_is_named(machine, briefing, printed, reason):
+    system, _, process = driving(machine, briefing)
+    process.printed = [printed]
+    # The launch file may end everything because of it.
+    process.end = "the launch command ended with exit code 1"
+    with pytest.raises(SutFailure) as failed:
+        system.update(Observation(12.4, (Odometry(12.4, Pose2(), Twist2()),), ()))
+    assert failed.value.reason == reason
+
+
+def test_the_death_of_a_process_without_needed_nodes_is_only_told(machine, briefing):
+    system, _, process = driving(machine, briefing)
+    process.printed = [died("rviz2", 1)]
+    said = []
+    for time in (0.0, 0.05):
+        decision = system.update(Observation(time, (Odometry(time, Pose2(), Twist2()),), ()))
+        said += [event.text for event in decision.events if "rviz2" in event.text]
+    assert said == ["rviz2 died with exit code 1; it has none of the nodes of ready"]

@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.causes import DIED
 from daemon.stacks.ros2.isolation import DomainTaken, lock_domain
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
@@ -275,11 +276,11 @@ def test_the_end_of_the_launch_command_is_told(start, launch, words):
     eventually(stack.ended)
     assert stack.ended().startswith("the launch command ")
     assert words in stack.ended()
-    assert stack.last_lines()[0] == "last words"
+    assert stack.lines()[0] == "last words"
     told = stack.ended()
     stack.release()
     assert stack.ended() == told
-    assert stack.last_lines()[0] == "last words"
+    assert stack.lines()[0] == "last words"
 
 
 def relay_file(folder, text="import time\nprint('here')\ntime.sleep(600)\n"):
@@ -440,7 +441,7 @@ def test_a_chatty_stack_is_never_held_up_and_fills_nothing(start, tmp_path):
     text = "import sys, time\nfor i in range(60_000): print(f'line {i:058d}')\n"
     text += "print('\\x1b[31mdone\\x1b[0m', flush=True); time.sleep(600)\n"
     stack = start(program(tmp_path, text))
-    eventually(lambda: stack.last_lines(1) == ("done",))
+    eventually(lambda: stack.lines()[-1:] == ["done"])
     assert sum(path.stat().st_size for path in stack.folder.glob("*.output")) <= MIB
     output = stack.outputs()["stack.txt"]
     assert len(output) <= MIB
@@ -448,7 +449,19 @@ def test_a_chatty_stack_is_never_held_up_and_fills_nothing(start, tmp_path):
     assert lines[0] == b"line " + b"0" * 58
     assert lines[-2] == b"line " + b"59999".zfill(58)
     assert sum(b"bytes left out" in line for line in lines) == 1
-    assert stack.last_lines(3)[0] == "line " + "59998".zfill(58)
+    assert stack.lines()[-3] == "line " + "59998".zfill(58)
+
+
+def test_alarms_are_reported_as_they_are_printed(start, tmp_path):
+    died = f"[ERROR] [amcl-2]: {DIED} [pid 7, exit code -9]."
+    # In pieces, and far more of them than anybody wants to read.
+    launch = f"printf '%s' '{died[:30]}'; sleep 0.2; echo '{died[30:]}'; echo up; sleep 600"
+    stack = start(launch)
+    eventually(lambda: stack.alarms() == [died])
+    chatty = start(f"i=0; while [ $i -lt 500 ]; do echo '{died}'; i=$((i+1)); done; exit 3")
+    eventually(chatty.ended)
+    assert chatty.alarms() == 100 * [died]
+    assert len(chatty.lines()) == 500
 
 
 def test_what_was_printed_is_whole_up_to_the_limit(start):

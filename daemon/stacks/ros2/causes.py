@@ -1,0 +1,306 @@
+"""The cause of a failure, from what a stack has printed: one sentence that names file and node.
+
+Texts are those of launch, rclcpp, rclcpp_lifecycle, rcl_yaml_param_parser, pluginlib,
+class_loader, BehaviorTree.CPP and Nav2 from Humble to Kilted. A text that is not known here is
+quoted.
+"""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from grammars.text.diagnostics import InputError, closest
+from grammars.text.documents import paths_inside, read_text
+from grammars.text.ros_yaml import load_ros_yaml
+
+DIED: Final = "process has died"
+ABORTED: Final = "Failed to bring up all requested nodes"
+DOWN: Final = "CRITICAL FAILURE: SERVER"
+ALARMS: Final = (DIED, ABORTED, DOWN)
+"""Parts of the lines after which a stack is not what it was."""
+
+_LINE: Final = re.compile(
+    r"(?:\[(?P<process>[^\[\]]+)-\d+\] )?"
+    r"(?:\[(?P<level>[A-Z]+)\] (?:\[[\d.]+\] )?\[(?P<logger>[^\]]*)\]:? ?)?(?P<text>.*)"
+)
+"""``[process-3] [ERROR] [1712.5] [logger]: text``: launch sets the process before it, rcutils the
+rest. Launch's own lines have no time, and the process in place of the logger."""
+_DEATH: Final = re.compile(
+    r"\[(?P<process>[^\[\]]+)-\d+\]: process has died "
+    r"\[pid \d+, exit code (?P<code>-?\d+)(?:, cmd '(?P<command>.*)')?"
+)
+_SERVER: Final = re.compile(r"SERVER (?P<node>\S+) IS DOWN")
+_LIBRARIES: Final = ("rcl", "rclcpp", "rclcpp_lifecycle", "launch")
+"""Loggers that are not called as a node."""
+_CONTAINER: Final = "component_container"
+"""Executables that hold several nodes begin with it."""
+_ERRORS: Final = ("ERROR", "FATAL")
+_EXCEPTION: Final = "what(): "
+_CONSEQUENCES: Final = (
+    ABORTED,
+    DIED,
+    "Failed to change state for node",
+    "Caught exception in callback for transition",
+    "does not have error state implemented",
+    "Failed to parse global arguments",
+)
+"""What is printed because of an error that came before."""
+_MOST_LINES: Final = 20
+
+_WRONG_TYPE: Final = re.compile(
+    r"parameter '(?P<name>[^']+)' has invalid type: (?:Wrong parameter type, parameter \{.*?\} is "
+    r"of type \{(?P<type>[^}]+)\}, setting it to \{(?P<given>[^}]+)\}"
+    r"|expected \[(?P<old_type>\w+)\] got \[(?P<old_given>\w+)\])"
+)
+_NO_PLUGIN: Final = re.compile(
+    r"According to the loaded plugin descriptions the class (?P<class>\S+) with base class type "
+    r"(?P<base>\S+) does not exist\.(?: Declared types are\s*(?P<declared>.*))?"
+)
+_NO_LIBRARY: Final = re.compile(
+    r"Could not load library:? (?:dlopen error: )?(?P<library>[^\s:,]+)(?:: (?P<why>[^,]+))?"
+)
+_NO_FILE: Final = re.compile(
+    r"Couldn't parse params file: '--params-file (?P<file>[^']*)'\. Error: (?P<why>.+)"
+)
+_AT_LINE: Final = re.compile(r" ?\b(?:at|near) line (?P<line>\d+)")
+_SOURCE: Final = re.compile(r",? at \S+\.c(?:pp)?:\d+.*")
+_LAUNCH_YAML: Final = re.compile(r'in "(?P<file>[^"]+)", line (?P<line>\d+), column \d+')
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A printed line: the name of its process and node (empty when unknown), level, and text."""
+
+    process: str
+    node: str
+    level: str
+    text: str
+
+    @property
+    def is_error(self) -> bool:
+        """Whether the line reports an error, or an exception nobody has caught."""
+        return self.level in _ERRORS or self.text.lstrip().startswith(_EXCEPTION)
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessDeath:
+    """A process that launch has started and that ended by an error.
+
+    ``process`` is the name of its executable, ``command`` its command line where launch says it.
+    """
+
+    process: str
+    code: int
+    command: str
+
+    def is_of(self, nodes: Sequence[str]) -> bool:
+        """Return whether one of the nodes, absolute names, lived in it or may have."""
+        names = {node.rpartition("/")[2] for node in nodes}
+        given = re.findall(r"__node:=(\S+)", self.command)
+        return (
+            not names
+            or self.process in names
+            or not names.isdisjoint(given)
+            or self.process.startswith(_CONTAINER)
+        )
+
+    def __str__(self) -> str:
+        return f"{self.process} died with {exit_code(self.code)}"
+
+
+def exit_code(code: int) -> str:
+    """Return an exit code, below 0 for a signal, in words."""
+    try:
+        return f"exit code {code} ({signal.Signals(-code).name})"
+    except ValueError:
+        return f"exit code {code}"
+
+
+def read_death(line: str) -> ProcessDeath | None:
+    """Return the death that a line of launch reports, ``None`` when it reports none."""
+    found = _DEATH.search(line)
+    if found is None:
+        return None
+    return ProcessDeath(found["process"], int(found["code"]), found["command"] or "")
+
+
+def read_down(line: str) -> str:
+    """Return the node whose heartbeat Nav2's lifecycle manager misses, empty without one."""
+    found = _SERVER.search(line)
+    return found["node"] if found else ""
+
+
+def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
+    """Return the first cause in the printed lines that is known, in a sentence; empty without one.
+
+    ``files`` are the paths of the user's parameter files by their name in the SUT file.
+    """
+    lines = [_read(line) for line in printed]
+    for index, line in enumerate(lines):
+        for pattern, explain in _KINDS:
+            found = pattern.search(line.text)
+            if found is not None:
+                return explain(found, line, files)
+        if line.is_error and (place := _launch_yaml(lines[index:])):
+            return _told(files, place[0], place[1], f"launch cannot read it: {place[2]}")
+    return ""
+
+
+def first_error(printed: Sequence[str]) -> str:
+    """Return the first error that is no consequence of another one, with its node; or empty."""
+    for line in map(_read, printed):
+        if line.is_error and not any(words in line.text for words in _CONSEQUENCES):
+            text = line.text.strip().removeprefix(_EXCEPTION).strip()
+            return f"{line.node or line.process}: {text}".removeprefix(": ")
+    return ""
+
+
+def telling_lines(printed: Sequence[str]) -> tuple[str, ...]:
+    """Return the lines with errors, then the last lines, each at most once and in their order."""
+    count = len(printed)
+    errors = [i for i, line in enumerate(printed) if DIED in line or _read(line).is_error]
+    shown = {*errors[:_MOST_LINES], *range(max(0, count - _MOST_LINES), count)}
+    return tuple(printed[index] for index in sorted(shown))
+
+
+def _read(line: str) -> _Line:
+    found = _LINE.match(line)
+    assert found is not None  # everything in it may be left out
+    process, logger = found["process"] or "", found["logger"] or ""
+    parts = logger.split(".")
+    node = "" if logger in _LIBRARIES else parts[-1]
+    # Plug-ins log below the name of their node.
+    if process in parts or (not node and not process.startswith(_CONTAINER)):
+        node = process
+    return _Line(process, node, found["level"] or "", found["text"])
+
+
+# Causes, each with its sentence
+
+
+def _wrong_type(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    name = found["name"]
+    needed, given = found["type"] or found["old_type"], found["given"] or found["old_given"]
+    place, value = _find_value(files, line.node, lambda path, _: ".".join(map(str, path)) == name)
+    written = f'"{value}"' if isinstance(value, str) else str(value)
+    what = f"{written} is {_a(given)}" if place else f"{_a(given)} was given"
+    return f"{place}{line.node or 'a node'} needs {_a(needed)} for {name}, and {what}"
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
+def _no_plugin(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    plugin = found["class"]
+    place, _ = _find_value(files, line.node, lambda _, value: value == plugin)
+    close = closest(plugin, (found["declared"] or "").split())
+    hint = f'; did you mean "{close}"?' if close else ""
+    node = line.node or "a node"
+    return f'{place}{node} finds no plug-in "{plugin}" of type {found["base"]}{hint}'
+
+
+def _no_library(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    library = found["library"]
+    stem = library.rpartition("/")[2].removesuffix(".so").removeprefix("lib")
+    place, _ = _find_value(files, line.node, lambda _, value: value in (stem, library))
+    why = f": {found['why'].strip()}" if found["why"] else ""
+    return f"{place}{line.node or 'a node'} cannot load the library {library}{why}"
+
+
+def _no_file(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    why = _SOURCE.sub("", found["why"])
+    at = _AT_LINE.search(why)
+    why = _AT_LINE.sub("", why).strip()
+    what = f"{line.node or 'a node'} cannot read it: {why}"
+    return _told(files, found["file"], int(at["line"]) if at else 0, what)
+
+
+_KINDS: Final[tuple[tuple[re.Pattern[str], Callable[..., str]], ...]] = (
+    (_WRONG_TYPE, _wrong_type),
+    (_NO_PLUGIN, _no_plugin),
+    (_NO_LIBRARY, _no_library),
+    (_NO_FILE, _no_file),
+)
+
+
+def _launch_yaml(lines: Sequence[_Line]) -> tuple[str, int, str] | None:
+    """Return file, line and problem of a YAML error of Python's, which takes several lines."""
+    problem = ""
+    place = None
+    for line in lines[1:5]:
+        found = _LAUNCH_YAML.search(line.text)
+        if found is None:
+            problem = line.text.strip() or problem
+        else:
+            place = found["file"], int(found["line"])
+    if place is None or "launch" not in lines[0].text:
+        return None
+    return (*place, problem)
+
+
+def _told(files: Mapping[str, str], path: str, line: int, what: str) -> str:
+    """Return a sentence about a file of the user, or about a copy that launch has made of it."""
+    for name, own in files.items():
+        if own == path:
+            return f"{_place(name, line)}{what}"
+    written = _lines_of(path)[line - 1 : line] if line else []
+    for name, own in files.items():
+        lines = _lines_of(own)
+        # Launch files rewrite parameters: the line has another number there.
+        if written and lines.count(written[0]) == 1:
+            return f"{_place(name, lines.index(written[0]) + 1)}{what}"
+    return f"{path}{f', line {line}' if line else ''}: {what}"
+
+
+def _lines_of(path: str) -> list[str]:
+    try:
+        return [line.strip() for line in read_text(path).splitlines()]
+    except (InputError, OSError):
+        return []
+
+
+def _place(name: str, line: int) -> str:
+    return f'line {line} of the file "{name}": ' if line else f'the file "{name}": '
+
+
+def _find_value(
+    files: Mapping[str, str], node: str, wanted: Callable[[Sequence[Any], Any], bool]
+) -> tuple[str, Any]:
+    """Return place and value of the parameter that is ``wanted``, or nothing and ``None``.
+
+    One of the node counts before one of all nodes, and that before the only one of another node.
+    ``wanted`` is called with the path below ``ros__parameters`` and the value there.
+    """
+    ranks: dict[int, list[tuple[str, Any]]] = {0: [], 1: [], 2: []}
+    for name, file in files.items():
+        for above, path, value, line in _parameters(file):
+            if wanted(path, value):
+                rank = 0 if above[-1:] == (node,) else 1 if above[-1:] == ("/**",) else 2
+                ranks[rank].append((_place(name, line), value))
+    for rank, found in ranks.items():
+        if found and (rank < 2 or len(found) == 1):
+            return found[0]
+    return "", None
+
+
+def _parameters(file: str) -> Iterator[tuple[tuple[str, ...], Sequence[Any], Any, int]]:
+    """Yield node, path below it, value and line of each parameter; nothing of other files."""
+    try:
+        document, _ = load_ros_yaml(file)
+    except (InputError, OSError):
+        return
+    for path in paths_inside(document.data):
+        if "ros__parameters" in path:
+            at = path.index("ros__parameters")
+            value = document.data
+            for key in path:
+                value = value[key]
+            node = tuple(part for key in path[:at] for part in str(key).strip("/").split("/"))
+            # The name of all nodes consists of what else is taken off.
+            node = ("/**",) if path[:at][-1:] == ("/**",) else node
+            yield node, path[at + 1 :], value, document.where(path).line
