@@ -14,7 +14,12 @@ from daemon.model.execution import commands_allowed
 from daemon.stacks.findings import ParameterFinding, ParameterFindings
 from daemon.stacks.kind import StackKind
 from daemon.stacks.ros2.keys import ROS2_KEYS
-from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.settings import (
+    Ros2Settings,
+    advise_for_robot,
+    read_settings,
+    warnings_about,
+)
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
@@ -39,19 +44,15 @@ class _Ros2Kind(StackKind[Ros2Settings]):
             raise SutMissing(
                 "this worker starts no commands that come from elsewhere: let it with --commands"
             )
-        # Here and below: who tests another stack waits for none of the imports.
+        # Checks of campaigns load nothing that starts processes.
         from daemon.stacks.ros2.stack import Ros2Stack
 
         return Ros2Stack(settings)
 
     def findings(self, settings: Ros2Settings) -> ParameterFindings:
-        from daemon.stacks.ros2.advice import check_settings
-
-        return check_settings(settings)
+        return ParameterFindings(tuple(warnings_about(settings)))
 
     def advise(self, settings: Ros2Settings, robot: Robot) -> Iterable[ParameterFinding]:
-        from daemon.stacks.ros2.advice import advise_for_robot
-
         return advise_for_robot(settings, robot)
 
 

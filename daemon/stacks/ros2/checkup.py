@@ -1,6 +1,6 @@
-"""What a stack has and lacks for a run: what was seen of it against what is needed, with remedies.
+"""Lines of a check: needs of a run against the graph of a stack, with remedies.
 
-Nothing here talks to anybody. Quality of service is matched as DDS does: a publisher that offers
+Nothing here talks to the stack. Quality of service is matched as DDS does: a publisher that offers
 less than a subscription asks for is not heard by it, and neither of them says so.
 """
 

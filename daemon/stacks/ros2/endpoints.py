@@ -1,6 +1,6 @@
-"""Which topics, actions and nodes of a stack a run has to do with, and what goes out on them.
+"""Topics, actions and nodes that a run uses by the settings of its stack, and its messages.
 
-By the settings of the stack; the same for a run and for a world that goes on by the clock.
+A live world, which goes on by the clock, uses the same.
 """
 
 from __future__ import annotations

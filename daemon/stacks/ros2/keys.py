@@ -233,7 +233,7 @@ class Ros2Container(_Section):
 
 
 class Ros2Environment(_Section):
-    """What the stack finds in its environment: files that are sourced, domain, variables."""
+    """Environment of the stack: files that are sourced, domain, variables."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[_Variable, _VariableText | None] = Field(init=False)
@@ -280,7 +280,7 @@ class Ros2Topics(_Section):
 
 
 class Ros2Qos(_Section):
-    """How sensor data is published."""
+    """Reliability of sensor data."""
 
     scan: Reliability = "best effort"
     """Of the laser scans."""

@@ -32,10 +32,10 @@ Pace = Literal["free", "locked", "quiet"]
 
 @dataclass(frozen=True, slots=True)
 class HeardAnswer:
-    """What a cycle brought: ``latency`` of the answer [s], ``None`` without one.
+    """Answer to a cycle: its ``latency`` [s], ``None`` without one.
 
     ``behind`` is how far the newest command's stamp lies before the clock [s], ``None`` without a
-    stamped command; ``commands`` counts all; ``alive``: the stack said anything.
+    stamped command; ``commands`` counts all; ``alive``: any message came.
     """
 
     latency: float | None
@@ -72,7 +72,7 @@ class LockStep:
         return self._settings.idle
 
     def take(self, answer: HeardAnswer, *, active: bool) -> tuple[float | None, list[SutEvent]]:
-        """Judge an answer; return the latency to record [s], if any, and what there is to say.
+        """Judge an answer; return the latency to record [s], if any, and events.
 
         Raises :class:`SutFailure` when the stack cannot keep up or has gone silent.
         """
@@ -116,10 +116,10 @@ class LockStep:
             )
 
     def _answered(self, answer: HeardAnswer) -> tuple[float | None, list[SutEvent]]:
-        said = []
+        events = []
         if answer.behind is None and not self._guessed:
             self._guessed = True
-            said.append(
+            events.append(
                 SutEvent(
                     "commands have no stamp: one that comes after the clock of a cycle is taken "
                     "as its answer",
@@ -129,7 +129,7 @@ class LockStep:
         self.pace = "locked"
         self.expected += 1
         self._silent, self._lagging = 0.0, 0
-        return answer.latency, said
+        return answer.latency, events
 
     def _adapts(self, answer: HeardAnswer) -> bool:
         """Take a steady lag of stamps for what it is, no moment of a busy machine."""

@@ -1,7 +1,7 @@
-"""How fast a stack can be driven, and what of its own time-outs is in the way.
+"""Speed that a stack allows, and time-outs of its own that are in the way.
 
-Nav2 does some things by the simulated clock and others by the wall clock. Source of what does
-which: nav2_controller/src/controller_server.cpp and nav2_lifecycle_manager of each distribution.
+Nav2 does some things by the simulated clock and others by the wall clock. Sources:
+nav2_controller/src/controller_server.cpp and nav2_lifecycle_manager of each distribution.
 """
 
 from __future__ import annotations

@@ -64,23 +64,23 @@ def placeholders_in(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for _, name in _parts(text) if name))
 
 
-def check_placeholders(text: str, known: Iterable[str]) -> Iterator[PlaceholderError]:
-    """Yield what keeps a text from being filled with values of the names in ``known``."""
-    names = frozenset(known)
+def check_placeholders(text: str, names: Iterable[str]) -> Iterator[PlaceholderError]:
+    """Yield a problem for each reason why a text cannot be filled with values of ``names``."""
+    offered = frozenset(names)
     try:
-        written = placeholders_in(text)
+        placeholders = placeholders_in(text)
     except PlaceholderError as error:
         yield error
         return
-    yield from (_unknown(name, names) for name in written if name not in names)
+    yield from (_unknown(name, offered) for name in placeholders if name not in offered)
 
 
 def run_values(
     *, start: Pose2, robot: str, namespace: str, seed: int, files: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return what is known of a run before its stack gets a folder and a domain.
+    """Return the values of a run that do not depend on the folder and domain of its stack.
 
-    ``map`` (a path) and ``domain`` come with those. The ``namespace`` has no slash before it, as
+    ``map`` (a path) and ``domain`` come with these. The ``namespace`` has no slash before it, as
     launch files want it.
     """
     x, y, yaw = (repr(float(value)) for value in (start.x, start.y, start.yaw))
@@ -98,18 +98,18 @@ def run_values(
 def _parts(text: str) -> Iterator[tuple[str, str]]:
     """Yield plain text and names of placeholders, one of them empty."""
     for part in _PART.finditer(text):
-        written = part[0]
+        token = part[0]
         if part["name"]:
             yield "", part["name"]
-        elif written in ("{{", "}}"):
-            yield written[0], ""
-        elif written in ("{", "}"):
-            raise PlaceholderError(f'"{written}" begins or ends no placeholder', DOUBLED)
+        elif token in ("{{", "}}"):
+            yield token[0], ""
+        elif token in ("{", "}"):
+            raise PlaceholderError(f'"{token}" begins or ends no placeholder', DOUBLED)
         else:
-            yield written, ""
+            yield token, ""
 
 
-def _unknown(name: str, known: Iterable[str]) -> PlaceholderError:
+def _unknown(name: str, offered: Iterable[str]) -> PlaceholderError:
     return PlaceholderError(
-        f'no placeholder "{name}"', f"{did_you_mean(name, known)}; {DOUBLED}", name
+        f'no placeholder "{name}"', f"{did_you_mean(name, offered)}; {DOUBLED}", name
     )

@@ -1,4 +1,4 @@
-"""What a robot publishes, as a ROS 2 stack hears it: odometry, scans, transforms, map, as CDR.
+"""Messages that a robot publishes to a ROS 2 stack, as CDR: odometry, scans, transforms, map.
 
 Times are ROS time [ns]. Sources: REP 103, 105 and 117; the message definitions of
 ``common_interfaces`` and ``geometry2``.
@@ -25,7 +25,7 @@ GRID: Final = "nav_msgs/msg/OccupancyGrid"
 INITIAL_POSE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 # What RViz sends with its "2D Pose Estimate": 0.5 m, 0.5 m and 15 degrees. AMCL spreads its
-# particles by it, so nobody gets a better start than a person would give.
+# particles by it, so no stack gets a better start than a person would give.
 _START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
 
 

@@ -1,4 +1,4 @@
-"""Settings of a ROS 2 stack: how it is started, spoken to and waited for.
+"""Settings of a ROS 2 stack: reading, placeholders, defaults that apply, warnings.
 
 Times are seconds, shares fractions, names of topics, actions and nodes absolute.
 """
@@ -13,10 +13,22 @@ from pydantic import BaseModel, Field, ValidationError
 from daemon.model.attachments import FILES_PARAMETER
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterLocation
 from daemon.stacks.ros2.keys import Ros2Keys
-from daemon.stacks.ros2.placeholders import MAP, STANDARD, check_placeholders, fill
+from daemon.stacks.ros2.placeholders import (
+    MAP,
+    STANDARD,
+    check_placeholders,
+    fill,
+    placeholders_in,
+)
+from grammars.model.robot import Robot
+from grammars.text.diagnostics import did_you_mean
 from grammars.text.documents import QuantityField, explain_finding
 
 _FILE_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
+_SHORTEST_START: Final = 15.0
+"""[s] The eight lifecycle nodes of Nav2 (Jazzy) were active 12.3 s after "ros2 launch" on an idle
+machine."""
+_ROUNDING: Final = 1e-6
 
 
 class Ros2Settings(Ros2Keys):
@@ -30,13 +42,13 @@ def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
 
     Raises :class:`~daemon.stacks.findings.ParameterError` with everything that is wrong.
     """
-    given = {name: value for name, value in parameters.items() if name != "repeatable"}
+    keys = {name: value for name, value in parameters.items() if name != "repeatable"}
     problems = []
     if parameters.get("repeatable", False) is not False:
         message = "a stack outside of the simulation is never repeatable"
         problems.append(ParameterFinding(("repeatable",), message, "leave it out"))
     try:
-        settings = Ros2Settings.model_validate(given, context={"namespace": given.get("namespace")})
+        settings = Ros2Settings.model_validate(keys, context={"namespace": keys.get("namespace")})
     except ValidationError as error:
         raise ParameterError([*problems, *map(_in_words, error.errors())]) from error
     problems += [*_start_problems(settings), *_placeholder_problems(settings)]
@@ -130,10 +142,72 @@ def _start_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
 
 
 def _placeholder_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
-    known = placeholder_names(settings)
+    names = placeholder_names(settings)
     for path, text in texts_with_placeholders(settings):
-        for problem in check_placeholders(text, known):
+        for problem in check_placeholders(text, names):
             hint = problem.hint
             if problem.name == MAP and settings.map == "published":
                 hint = "the map is published, not written: leave it out, or write map: file"
             yield ParameterFinding(path, problem.message, hint)
+
+
+def warnings_about(settings: Ros2Settings) -> Iterator[ParameterFinding]:
+    """Yield the reasons why a stack that can be started will probably not do its work."""
+    used = {name for _, text in texts_with_placeholders(settings) for name in placeholders_in(text)}
+    if settings.start_up < _SHORTEST_START:
+        message = f"{settings.start_up:g} s: Nav2 needs 12 s on an idle machine"
+        yield ParameterFinding(("start-up",), message, "leave it out for 60 s")
+    if not settings.ready:
+        message = (
+            "ready names no nodes: the mission begins once its action is there and the scan is "
+            "heard, whether or not the stack is active"
+        )
+        hint = "name the lifecycle nodes, such as [amcl, controller_server, bt_navigator]"
+        yield ParameterFinding(("ready",), message, hint)
+    if settings.map == "file" and MAP not in used:
+        message = "nothing here says {map}, so the stack is not given the map of the run"
+        hint = 'pass it on, such as map:={map}, or write "map: published"'
+        yield ParameterFinding(("launch",), message, hint)
+    for name in settings.files:
+        if name not in used:
+            message = f"nothing here says {{{name}}}, so the stack is not given this file"
+            yield ParameterFinding((FILES_PARAMETER, name), message, "pass on where it is")
+    if settings.environment.domain != "own":
+        message = "runs that go on at once on one machine share this domain and hear each other"
+        hint = "own gives each run a domain of its own"
+        yield ParameterFinding(("environment", "ROS_DOMAIN_ID"), message, hint)
+
+
+def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
+    """Yield settings that do not fit the robot: lasers it has not, a period beside its rates."""
+    yield from _about_lasers(settings, robot)
+    sensors = {laser.label: laser.rate for laser in robot.lasers}
+    for name, rate in (sensors | {"odometry": robot.odometry.rate}).items():
+        if rate <= 0.0:
+            continue
+        cycles = 1.0 / (rate * settings.period)
+        if not (_is_whole(cycles) or _is_whole(1.0 / cycles)):
+            message = (
+                f"the {name} of robot {robot.name} has {rate:g} Hz, which is no whole number of "
+                f"cycles of {settings.period:g} s: some cycles have a sample more than others"
+            )
+            hint = "set period to that of the stack's controller, or another rate of the robot"
+            yield ParameterFinding(("period",), message, hint)
+
+
+def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
+    names = [laser.name for laser in robot.lasers]
+    has = f"has lasers {', '.join(names)}" if names[0] else "has one laser, which has no name"
+    for path, names_by_laser in (
+        (("topics", "scan"), settings.topics.scan),
+        (("frames", "laser"), settings.frames.laser),
+    ):
+        for name in () if isinstance(names_by_laser, str) else names_by_laser:
+            if name not in names:
+                message = f'robot {robot.name} has no laser "{name}": it {has}'
+                hint = did_you_mean(name, filter(None, names))
+                yield ParameterFinding((*path, name), message, hint)
+
+
+def _is_whole(ratio: float) -> bool:
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= _ROUNDING * ratio

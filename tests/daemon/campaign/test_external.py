@@ -7,7 +7,7 @@ import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
 from daemon.model.attachments import resolve_paths
-from daemon.stacks.ros2.keys import ROS2_KEYS
+from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Frames, Ros2Topics
 from daemon.stacks.ros2.settings import read_settings, settings_not_written
 from grammars.text.diagnostics import InputError, Severity, Where
 
@@ -190,6 +190,10 @@ def test_every_key_is_documented_with_its_default():
     for key, value in defaults["stack"].items():
         if value != "none" and key != "action":
             assert rows[key].strip("`") == str(value), key
+    for key, section in (("topics", Ros2Topics), ("frames", Ros2Frames)):
+        fields = {field.alias or n: field.default for n, field in section.model_fields.items()}
+        listed = [f"`{name}`" if name == x else f"`{name}: {x}`" for name, x in fields.items()]
+        assert rows[key] == ", ".join(listed), key
 
 
 def test_checking_starts_nothing(folder):

@@ -9,12 +9,11 @@ from daemon.model import ros_messages as ros
 from daemon.model.sut import Briefing, LaserScan, Odometry
 from daemon.stacks.findings import ParameterError
 from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.advice import advise_for_robot
 from daemon.stacks.ros2.checkup import examine
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
 from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
-from daemon.stacks.ros2.settings import read_settings, settings_not_written
+from daemon.stacks.ros2.settings import advise_for_robot, read_settings, settings_not_written
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission

@@ -6,7 +6,6 @@ from daemon.model.attachments import SutMissing
 from daemon.model.execution import decide_on_commands
 from daemon.stacks.findings import ParameterError
 from daemon.stacks.registry import make_sut
-from daemon.stacks.ros2.advice import check_settings
 from daemon.stacks.ros2.placeholders import (
     PlaceholderError,
     fill,
@@ -17,6 +16,7 @@ from daemon.stacks.ros2.settings import (
     fill_settings,
     placeholder_names,
     read_settings,
+    warnings_about,
 )
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser
@@ -38,7 +38,7 @@ def problems(**changed):
 
 
 def warnings(**changed):
-    return [str(problem) for problem in check_settings(read_settings(STACK | changed)).problems]
+    return [str(problem) for problem in warnings_about(read_settings(STACK | changed))]
 
 
 def test_what_is_left_out_is_as_documented():
