@@ -54,11 +54,6 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
         layouts=judged_layouts(),
         scans=scans,
     )
-    if recording.metadata.get(messages.WALL_CLOCK, {}).get("stamps") == messages.WALL_STAMPS:
-        message = (
-            "its stamps are of the wall clock: it is a copy for players, not what was recorded"
-        )
-        raise TraceError(path, message, "name the run, or the trace it was copied from")
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:

@@ -102,11 +102,6 @@ def topics_of(robot: Robot) -> tuple[Topic, ...]:
 VERDICTS: Final = "verdicts.json"
 """Name of the attachment with the verdicts of a recorded run."""
 
-WALL_CLOCK: Final = "wall_clock"
-"""Name of the metadata of a copy that says when its run began."""
-WALL_STAMPS: Final = "wall clock"
-"""What that says of ``stamps`` where they are no longer simulated time."""
-
 OUTPUT_PREFIX: Final = "output/"
 """Begins the names of attachments with what a system under test printed."""
 

@@ -181,7 +181,7 @@ def export(
             "--until", metavar="SECONDS", help="For the picture of a run: closely, up to here."
         ),
     ] = None,
-    wall_clock: WallClockOption = None,
+    wall_clock: WallClockOption = False,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -202,7 +202,7 @@ def export(
         raise typer.BadParameter("traces are of recorded runs, not of files", param_hint="KIND")
     if since is not None or until is not None:
         raise typer.BadParameter("goes with a picture of a run", param_hint="--from, --until")
-    if wall_clock is not None:
+    if wall_clock:
         raise typer.BadParameter("goes with traces", param_hint="--wall-clock")
     for kind, names in _OF_KINDS.items():
         if kind not in kinds and Artefact.ALL not in kinds:

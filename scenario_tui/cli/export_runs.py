@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -35,19 +34,11 @@ class Brought(OutputPart):
     sha256: str
 
 
-class WallClock(StrEnum):
-    """Where a copy of a trace says when its run began."""
-
-    METADATA = "metadata"
-    STAMPS = "stamps"
-
-
 WallClockOption = Annotated[
-    WallClock | None,
+    bool,
     typer.Option(
         "--wall-clock",
-        help="For traces: write NAME.wall.mcap instead, which says when the run began: in its "
-        "metadata, or in every stamp as well, for players that go by those.",
+        help="For traces: write NAME.wall.mcap instead, whose metadata says when the run began.",
     ),
 ]
 
@@ -73,7 +64,7 @@ class FetchOutput(Output, schema="fetch"):
 
 
 def _fetch(
-    subject: str, folder: Path, wall_clock: WallClock | None, target: DaemonTarget, *, as_json: bool
+    subject: str, folder: Path, wall_clock: bool, target: DaemonTarget, *, as_json: bool
 ) -> None:
     """Bring the traces of a campaign or a run here, from a daemon or the store they lie in.
 
@@ -101,12 +92,12 @@ def _fetch(
         with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
             for trace, path in wanted:
                 try:
-                    if wall_clock is None:
+                    if not wall_clock:
                         copy_trace(trace, daemon, path, progress=advance)
                         brought.append(Brought(trace.run, str(path), trace.size, trace.sha256))
                         continue
                     original = local_copy(trace, daemon, progress=advance)
-                    found = _with_wall_clock(executed[trace.run], original, path, wall_clock)
+                    found = _with_wall_clock(executed[trace.run], original, path)
                     brought.append(found)
                 except TraceUnavailable as error:
                     missing[trace.run] = str(error)
@@ -117,7 +108,7 @@ def _fetch(
     raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
 
 
-def _with_wall_clock(run: RunRow, original: Path, path: Path, where: WallClock) -> Brought:
+def _with_wall_clock(run: RunRow, original: Path, path: Path) -> Brought:
     """Write the copy of a trace that says when its run began, beside where it would have gone."""
     from daemon.batch.errors import TraceUnavailable
     from daemon.batch.stores import file_sha256
@@ -126,13 +117,7 @@ def _with_wall_clock(run: RunRow, original: Path, path: Path, where: WallClock) 
     if run.result is None or not run.result.timing.started:
         raise TraceUnavailable(f"{run.id}: nobody kept when it began; run it again to know")
     copy = path.with_name(f"{path.stem}.wall.mcap")
-    copy_with_wall_clock(
-        original,
-        copy,
-        run.result.timing.started,
-        worker=run.worker,
-        stamps=where is WallClock.STAMPS,
-    )
+    copy_with_wall_clock(original, copy, run.result.timing.started, worker=run.worker)
     return Brought(run.id, str(copy), copy.stat().st_size, file_sha256(copy))
 
 
@@ -181,7 +166,7 @@ def export_recorded(
     out: Path,
     target: DaemonTarget,
     part: tuple[float | None, float | None],
-    wall_clock: WallClock | None,
+    wall_clock: bool,
     *,
     as_json: bool,
 ) -> None:
@@ -200,7 +185,7 @@ def export_recorded(
         check_folder(out, "--out")
         _fetch(str(source), out, wall_clock, target, as_json=as_json)
         return
-    if wall_clock is not None:
+    if wall_clock:
         raise typer.BadParameter("goes with traces only", param_hint="--wall-clock")
     path = out
     if out.is_dir() or not out.suffix:
