@@ -53,14 +53,6 @@ class DamagedTraceError(Exception):
     """What follows cannot be read; the message says why."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _MessageIndex:
-    """What the indexes of a chunk say: its channels, and where its messages start, unordered."""
-
-    channels: list[int]
-    offsets: IntArray
-
-
 @dataclass(slots=True)
 class McapContents:
     """What a file holds: ``runs`` are rows of message records (n, size), in file order.
@@ -229,72 +221,50 @@ class _McapWalk:
             self.recording.attachments[record.name] = record.data
 
     def _chunk(self, content: slice) -> None:
-        index = self._message_index(content.stop)
-        if index.channels and not any(map(self._wanted, index.channels)):
-            return
-        self._records(self._decompressed(content), index.offsets)
+        # Without topics also not the first chunk, which declares them.
+        if self._topics is None or self._topics:
+            data = self._decompressed(content)
+            offsets = self._message_offsets(data, self._indexed_offsets(content.stop))
+            if len(offsets):
+                self._messages(data, offsets)
 
-    def _records(self, data: bytes, indexed: IntArray) -> None:
-        """Read the records of a chunk, whose messages start at ``indexed`` (n,) if that is so."""
-        at = self._declarations(data)
-        offsets = record_offsets(data, at, indexed)
-        if offsets is None:
-            # No index, or one that leaves something out: one record after the other.
-            offsets = self._walk(data, at)
-        if len(offsets):
-            self._messages(data, offsets)
+    def _message_offsets(self, data: bytes, indexed: IntArray) -> IntArray:
+        """Read what declares topics in a chunk; return where its messages start.
 
-    def _declarations(self, data: bytes) -> int:
-        """Read the records before the first message of a chunk; returns where that starts."""
-        at = 0
+        That is ``indexed`` (n,) if the data agrees.
+        """
+        at, found = 0, []
         while at < len(data):
             self.recording.spend(1)
             opcode, end = _record_end(data, at)
             if opcode == Opcode.MESSAGE:
-                break
-            self._rare(opcode, data[at + _RECORD.size : end])
-            at = end
-        return at
-
-    def _walk(self, data: bytes, at: int) -> IntArray:
-        """Read a chunk record by record; returns where its messages start."""
-        found = []
-        while at < len(data):
-            self.recording.spend(1)
-            opcode, end = _record_end(data, at)
-            if opcode == Opcode.MESSAGE:
+                offsets = None if found else record_offsets(data, at, indexed)
+                if offsets is not None:
+                    return offsets
+                # No index, or one that leaves something out: one record after the other.
                 found.append(at)
             else:
                 self._rare(opcode, data[at + _RECORD.size : end])
             at = end
         return np.array(found, np.int64)
 
-    def _message_index(self, at: int) -> _MessageIndex:
-        """Return what the message indexes after a chunk say, nothing of which is believed."""
-        channels: list[int] = []
-        entries: list[IntArray] = []
+    def _indexed_offsets(self, at: int) -> IntArray:
+        """Return where messages start by the indexes after a chunk, which may say anything."""
+        entries = [np.empty(0, np.int64)]
         while True:
             try:
                 opcode, content = self._record(at)
             except DamagedTraceError:
                 # Cut right behind the chunk: its index is lost, the chunk is not.
-                return _MessageIndex([], np.empty(0, np.int64))
+                return entries[0]
             if opcode != Opcode.MESSAGE_INDEX:
-                offsets = np.concatenate(entries) if entries else np.empty(0, np.int64)
-                return _MessageIndex(channels, offsets)
-            if content.stop - content.start < _INDEX_HEAD.size:
-                raise DamagedTraceError("a damaged message index")
-            channel, _ = _INDEX_HEAD.unpack_from(self._data, content.start)
+                return np.concatenate(entries)
             start = content.start + _INDEX_HEAD.size
+            if start > content.stop:
+                raise DamagedTraceError("a damaged message index")
             count = (content.stop - start) // _INDEX_ENTRY.itemsize
-            rows = np.frombuffer(self._data, _INDEX_ENTRY, count, start)
-            channels.append(channel)
-            entries.append(rows["offset"])
+            entries.append(np.frombuffer(self._data, _INDEX_ENTRY, count, start)["offset"])
             at = content.stop
-
-    def _wanted(self, channel: int) -> bool:
-        topic = self._channels.get(channel)
-        return topic is None or self._collected(topic)
 
     def _collected(self, topic: str) -> bool:
         return self._topics is None or topic in self._topics or (self._scans and is_scan(topic))
