@@ -233,7 +233,8 @@ class _McapWalk:
 
         That is ``indexed`` (n,) if the data agrees.
         """
-        at, found = 0, []
+        at = 0
+        found: list[int] = []
         while at < len(data):
             self.recording.spend(1)
             opcode, end = _record_end(data, at)

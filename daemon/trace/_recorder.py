@@ -50,6 +50,7 @@ class Recorder(ABC):
         self._scans = {
             laser.name: self._signals[messages.scan_topic(laser)] for laser in spec.robot.lasers
         }
+        self._contacts: dict[tuple[str, str], SampledSignal] = {}
         self._goals = messages.goal_ids(spec.digest, spec.mission)
         self._corrections = _MapCorrection(spec.mission.start)
         self._progress = Progress(-1, -1, "active")
@@ -158,7 +159,10 @@ class Recorder(ABC):
     ) -> None:
         """Record two bodies touching; ``normal`` points from first to second, in map."""
         row = (point[0], point[1], normal[0], normal[1], depth)
-        self._sample(contact_signal(first, second), time, row)
+        signal = self._contacts.get((first, second))
+        if signal is None:
+            signal = self._contacts[first, second] = contact_signal(first, second)
+        self._sample(signal, time, row)
 
     def event(self, time: float, source: str, text: str, *, level: str = "info") -> None:
         """Record a sentence for the log; ``level`` is debug, info, warn, error or fatal."""
@@ -195,10 +199,11 @@ class MessageStream(Recorder):
         self._send, self._wanted = send, wanted
 
     def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
-        if any(self._wanted(topic) for topic in signal.topics):
-            buffer, now = signal.collect(), nanoseconds(time)
-            buffer.add(now, values)
-            for layout, times, columns in signal.messages(*buffer.drain()):
+        if any(map(self._wanted, signal.topics)):
+            now = nanoseconds(time)
+            signal.add(now, values)
+            signal.keep_last()
+            for layout, times, columns in signal.messages():
                 if self._wanted(layout.topic):
                     # A layout is that of a record in a file, of which the message is the rest.
                     for row in layout.encode(0, times, columns)[:, HEADER.size :]:

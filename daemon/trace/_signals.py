@@ -6,10 +6,10 @@ One buffer per signal and not one list of messages: a chunk is then encoded colu
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Final, Protocol, TypeAlias
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from daemon.trace._statics import MovingLinks
 from daemon.trace.layouts import IntArray, MessageLayout
 from daemon.trace.messages import scan_topic
 from grammars.model.geometry import Floats
-from grammars.model.robot import Robot
+from grammars.model.robot import Laser, Robot
 from grammars.model.scene import Scene
 
 HEARTBEAT: Final = 1_000_000_000
@@ -43,66 +43,42 @@ Columns: TypeAlias = dict[str, npt.NDArray[Any]]
 """A column (n, ...) for every field of a message that varies."""
 
 
-class SampleBuffer(Protocol):
-    """Collected samples of one signal; times are simulated ones [ns]."""
+class SampledSignal(ABC):
+    """Samples of one signal since the last chunk; each fills one message of every layout.
 
+    Times are simulated ones [ns].
+    """
+
+    __slots__ = ("layouts", "topics")
+
+    def __init__(self, *filled: MessageLayout) -> None:
+        self.layouts = filled
+        self.topics = frozenset(layout.topic for layout in filled)
+
+    @abstractmethod
     def add(self, time: int, values: Sequence[Any]) -> None:
         """Append a sample; raises ``ValueError`` for values of another shape."""
 
+    @abstractmethod
     def peek(self) -> tuple[IntArray, Columns]:
         """Return times (n,) and columns as they would be if this were the end, and keep them."""
 
+    @abstractmethod
     def drain(self) -> tuple[IntArray, Columns]:
         """Return times (n,) and columns, and start anew."""
 
+    def keep_last(self) -> None:
+        """Keep the last sample, if it was left out because it repeats the one before."""
+        return
 
-class SampledSignal:
-    """Samples that ``collect()`` makes a buffer for; each fills one message of every layout."""
-
-    def __init__(self, collect: Callable[[], SampleBuffer], *filled: MessageLayout) -> None:
-        self.collect, self.layouts = collect, filled
-        self.topics = frozenset(layout.topic for layout in filled)
-
-    def messages(
-        self, times: IntArray, columns: Columns
-    ) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
-        """Yield the layout, times (n,) [ns] and columns of the messages that samples become."""
+    def messages(self) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
+        """Drain the samples; yield layout, times (n,) and columns of what they become."""
+        times, columns = self.drain()
         for layout in self.layouts:
             yield layout, times, columns
 
 
-class JointSignal(SampledSignal):
-    """Joint states, and at most ten times a second the frames of the links that joints move."""
-
-    def __init__(self, scene: Scene) -> None:
-        names = scene.joint_names
-        super().__init__(functools.partial(JointSamples, len(names)), layouts.joints(names))
-        self._links = MovingLinks.of(scene)
-        self._frames = layouts.transforms(tuple(("map", name) for name in self._links.names))
-        self.topics |= {"/tf"}
-        self._due = 0
-
-    def messages(
-        self, times: IntArray, columns: Columns
-    ) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
-        """Yield the joint states, then the frames."""
-        yield from super().messages(times, columns)
-        rows = []
-        for row, now in enumerate(times.tolist()):
-            if now >= self._due:
-                rows.append(row)
-                self._due = now + DOOR_PERIOD
-        if rows and self._links.names:
-            poses = self._links.poses(columns["position"][rows])
-            frames = {
-                layouts.numbered(name, i): poses[:, i, j]
-                for i in range(len(self._links.names))
-                for j, name in enumerate(POSE)
-            }
-            yield self._frames, times[rows], frames
-
-
-class SampleColumns:
+class SampleColumns(SampledSignal):
     """Samples of a fixed number of floats each; a yaw gets its quaternion when they are columns.
 
     Appending costs a fraction of a microsecond; nothing is encoded before :meth:`drain`.
@@ -110,7 +86,8 @@ class SampleColumns:
 
     __slots__ = ("_names", "_times", "_values")
 
-    def __init__(self, names: tuple[str, ...]) -> None:
+    def __init__(self, names: tuple[str, ...], *filled: MessageLayout) -> None:
+        super().__init__(*filled)
         self._names = names
         # Lists and not ``array``: extending one by seven floats takes 27 ns and 8 ns each when it
         # becomes columns, extending an ``array`` 350 ns.
@@ -139,17 +116,26 @@ class SampleColumns:
         return samples
 
 
-class JointSamples:
-    """Keeps a joint state when it differs from the one before, and once a second.
+class JointSamples(SampledSignal):
+    """Joint states, and at most ten times a second the frames of the links that joints move.
 
-    The last of a row of equal states is kept too, so that linear interpolation between the kept
-    ones gives back every one that was left out.
+    A state is kept when it differs from the one before, and once a second. The last of a row of
+    equal states is kept too, so that linear interpolation between the kept ones gives back every
+    one that was left out.
     """
 
-    __slots__ = ("_due", "_held", "_joints", "_last", "_repeated", "_states", "_times")
+    __slots__ = (
+        "_due", "_frames", "_frames_due", "_held", "_joints", "_last", "_links", "_repeated",
+        "_states", "_times",
+    )  # fmt: skip
 
-    def __init__(self, joints: int) -> None:
-        self._joints = joints
+    def __init__(self, scene: Scene) -> None:
+        names = scene.joint_names
+        super().__init__(layouts.joints(names))
+        self.topics |= {"/tf"}
+        self._links, self._frames_due = MovingLinks.of(scene), 0
+        self._frames = layouts.transforms(tuple(("map", name) for name in self._links.names))
+        self._joints = len(names)
         self._times: list[int] = []
         self._states: list[bytes] = []
         self._last, self._held, self._due = b"", -1, 0
@@ -176,14 +162,14 @@ class JointSamples:
             return
         if len(state) != 16 * self._joints:
             raise ValueError(f"joint states must have {self._joints} positions and velocities")
-        self.keep_last_repeat()
+        self.keep_last()
         self._times.append(time)
         self._states.append(state)
         if state != self._last:
             self._repeated = None
         self._last, self._due = state, time + HEARTBEAT
 
-    def keep_last_repeat(self) -> None:
+    def keep_last(self) -> None:
         """Keep the last repetition, because something else follows (or nothing any more)."""
         if self._held >= 0:
             self._times.append(self._held)
@@ -202,19 +188,38 @@ class JointSamples:
         self._times, self._states = [], []
         return samples
 
+    def messages(self) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
+        """Drain the samples; yield the joint states, then the frames."""
+        times, columns = self.drain()
+        yield self.layouts[0], times, columns
+        rows = []
+        for row, now in enumerate(times.tolist()):
+            if now >= self._frames_due:
+                rows.append(row)
+                self._frames_due = now + DOOR_PERIOD
+        if rows and self._links.names:
+            poses = self._links.poses(columns["position"][rows])
+            frames = {
+                layouts.numbered(name, i): poses[:, i, j]
+                for i in range(len(self._links.names))
+                for j, name in enumerate(POSE)
+            }
+            yield self._frames, times[rows], frames
+
     def _columns(self, times: list[int], states: list[bytes]) -> tuple[IntArray, Columns]:
         table = np.frombuffer(b"".join(states), np.float64).reshape(len(times), 2 * self._joints)
         columns = {"position": table[:, : self._joints], "velocity": table[:, self._joints :]}
         return np.array(times, np.int64), columns
 
 
-class _ScanBuffer:
-    """Collects the scans of one laser."""
+class LaserScans(SampledSignal):
+    """Scans of one laser."""
 
     __slots__ = ("_ranges", "_rays", "_times")
 
-    def __init__(self, rays: int) -> None:
-        self._rays = rays
+    def __init__(self, laser: Laser) -> None:
+        super().__init__(layouts.scan(laser))
+        self._rays = laser.rays
         self._times: list[int] = []
         self._ranges: list[bytes] = []
 
@@ -239,11 +244,6 @@ class _ScanBuffer:
         return samples
 
 
-def _signal(columns: tuple[str, ...], *filled: MessageLayout) -> SampledSignal:
-    return SampledSignal(functools.partial(SampleColumns, columns), *filled)
-
-
-@functools.cache
 def common_signals() -> dict[str, SampledSignal]:
     """Return the signals that are the same in every run, by topic.
 
@@ -251,41 +251,32 @@ def common_signals() -> dict[str, SampledSignal]:
     this table.
     """
     summary = layouts.estimate("/particle_cloud/summary")
+    to_base = layouts.transforms((("odom", "base_link"),))
     return {
-        "/clock": _signal((), layouts.clock()),
-        "/tf": _signal(POSE, layouts.transforms((("map", "odom"),))),
+        "/clock": SampleColumns((), layouts.clock()),
+        "/tf": SampleColumns(POSE, layouts.transforms((("map", "odom"),))),
         # odom -> base_link has the columns of the odometry, so the two can never disagree.
-        "/odom": _signal(
-            MOTION,
-            layouts.odometry("/odom", "odom"),
-            layouts.transforms((("odom", "base_link"),)),
-        ),
-        "/ground_truth": _signal(MOTION, layouts.odometry("/ground_truth", "map")),
-        "/cmd_vel": _signal(TWIST, layouts.command()),
-        "/pose": _signal(BELIEF, layouts.estimate("/pose")),
-        "/particle_cloud/summary": _signal((*BELIEF, "count"), summary, layouts.count()),
-        "/sut/latency": _signal(("seconds",), layouts.latency()),
+        "/odom": SampleColumns(MOTION, layouts.odometry("/odom", "odom"), to_base),
+        "/ground_truth": SampleColumns(MOTION, layouts.odometry("/ground_truth", "map")),
+        "/cmd_vel": SampleColumns(TWIST, layouts.command()),
+        "/pose": SampleColumns(BELIEF, layouts.estimate("/pose")),
+        "/particle_cloud/summary": SampleColumns((*BELIEF, "count"), summary, layouts.count()),
+        "/sut/latency": SampleColumns(("seconds",), layouts.latency()),
     }
 
 
 def run_signals(robot: Robot, scene: Scene) -> dict[str, SampledSignal]:
-    """Return the signals of a run but its contacts, by topic; of one recording alone."""
+    """Return the signals of a run but its contacts, by topic."""
     return {
         **common_signals(),
-        "/joint_states": JointSignal(scene),
-        **{
-            scan_topic(laser): SampledSignal(
-                functools.partial(_ScanBuffer, laser.rays), layouts.scan(laser)
-            )
-            for laser in robot.lasers
-        },
+        "/joint_states": JointSamples(scene),
+        **{scan_topic(laser): LaserScans(laser) for laser in robot.lasers},
     }
 
 
-@functools.lru_cache(maxsize=1024)
 def contact_signal(first: str, second: str) -> SampledSignal:
     """Return the signal of contacts between two named bodies."""
-    return _signal(("px", "py", "nx", "ny", "depth"), layouts.contact(first, second))
+    return SampleColumns(("px", "py", "nx", "ny", "depth"), layouts.contact(first, second))
 
 
 def _quaternions(yaw: Floats) -> Columns:

@@ -30,7 +30,7 @@ from daemon.trace._mcap_writer import McapWriter
 from daemon.trace._model import Trace
 from daemon.trace._reader import decode_trace, judged_layouts
 from daemon.trace._recorder import Recorder, nanoseconds, utf8_text
-from daemon.trace._signals import JointSamples, SampledSignal
+from daemon.trace._signals import SampledSignal
 from daemon.trace._views import encode_path, thin_plan
 from daemon.trace.messages import JUDGED
 from grammars.model.geometry import Floats
@@ -72,7 +72,6 @@ class TraceWriter(Recorder):
         packed = _compress_scene(scene, spec.scene)
         topics = messages.topics_of(spec.robot)
         self._ids = {topic.name: number for number, topic in enumerate(topics, start=1)}
-        self._buffers = {signal: signal.collect() for signal in self._signals.values()}
         self._records: dict[str, MessageRecords] = {}
         self._next = dict.fromkeys(self._ids, 0)
         self._plan = b""
@@ -116,12 +115,7 @@ class TraceWriter(Recorder):
 
     def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
         # Most of what is recorded comes with others of its instant.
-        now = self._now if time == self._time else self._at(time)
-        try:
-            buffer = self._buffers[signal]
-        except KeyError:
-            buffer = self._buffers[signal] = signal.collect()
-        buffer.add(now, values)
+        signal.add(self._now if time == self._time else self._at(time), values)
 
     def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
         now = self._at(time)
@@ -171,9 +165,9 @@ class TraceWriter(Recorder):
 
     def _peek_judged(self) -> Iterator[MessageBlock]:
         """Yield what judges read of the messages that are not encoded yet."""
-        for signal, buffer in self._buffers.items():
+        for signal in (*self._signals.values(), *self._contacts.values()):
             if signal.topics & JUDGED:
-                times, columns = buffer.peek()
+                times, columns = signal.peek()
                 for layout in signal.layouts:
                     if layout.topic in JUDGED:
                         yield encode_block(layout, self._ids[layout.topic], times, columns)
@@ -260,9 +254,8 @@ class TraceWriter(Recorder):
 
     def _keep_last(self) -> None:
         """Record what is held back until something else follows, or nothing any more."""
-        for buffer in self._buffers.values():
-            if isinstance(buffer, JointSamples):
-                buffer.keep_last_repeat()
+        for signal in self._signals.values():
+            signal.keep_last()
         self._next["/plan"] = 0
         self._write_plan(0)
 
@@ -270,13 +263,12 @@ class TraceWriter(Recorder):
         """Write what is earlier than ``before`` [ns], or everything there is."""
         blocks = [
             encode_block(layout, self._ids[layout.topic], times, columns)
-            for signal, buffer in self._buffers.items()
-            for layout, times, columns in signal.messages(*buffer.drain())
+            for signal in (*self._signals.values(), *self._contacts.values())
+            for layout, times, columns in signal.messages()
         ]
         blocks += [records.drain() for records in self._records.values()]
-        # Without those of bodies that touched: of one instant, contacts lie in the order in which
-        # the pairs of a chunk first touched.
-        self._buffers = {signal: self._buffers[signal] for signal in self._signals.values()}
+        # Contacts of one instant lie in the order in which the pairs of a chunk first touched.
+        self._contacts.clear()
         if self._judged is not None:
             self._keep(self._judged, blocks)
         early, self._late = split_blocks([*self._late, *blocks], before)

@@ -118,10 +118,10 @@ def test_joint_states_left_out_are_given_back_by_interpolation(recorded):
 
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
 def test_thinned_joint_states_interpolate_to_all_of_them(positions):
-    samples = JointSamples(1)
+    samples = JointSamples(scene(1))
     for step, position in enumerate(positions):
         samples.add(step * 50_000_000, (np.array([position]), np.zeros(1)))
-    samples.keep_last_repeat()
+    samples.keep_last()
     times, columns = samples.drain()
     assert np.diff(times).max(initial=0) <= 1_000_000_000
     found = np.interp(np.arange(len(positions)) * 50_000_000, times, columns["position"][:, 0])
@@ -130,7 +130,7 @@ def test_thinned_joint_states_interpolate_to_all_of_them(positions):
 
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
 def test_joint_states_are_the_same_however_they_are_handed_over(positions):
-    fresh, changed, kept = JointSamples(1), JointSamples(1), JointSamples(1)
+    fresh, changed, kept = (JointSamples(scene(1)) for _ in range(3))
     velocity = np.zeros(1)
     buffer, arrays = np.zeros(1), {position: np.array([position]) for position in positions}
     for array in (velocity, *arrays.values()):
@@ -142,7 +142,7 @@ def test_joint_states_are_the_same_however_they_are_handed_over(positions):
         changed.add(time, (buffer, velocity))
         kept.add(time, (arrays[position], velocity))
     for samples in (fresh, changed, kept):
-        samples.keep_last_repeat()
+        samples.keep_last()
     (times, columns), *others = (samples.drain() for samples in (fresh, changed, kept))
     for found_times, found in others:
         np.testing.assert_array_equal(found_times, times)
