@@ -1,7 +1,7 @@
 """A live world for a ROS 2 stack that somebody starts by hand: topics out, commands in.
 
-Over a :class:`~daemon.stacks.ros2.link.StackLink`, as in a run, but nothing is waited for: the
-world goes on by its own clock, and what the stack commands is carried out when it comes. Sensor
+Over a :class:`~daemon.stacks.ros2.relay_link.RelayLink`, as in a run, but without lock step: the
+world goes on by its own clock, and a command of the stack is carried out when it comes. Sensor
 data, transforms and the map are as a robot publishes them; map -> odom is the stack's to say.
 """
 
@@ -12,13 +12,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 from daemon.live.simulation import LiveSimulation
 from daemon.model.sut import Briefing, Decision, Observation, Odometry, Progress
 from daemon.stacks.ros2 import sensors, telemetry
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
-from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, StackLink
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup
+from daemon.stacks.ros2.relay_link import RelayLink
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.robot import Laser
@@ -51,13 +52,6 @@ def _bridge_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
     return replace(whole, subscribe=heard, nodes=())
 
 
-class ListeningLink(StackLink, Protocol):
-    """A link that a stack connects to when it likes."""
-
-    def accept(self, timeout: float = 0.1) -> bool:
-        """Wait ``timeout`` [s] of wall clock; return whether the stack is there."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Moment:
     """What was observed, of which world, and ROS time at the begin of that world [ns]."""
@@ -83,7 +77,7 @@ class RosBridge:
     def __init__(
         self,
         simulation: LiveSimulation,
-        listen: Callable[[], ListeningLink],
+        listen: Callable[[], RelayLink],
         settings: Ros2Settings | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,

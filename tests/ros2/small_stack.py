@@ -18,7 +18,7 @@ import time
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav2_msgs.action import FollowWaypoints, NavigateThroughPoses, NavigateToPose
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleNode
@@ -84,12 +84,15 @@ class Talker(Node):
 
 
 class Navigator(LifecycleNode):
-    """Takes goals: rejected beyond 100 m, aborted beyond 50 m, pursued until cancelled below 0."""
+    """Takes goals: rejected beyond 100 m, aborted beyond 50 m, pursued without end below 0.
+
+    An abort takes it out of the active state, or back.
+    """
 
     def __init__(self):
         super().__init__("navigator")
         self.declare_parameter("max_speed", 0.5)
-        self.declare_parameter("plugins", ["a", "b"])
+        self.declare_parameter("plugin", "a")
         self.declare_parameter("stateful", True)
         for kind, name in (
             (NavigateToPose, "/navigate_to_pose"),
@@ -102,9 +105,11 @@ class Navigator(LifecycleNode):
                 name,
                 lambda goal, kind=kind: self._pursue(kind, goal),
                 goal_callback=self._judge,
-                cancel_callback=lambda _goal: CancelResponse.ACCEPT,
                 callback_group=ReentrantCallbackGroup(),
             )
+        self.trigger_configure()
+        self.trigger_activate()
+        self._active = True
 
     def _judge(self, goal):
         return GoalResponse.REJECT if _poses(goal)[0].pose.position.x > 100 else GoalResponse.ACCEPT
@@ -122,12 +127,11 @@ class Navigator(LifecycleNode):
             feedback.number_of_poses_remaining = len(poses)
         goal.publish_feedback(feedback)
         result = kind.Result()
-        while where < 0 and not goal.is_cancel_requested:
+        while where < 0:
             time.sleep(0.01)
-        if where < 0:
-            print("canceled -1", flush=True)
-            goal.canceled()
-        elif where > 50:
+        if where > 50:
+            self.trigger_deactivate() if self._active else self.trigger_activate()
+            self._active = not self._active
             result.error_code = 104
             result.error_msg = "beyond the map"
             goal.abort()

@@ -121,11 +121,6 @@ class Bench:
         assert self._link.accept(DEADLINE), self.logs()
         return self._link
 
-    def again(self):
-        """Let go and wait for the relay to come back."""
-        self.listen()
-        return self.accept()
-
     def listen(self):
         """Let go and listen anew."""
         self._link.close()
@@ -232,7 +227,6 @@ def drive(bench, kind, cycles):
     link.set_up(setup())
     bench.stack("stamped" if kind == STAMPED else "unstamped")
     bench.cycle_until(lambda answer: answer.commands)
-    assert link.readiness().command == kind
     bench.cycle(wait=0.2)
     bench.now = 100 * 1_000_000_000
     commands = []
@@ -287,13 +281,10 @@ def test_an_answer_to_an_earlier_cycle_is_none_to_this_one(bench):
 def test_both_kinds_of_command_are_heard_whenever_they_come(bench):
     link = bench.connect()
     link.set_up(setup())
-    assert link.readiness().command == ""
     first = bench.stack("unstamped", "best-effort")
-    bench.cycle_until(lambda answer: answer.commands)
-    assert link.readiness().command == UNSTAMPED
+    bench.cycle_until(lambda answer: [one for one in answer.messages if one.kind == UNSTAMPED])
     bench.stack("stamped")
     bench.cycle_until(lambda answer: [one for one in answer.messages if one.kind == STAMPED])
-    assert link.readiness().command == STAMPED
     first.kill()
     for _ in range(3):
         bench.cycle_until(
@@ -316,12 +307,8 @@ def test_a_reliable_publisher_may_be_joined_by_one_that_is_not(bench):
 
 
 GOALS = {
-    "navigate_to_pose": {"distance_remaining": 2.0, "number_of_recoveries": 3},
-    "navigate_through_poses": {
-        "distance_remaining": 2.0,
-        "number_of_recoveries": 3,
-        "number_of_poses_remaining": 2,
-    },
+    "navigate_to_pose": {"number_of_recoveries": 3},
+    "navigate_through_poses": {"number_of_recoveries": 3, "number_of_poses_remaining": 2},
     "follow_waypoints": {"current_waypoint": 1},
 }
 
@@ -354,10 +341,10 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench, action):
     accepted, feedback = bench.goal_updates(4, {"feedback"})
     assert accepted == GoalUpdate(4, "accepted")
     assert feedback == GoalUpdate(4, "feedback", content=GOALS[action])
-    link.cancel_goals()
+    send(5, 1.0)
     # Nothing is owed any more when a goal ends: the wait does, long before its time.
     answer = bench.cycle("command", 250.0)
-    assert [one.state for one in answer.goals] == ["canceled"]
+    assert (answer.goals[-1].goal, answer.goals[-1].state) == (5, "succeeded")
     assert answer.latency is None
 
 
@@ -372,10 +359,9 @@ def test_a_goal_that_nobody_answers_is_said_to_be_unanswered(bench):
     stack.send_signal(signal.SIGCONT)
     # That it is accepted after all is not told any more.
     link.send_goal(2, ((-1.0, 0.0, 0.0),), "map", 0)
-    assert bench.goal_updates(2, {"feedback"})[0].state == "accepted"
-    link.cancel_goals()
-    answer = bench.cycle("command", 250.0)
-    assert [(one.goal, one.state) for one in answer.goals] == [(2, "canceled")]
+    updates = []
+    bench.cycle_until(lambda answer: updates.extend(answer.goals) or len(updates) > 1)
+    assert [(one.goal, one.state) for one in updates] == [(2, "accepted"), (2, "feedback")]
 
 
 def test_lifecycle_parameters_and_graph(bench):
@@ -389,22 +375,19 @@ def test_lifecycle_parameters_and_graph(bench):
     graph = link.graph()
     assert (graph.endpoints, graph.nodes, graph.services) == ((), (), ())
 
-    link.request_state("/navigator", "configure")
     bench.stack("actions", "words", "stamped")
-    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "inactive")
-    link.request_state("/navigator", "activate")
     bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "active")
     bench.cycle_until(lambda _: link.readiness().server)
     assert link.readiness().nodes["/nobody"] == ""
 
-    assert link.parameters("/navigator", ("max_speed", "plugins", "stateful", "none")) == {
+    assert link.parameters("/navigator", ("max_speed", "plugin", "stateful", "none")) == {
         "max_speed": 0.5,
-        "plugins": ["a", "b"],
+        "plugin": "a",
         "stateful": True,
     }
     assert link.parameters("/nobody", ("max_speed",)) == {}
 
-    bench.cycle_until(lambda _: link.readiness().command)
+    bench.cycle_until(lambda answer: answer.commands)
     graph = link.graph()
     assert graph.nodes == ("/controller_stamped", "/navigator", "/talker")
     assert "/navigator/get_state" in graph.services
@@ -422,16 +405,11 @@ def test_a_node_that_is_no_longer_active_is_told(bench):
     link = bench.connect()
     link.set_up(setup(nodes=("/navigator", "/nobody")))
     stack = bench.stack("actions")
-    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"])
-    assert bench.cycle().inactive == {}
-    link.request_state("/navigator", "configure")
-    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "inactive")
-    link.request_state("/navigator", "activate")
     bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "active")
     assert bench.cycle().inactive == {}
-    link.request_state("/navigator", "deactivate")
+    link.send_goal(1, ((60.0, 0.0, 0.0),), "map", 0)
     assert bench.cycle_until(lambda answer: answer.inactive) == {"/navigator": "inactive"}
-    link.request_state("/navigator", "activate")
+    link.send_goal(2, ((60.0, 0.0, 0.0),), "map", 0)
     bench.cycle_until(lambda answer: not answer.inactive)
     stack.send_signal(signal.SIGSTOP)
     assert bench.cycle_until(lambda answer: answer.inactive) == {"/navigator": "not answering"}
@@ -454,7 +432,8 @@ def test_latched_topics_reach_late_listeners_and_floods_are_bounded(bench):
         answers.append(bench.cycle(wait=0.5))
     lines = [sum(one.topic == "/rosout" for one in answer.messages) for answer in answers]
     assert 0 < max(lines) <= 200
-    assert sum(lines) + link.dropped.get("/rosout", 0) <= 500
+    assert sum(lines) <= 500
+    assert max(lines) < 200 or any("/rosout" in answer.dropped for answer in answers)
     # What the relay itself publishes on a topic that it listens to does not come back; what comes
     # is best effort, and would not be given to a reliable subscription.
     assert [one.topic for answer in answers for one in answer.messages].count("/tf") == 1
@@ -473,7 +452,7 @@ def word(answer):
          "has no package nonsense_msgs: install it, or name the setup file"),
         ({"publish": (TopicSetup("/a", "std_msgs/msg/Nonsense"),)},
          "package std_msgs has no msg Nonsense"),
-        ({"publish": (TopicSetup("/a b", "std_msgs/msg/String"),)}, "gone"),
+        ({"publish": (TopicSetup("/a b", "std_msgs/msg/String"),)}, "rclpy: Invalid"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_made_is_said_in_a_sentence(bench, change, text):
@@ -494,7 +473,7 @@ def test_a_relay_ends_with_the_connection_and_with_its_starter(bench):
     bench.connect().close()
     assert bench.children[0].wait(DEADLINE) == 0
     bench.listen()
-    link = bench.connect(SCENARIO_KEEP="1")
+    link = bench.connect()
     link.set_up(setup())
     stdin = bench.children[1].stdin
     assert stdin is not None
@@ -515,58 +494,3 @@ def test_a_relay_whose_parent_is_killed_ends(bench):
         parent.kill()
         with pytest.raises(LinkLost, match="gone"):
             bench.cycle_until(lambda _: None)
-
-
-def test_a_relay_that_is_kept_serves_the_next_run(bench):
-    link = bench.connect(SCENARIO_KEEP="1")
-    link.set_up(setup(publish=(STATIC,), subscribe=HEARD))
-    bench.stack("stamped", "actions", "words")
-    bench.cycle_until(lambda answer: answer.server and answer.commands)
-    first = bench.cycle(messages=(("/tf_static", transforms("laser", 0)),))
-    assert word(first) or bench.cycle_until(word) == "laser"
-    link.send_goal(1, ((-1.0, 0.0, 0.0),), "map", 0)
-    bench.goal_updates(1, {"feedback"})
-
-    bench.now = 100 * 1_000_000_000
-    link = bench.again()
-    link.set_up(setup(publish=(STATIC,), subscribe=HEARD))
-    # What is latched is heard anew.
-    assert bench.cycle_until(word) == "laser"
-    bench.cycle_until(lambda answer: answer.commands)
-    for _ in range(3):
-        time = bench.now
-        answer = bench.cycle("command", DEADLINE)
-        assert answer.latency is not None
-        assert relay.read_stamp(answer.messages[-1].data) == time
-    # Nothing is told of the former goal, which has the same number.
-    link.send_goal(1, ((1.0, 0.0, 0.0),), "map", 0)
-    states = [one.state for one in bench.goal_updates(1, {"succeeded", "canceled"})]
-    assert [state for state in states if state != "feedback"] == ["accepted", "succeeded"]
-    link = bench.again()
-    link.set_up(setup(action="/follow_waypoints", action_kind="follow_waypoints"))
-    bench.cycle_until(lambda answer: answer.server)
-    # Cancelled, so nothing pursues it any more.
-    assert "canceled -1" in bench.logs()
-
-
-def test_garbage_from_our_side_ends_the_relay(bench):
-    link = bench.connect(SCENARIO_KEEP="1")
-    link.set_up(setup())
-    with pytest.raises(LinkLost, match="gone"):
-        bench.cycle("nonsense")
-    assert bench.children[0].wait(DEADLINE) == 3
-    assert "waits 0.02 s for 'nonsense'" in bench.logs()
-
-
-def test_the_executor_of_rclpy_does_it_as_well(bench):
-    link = bench.connect(SCENARIO_RELAY_EXECUTOR="1")
-    link.set_up(setup(subscribe=HEARD))
-    bench.stack("stamped", "actions")
-    bench.cycle_until(lambda answer: answer.server and answer.commands)
-    bench.cycle(wait=0.2)
-    for _ in range(50):
-        time = bench.now
-        answer = bench.cycle("command", DEADLINE)
-        assert answer.latency is not None
-        assert relay.read_stamp(answer.messages[-1].data) == time
-    assert "through the executor" in bench.logs()

@@ -28,7 +28,6 @@ from daemon.stacks.ros2.link import (
     CycleAnswer,
     LinkLost,
     Readiness,
-    StackLink,
 )
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.relay_link import RelayLink, relay_path
@@ -61,7 +60,7 @@ _ORDINALS: Final = ("first", "second", "third")
 class StackSession:
     """A stack that runs, and what is connected to it; ``zero`` is the ROS time of time 0 [ns]."""
 
-    def __init__(self, settings: Ros2Settings, process: StackProcess, link: StackLink) -> None:
+    def __init__(self, settings: Ros2Settings, process: StackProcess, link: RelayLink) -> None:
         self.settings, self.process, self.link = settings, process, link
         self.telemetry = Telemetry(settings.topics, settings.frames)
         self.zero = self.time = 0

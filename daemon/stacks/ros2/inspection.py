@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from daemon.model.sut import Briefing, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.link import Cycle, Graph, LinkLost, Readiness, StackIdentity, StackLink
+from daemon.stacks.ros2.link import Cycle, Graph, LinkLost, Readiness, StackIdentity
 from daemon.stacks.ros2.settings import Ros2Settings
 
 if TYPE_CHECKING:
     from daemon.stacks.ros2.bring_up import StackSession
+    from daemon.stacks.ros2.relay_link import RelayLink
 
 PARAMETERS: Final = (
     "use_sim_time", "controller_frequency", "default_server_timeout", "bond_timeout",
@@ -157,7 +158,7 @@ def _frames(data: bytes) -> Iterator[tuple[str, str]]:
         yield transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
 
 
-def _parameters(link: StackLink, graph: Graph) -> dict[str, Mapping[str, Any]]:
+def _parameters(link: RelayLink, graph: Graph) -> dict[str, Mapping[str, Any]]:
     """Return what nodes say of :data:`PARAMETERS`; those that come last may not be asked."""
     until = wall_clock.monotonic() + _ASKING
     found: dict[str, Mapping[str, Any]] = {}

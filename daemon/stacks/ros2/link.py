@@ -1,16 +1,16 @@
-"""The seam between lock step and a transport: what is asked of a stack and what it answers.
+"""The values that pass between lock step and the relay: requests to a stack and its answers.
 
-A link makes publishers, subscriptions and action clients as a :class:`LinkSetup` says, and then
-only answers. Message contents are CDR, little-endian with its four bytes of encapsulation, made
-and read on this side; times are ROS time [ns] of the clock that the link publishes. The relay
-(:mod:`daemon.stacks.ros2.relay_link`) fulfils it.
+A link (:mod:`daemon.stacks.ros2.relay_link`) makes publishers, subscriptions and action clients
+as a :class:`LinkSetup` says, and then only answers. Message contents are CDR, little-endian with
+its four bytes of encapsulation, made and read on this side; times are ROS time [ns] of the clock
+that the link publishes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, Protocol, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 Qos: TypeAlias = Literal["reliable", "best effort", "latched"]
 """``latched`` is reliable and transient local, for topics that are published once."""
@@ -65,7 +65,6 @@ class StackIdentity:
 
     distribution: str
     rmw: str
-    python: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +100,7 @@ class GoalUpdate:
     ``state`` is ``unanswered`` when no answer came to the request within ten seconds of wall
     clock, ``feedback`` for feedback (the latest of a cycle). ``error_code`` and ``error_text``
     are those of the result where it has them; ``content`` holds fields of a result or feedback as
-    plain values: ``current_waypoint``, ``number_of_poses_remaining``, ``distance_remaining``,
+    plain values: ``current_waypoint``, ``number_of_poses_remaining``,
     ``number_of_recoveries``, ``missed_waypoints`` (indices).
     """
 
@@ -121,9 +120,10 @@ class CycleAnswer:
     ``latency`` [s of wall clock] from the clock to the command that answered, ``None`` when none
     did within ``wait``. ``commands`` counts all of this cycle; the last one is among the
     ``messages``. ``heard``: anything at all came from the stack. ``server``: the action server is
-    in the graph (looked at now and then, so up to a second old). ``dropped`` counts by topic the
-    messages that were too many for one cycle. ``inactive``: the nodes of the setup that were active
-    and no longer are, with their state as in :class:`Readiness` (checked once a second).
+    in the graph (looked at now and then, so up to a second old). ``dropped`` names the topics with
+    too many messages for one cycle; the oldest are lost. ``inactive``: the nodes of the setup that
+    were active and no longer are, with their state as in :class:`Readiness` (checked once a
+    second).
     """
 
     latency: float | None
@@ -132,7 +132,7 @@ class CycleAnswer:
     server: bool
     messages: tuple[ReceivedMessage, ...] = ()
     goals: tuple[GoalUpdate, ...] = ()
-    dropped: Mapping[str, int] = field(default_factory=dict)
+    dropped: tuple[str, ...] = ()
     inactive: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -142,13 +142,11 @@ class Readiness:
 
     The state is empty for a node that is not in the graph or has not answered yet, and
     ``not answering`` for one that is in the graph and has not answered for two seconds.
-    ``command`` is the type of the publisher found on the command topic, empty without one.
     ``listeners`` counts subscribers of each published topic.
     """
 
     nodes: Mapping[str, str]
     server: bool
-    command: str
     listeners: Mapping[str, int]
 
 
@@ -162,7 +160,6 @@ class GraphEndpoint:
     role: Literal["publisher", "subscription"]
     reliable: bool
     transient_local: bool
-    depth: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,42 +169,3 @@ class Graph:
     endpoints: tuple[GraphEndpoint, ...]
     nodes: tuple[str, ...]
     services: tuple[str, ...]
-
-
-class StackLink(Protocol):
-    """A connection to a stack; every method raises :class:`LinkLost`."""
-
-    @property
-    def identity(self) -> StackIdentity:
-        """What the stack runs on."""
-
-    def set_up(self, setup: LinkSetup) -> None:
-        """Make publishers, subscriptions and clients; once, before the first cycle."""
-
-    def cycle(self, cycle: Cycle) -> CycleAnswer:
-        """Publish, move the clock on, wait for the answer."""
-
-    def readiness(self) -> Readiness:
-        """Return how far the stack has come up; asks nodes in the background, never waits."""
-
-    def send_goal(self, goal: int, poses: tuple[tuple[float, float, float], ...], frame: str,
-                  time: int) -> None:  # fmt: skip
-        """Send a goal of one or more poses (x, y, yaw) stamped ``time`` [ns]; updates follow."""
-
-    def cancel_goals(self) -> None:
-        """Ask for every goal of this link to be cancelled; updates follow."""
-
-    def graph(self) -> Graph:
-        """Return everything in sight."""
-
-    def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
-        """Return values of parameters that are there; at most two seconds of wall clock."""
-
-    def request_state(self, node: str, transition: str) -> None:
-        """Ask a lifecycle node to ``configure``, ``activate``, ``deactivate`` or ``cleanup``.
-
-        Never waits, for the clock has to run meanwhile: :meth:`readiness` shows what became of it.
-        """
-
-    def close(self) -> None:
-        """Let go; never raises."""

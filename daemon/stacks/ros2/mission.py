@@ -7,11 +7,14 @@ nav2_msgs of Humble to Lyrical (NavigateToPose, NavigateThroughPoses, FollowWayp
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from daemon.model.sut import Progress, SutEvent, SutFailure
-from daemon.stacks.ros2.link import GoalUpdate, StackLink
+from daemon.stacks.ros2.link import GoalUpdate
 from grammars.model.mission import Mission, Waypoint
+
+if TYPE_CHECKING:
+    from daemon.stacks.ros2.relay_link import RelayLink
 
 _ACKNOWLEDGEMENT: Final = "Timed out while waiting for action server to acknowledge goal request"
 """What bt_navigator logs when a server did not acknowledge within ``default_server_timeout``. That
@@ -26,7 +29,7 @@ class GoalSequence:
     ``waypoints``: one goal after the other; ``follow`` and ``through``: all of them in one goal.
     """
 
-    def __init__(self, mission: Mission, mode: MissionMode, link: StackLink, frame: str) -> None:
+    def __init__(self, mission: Mission, mode: MissionMode, link: RelayLink, frame: str) -> None:
         self._poses = tuple(_goal_poses(mission))
         self._names = tuple(waypoint.id for waypoint in mission.waypoints)
         self._mode: MissionMode = mode

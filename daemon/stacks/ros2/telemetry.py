@@ -6,7 +6,7 @@ Everything here is looked at or recorded; a message that cannot be read is told 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -118,15 +118,15 @@ class Telemetry:
         messages: tuple[ReceivedMessage, ...],
         now: float,
         odometry: Odometry,
-        dropped: Mapping[str, int] | None = None,
+        dropped: tuple[str, ...] = (),
     ) -> Heard:
         """Read the messages of one cycle at the simulated time ``now`` [s].
 
-        ``odometry`` is the newest sample: an estimate is map -> odom with it. ``dropped`` counts
-        by topic the messages that were too many for the cycle.
+        ``odometry`` is the newest sample: an estimate is map -> odom with it. ``dropped`` names
+        the topics with too many messages for the cycle.
         """
         heard = Heard()
-        for topic in dropped or ():
+        for topic in dropped:
             text = f"{topic} had more messages in one cycle than are taken: old ones are lost"
             self._tell(text, heard)
         localised = False

@@ -74,12 +74,9 @@ class PretendedStack:
         return CycleAnswer(None, 1, True, False, said)
 
     def readiness(self):
-        return Readiness({}, False, STAMPED, {})
+        return Readiness({}, False, {})
 
     def send_goal(self, goal, poses, frame, time):
-        raise AssertionError("nobody asked for a goal")
-
-    def cancel_goals(self):
         raise AssertionError("nobody asked for a goal")
 
     def graph(self):
@@ -87,9 +84,6 @@ class PretendedStack:
 
     def parameters(self, node, names):
         return {}
-
-    def request_state(self, node, transition):
-        pass
 
     def close(self):
         self.closed.set()

@@ -40,7 +40,7 @@ def seen_by(*, active=True):
     return Inspection(
         StackIdentity("jazzy", "rmw_fastrtps_cpp"),
         Graph(tuple(ears), ("/amcl",), ("/amcl/get_state",)),
-        Readiness({"/amcl": "active" if active else "inactive"}, True, twist, {}),
+        Readiness({"/amcl": "active" if active else "inactive"}, True, {}),
         {"/bt_navigator": {"default_server_timeout": 20}},
         seconds=12.3,
         failure=None if active else SutFailure("not ready", printed=["its last \x1b[31mline"]),

@@ -28,13 +28,10 @@ class PretendedLink:
         return self.answer
 
     def readiness(self):
-        return Readiness({}, True, "", {})
+        return Readiness({}, True, {})
 
     def send_goal(self, goal, poses, frame, time):
         self.goals.append((goal, poses, frame, time))
-
-    def cancel_goals(self):
-        self.goals.clear()
 
     def graph(self):
         return Graph((), (), ())

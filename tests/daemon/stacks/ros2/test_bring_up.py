@@ -70,7 +70,7 @@ class Stack(PretendedLink):
         return CycleAnswer(None, 0, heard=True, server=True, messages=heard)
 
     def readiness(self):
-        return Readiness(dict(self.states), True, "", {"/initialpose": 1, "/scan": 1})
+        return Readiness(dict(self.states), True, {"/initialpose": 1, "/scan": 1})
 
     def graph(self):
         return Graph(self.endpoints, (), ())

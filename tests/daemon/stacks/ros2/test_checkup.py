@@ -60,7 +60,7 @@ SOUND = Inspection(
         (*READY, "/launch_ros_17"),
         (*(f"{node}/get_state" for node in READY), "/navigate_to_pose/_action/send_goal"),
     ),
-    Readiness(dict.fromkeys(READY, "active"), True, STAMPED, {"/scan": 2}),
+    Readiness(dict.fromkeys(READY, "active"), True, {"/scan": 2}),
     PARAMETERS,
     frozenset({("map", "odom")}),
     seconds=12.25,

@@ -71,7 +71,7 @@ class PretendedStack(PretendedLink):
     def readiness(self):
         self.looks += 1
         state = "active" if self.looks >= self.active_after else "inactive"
-        return Readiness({"/amcl": state}, True, "", {})
+        return Readiness({"/amcl": state}, True, {})
 
     def graph(self):
         return Graph((), ("/amcl",), ("/amcl/get_parameters", "/amcl/get_state", "/talk"))

@@ -135,7 +135,7 @@ def ear(topic):
 
 def about_scans(found, *ears):
     graph = Graph(ears, ("/amcl",), ())
-    seen = Inspection(StackIdentity("jazzy", "rmw_x"), graph, Readiness({}, True, "", {}))
+    seen = Inspection(StackIdentity("jazzy", "rmw_x"), graph, Readiness({}, True, {}))
     return [line for line in examine(found, seen, LASERS) if line.kind == sensors.SCAN]
 
 
