@@ -21,7 +21,7 @@ from daemon.model.assessments import (
     ScenarioComparison,
 )
 from grammars.model.mission import Mission
-from grammars.oracle import Amount, Leg, Oracle, Statistic, kind_of, leg_number, parse_oracle
+from grammars.oracle import Leg, Oracle, leg_number, parse_oracle, unit_of
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.text.quantity import parse_in
@@ -94,7 +94,7 @@ def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Di
 def _known_quantities(
     comparisons: Sequence[ScenarioComparison], scope: DeclarationScope
 ) -> KnownQuantities:
-    units = {name: _measure_unit(o) if o.is_measure else None for name, o in scope.oracles.items()}
+    units = {name: unit_of(o) if o.is_measure else None for name, o in scope.oracles.items()}
     # Every run has a duration, whether an oracle of that name measures it or not.
     return KnownQuantities(
         {name: (*scope.judged_by(name), DURATION) for name in scope.scenarios},
@@ -215,18 +215,7 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: Declar
         if quantity not in scope.judged_by(scenario):
             hint = f"add it to the oracles of {scenario}"
             raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
-    return _measure_unit(oracle)
-
-
-def _measure_unit(oracle: Oracle) -> str:
-    match oracle.judgement:
-        case Amount(operator=operator):
-            return "s" if operator in ("time", "longest") else "1"
-        case Statistic(signal=signal):
-            kind = kind_of(signal)
-            return kind.unit if kind is not None else "1"
-        case _:
-            return "1"
+    return unit_of(oracle)
 
 
 def _unmatched_expectation(

@@ -1,6 +1,6 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
-from grammars.oracle._checks import kind_of, margin_kind
+from grammars.oracle._checks import kind_of, margin_kind, unit_of
 from grammars.oracle._compared_limits import ComparedLimit, LimitSide, compared_limits
 from grammars.oracle._limits import check_joint_limits
 from grammars.oracle._model import (
@@ -96,4 +96,5 @@ __all__ = [
     "render",
     "signal_declaration",
     "signals_of",
+    "unit_of",
 ]

@@ -101,6 +101,27 @@ def margin_kind(predicate: Expression) -> Kind:
             return None
 
 
+def unit_of(oracle: Oracle) -> str:
+    """Return the unit of a checked oracle's margin, or of what it measures; empty without one.
+
+    Raises ``ValueError`` when it names a plug-in that cannot be used any more.
+    """
+    kind: Kind = RATIO
+    match oracle.judgement:
+        case Temporal(predicate=predicate) | Until(predicate=predicate):
+            kind = margin_kind(predicate)
+        case Amount(operator="time" | "longest"):
+            kind = TIME
+        case Statistic(signal=signal):
+            kind = kind_of(signal)
+        case Reached():
+            kind = LENGTH
+        case CustomCall(name=name):
+            declared = custom_oracle(name)
+            return "" if declared is None or declared.unit == "bool" else declared.unit
+    return "" if kind is None else kind.unit
+
+
 def _check_judgement(oracle: Oracle) -> None:
     match oracle.judgement:
         case Temporal() | Until() as judgement:

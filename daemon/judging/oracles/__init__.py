@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from daemon.judging.oracles._judge import judge, overall_outcome, warm_up
-    from daemon.judging.oracles._leading import judge_leading, leading_margins
+    from daemon.judging.oracles._leading import judge_leading
     from daemon.judging.oracles._leading_kind import leading_kind, oracle_scale
     from daemon.judging.oracles._obstacles import ObstaclePolygons
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
@@ -27,7 +27,6 @@ __all__ = [
     "judge_leading",
     "judge_so_far",
     "leading_kind",
-    "leading_margins",
     "least_margin",
     "oracle_scale",
     "oracle_timeline",
@@ -44,7 +43,6 @@ _MODULES: Final = {
     "judge_leading": "_leading",
     "judge_so_far": "_provisional",
     "leading_kind": "_leading_kind",
-    "leading_margins": "_leading",
     "least_margin": "_provisional",
     "oracle_scale": "_leading_kind",
     "oracle_timeline": "_oracle_timeline",

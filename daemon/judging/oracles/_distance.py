@@ -6,14 +6,16 @@ Distances are Euclidean, between the robot's footprint and filled outlines, and 
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import Any
 
 import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from daemon.judging.oracles._obstacles import ObstaclePolygons, cos_sin
-from daemon.judging.oracles._series import SignalSeries
+from daemon.judging.oracles._obstacles import IndexArray, ObstaclePolygons, cos_sin
+from daemon.judging.oracles._series import ObjectIndices, SignalSeries
 from grammars.model.geometry import Floats, Ring
 from grammars.model.scene import Scene
 
@@ -26,17 +28,43 @@ def distance_series(obstacles: ObstaclePolygons, poses: Floats, footprint: Ring)
     if not obstacles.names:
         note = "nothing of it is as high as the robot"
         return SignalSeries(np.full(len(poses), np.nan), note=note)
-    robot = placed_polygons(np.array(footprint, dtype=np.float64), poses)
-    away = np.empty((len(obstacles.names), len(poses)))
-    for index, frame in enumerate(obstacles.frame):
-        first, last = obstacles.offsets[index : index + 2]
-        corners = obstacles.corners[first:last]
-        other = (
-            Polygon(corners) if frame < 0 else placed_polygons(corners, obstacles.tracks[:, frame])
+    away, owner = nearest_polygons(obstacles, footprint, poses, np.arange(len(poses)))
+    return SignalSeries(away, owner, obstacles.names)
+
+
+def nearest_polygons(
+    obstacles: ObstaclePolygons,
+    footprint: Ring,
+    poses: Floats,
+    samples: IndexArray,
+    reach: float = math.inf,
+) -> tuple[Floats, ObjectIndices]:
+    """Return the distance (k,) [m] of the footprint to the nearest polygon, and which it is (k,).
+
+    ``samples`` (k,) choose from the ``poses`` (n, 3), which are at the same times as the tracks of
+    ``obstacles``. Of equally near polygons the first one counts. Infinite and -1 where none is
+    within ``reach`` [m]; polygons that move are within any.
+    """
+    robot = placed_polygons(np.array(footprint, dtype=np.float64), poses[samples])
+    nearest = np.full(len(samples), np.inf)
+    owner = np.full(len(samples), -1, dtype=np.int32)
+    offsets = obstacles.offsets
+    parts = [obstacles.corners[first:last] for first, last in itertools.pairwise(offsets)]
+    still = np.flatnonzero(obstacles.frame < 0)
+    if len(still):
+        tree = shapely.STRtree([Polygon(parts[index]) for index in still])
+        (which, item), away = tree.query_nearest(
+            robot, max_distance=None if math.isinf(reach) else reach, return_distance=True
         )
-        away[index] = shapely.distance(robot, other)
-    nearest = np.argmin(away, axis=0).astype(np.int32)
-    return SignalSeries(away.min(axis=0), nearest, obstacles.names)
+        # Equally near ones follow each other: written last is the first.
+        order = np.lexsort((-item, which))
+        nearest[which[order]], owner[which[order]] = away[order], still[item[order]]
+    for index in np.flatnonzero(obstacles.frame >= 0):
+        track = obstacles.tracks[samples, obstacles.frame[index]]
+        away = shapely.distance(robot, placed_polygons(parts[index], track))
+        closer = (away < nearest) | ((away == nearest) & (index < owner))
+        nearest[closer], owner[closer] = away[closer], index
+    return nearest, owner
 
 
 def place_distance_series(outline: Ring, poses: Floats, footprint: Ring, name: str) -> SignalSeries:

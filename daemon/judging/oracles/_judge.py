@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from daemon import trace
-from daemon.judging.oracles._leading_kind import leading_unit
 from daemon.judging.oracles._operators import (
     judge_amount,
     judge_reached,
@@ -20,8 +19,7 @@ from daemon.judging.oracles._operators import (
     judge_temporal,
     judge_until,
 )
-from daemon.judging.oracles._predicate import unit_of_margin
-from daemon.judging.oracles._sampler import PluginError, SignalSampler, judge_by_plugin, plugin_unit
+from daemon.judging.oracles._sampler import PluginError, SignalSampler, judge_by_plugin
 from daemon.judging.oracles._validity import standstill_note, trace_problems
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Evidence, MarginInterval, Outcome, Verdict, combine, join_notes
@@ -39,6 +37,7 @@ from grammars.oracle import (
     check_references,
     custom_signal_names,
     parse_oracle,
+    unit_of,
 )
 from grammars.text.diagnostics import InputError, Where
 
@@ -91,7 +90,7 @@ def judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
         interval.outcome,
         _bound_or_none(interval.lower),
         _bound_or_none(interval.upper),
-        _unit(oracle),
+        unit_of(oracle),
         evidence,
     )
 
@@ -151,15 +150,6 @@ def _evaluate(oracle: Oracle, sampler: SignalSampler) -> MarginInterval:
             return judge_reached(oracle, judgement, sampler)
         case CustomCall() as judgement:
             return judge_by_plugin(judgement, sampler)
-
-
-def _unit(oracle: Oracle) -> str:
-    match oracle.judgement:
-        case Temporal(predicate=predicate) | Until(predicate=predicate):
-            return unit_of_margin(predicate)
-        case CustomCall() as judgement:
-            return plugin_unit(judgement)
-    return leading_unit(oracle)
 
 
 def _bound_or_none(value: float) -> float | None:

@@ -29,9 +29,9 @@ from grammars.oracle import (
     Statistic,
     Temporal,
     Until,
-    custom_oracle,
     kind_of,
     render,
+    unit_of,
 )
 
 LEADING_FLAGS: Final = frozenset({"contact", "in", "loc.inside_2sigma"})
@@ -86,16 +86,7 @@ def leading_unit(oracle: Oracle) -> str:
     match oracle.judgement:
         case Temporal(predicate=predicate) | Until(predicate=predicate):
             return predicate_unit(predicate)
-        case Amount(operator=operator):
-            return "s" if operator in ("time", "longest") else "1"
-        case Statistic(signal=signal):
-            kind = kind_of(signal)
-            return kind.unit if kind is not None else ""
-        case Reached():
-            return "m"
-        case CustomCall(name=name):
-            declared = custom_oracle(name)
-            return "" if declared is None or declared.unit == "bool" else declared.unit
+    return unit_of(oracle)
 
 
 def oracle_scale(oracle: Oracle, robot: Robot) -> OracleScale:

@@ -13,16 +13,11 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from daemon.judging.oracles._distance import place_outline, placed_polygons
-from daemon.judging.oracles._obstacles import (
-    IndexArray,
-    ObstaclePolygons,
-    footprint_box,
-    obstacles_named,
-)
+from daemon.judging.oracles._distance import nearest_polygons, place_outline
+from daemon.judging.oracles._obstacles import footprint_box, obstacles_named
 from daemon.judging.oracles._sampler import SignalSampler
 from daemon.judging.oracles._series import SignalSeries
-from grammars.model.geometry import Floats, Ring
+from grammars.model.geometry import Ring
 from grammars.oracle import Expression, Function, Signal, obstacle_names
 
 _NEAR: Final = 0.5
@@ -56,16 +51,6 @@ def leading_quantity(expression: Expression, sampler: SignalSampler) -> SignalSe
         case Signal(name="distance"):
             return _distance(expression, sampler)
     return None
-
-
-def has_leading_quantity(expression: Expression) -> bool:
-    """Whether :func:`leading_quantity` may return something else than ``None``."""
-    match expression:
-        case Function(name="-", operand=operand):
-            return has_leading_quantity(operand)
-        case Signal(name="contact.depth" | "distance"):
-            return True
-    return False
 
 
 def _thing(signal: Signal) -> str:
@@ -114,8 +99,8 @@ def _inside(signal: Signal, sampler: SignalSampler) -> SignalSeries:
 def _refine(near: SignalSeries, thing: str, sampler: SignalSampler) -> SignalSeries:
     """Return the clearance of the robot's outline instead of that of the box around it.
 
-    The same where they are one; elsewhere for what is near, where the difference counts. It grows
-    with both, so that a robot that is nearer never has the larger one.
+    The same if the outline is a box; otherwise for everything that is near, where the difference
+    counts. It grows with both, so that a robot that is nearer never has the larger one.
     """
     footprint = sampler.trace.spec.robot.footprint
     close = np.flatnonzero(near.values < _NEAR)
@@ -124,9 +109,9 @@ def _refine(near: SignalSeries, thing: str, sampler: SignalSampler) -> SignalSer
     obstacles = obstacles_named(sampler.obstacles, thing) if thing else sampler.obstacles
     values, objects = near.values.copy(), np.array(near.objects)
     # The outline is nowhere nearer than the box around it: where that is _NEAR, so is this.
-    away, owner = _outline_distance(obstacles, sampler.poses[close], footprint, close)
-    values[close], found = np.minimum(away, _NEAR), owner >= 0
-    objects[close[found]] = owner[found]
+    away, owner = nearest_polygons(obstacles, footprint, sampler.poses, close, reach=_NEAR)
+    values[close], within = np.minimum(away, _NEAR), owner >= 0
+    objects[close[within]] = owner[within]
     return SignalSeries(values, objects, near.names, near.note)
 
 
@@ -134,30 +119,3 @@ def _is_box(footprint: Ring) -> bool:
     """Whether a footprint is the box around it."""
     _, (hx, hy) = footprint_box(footprint)
     return abs(Polygon(footprint).area - 4.0 * hx * hy) < 1e-9
-
-
-def _outline_distance(
-    obstacles: ObstaclePolygons, poses: Floats, footprint: Ring, samples: IndexArray
-) -> tuple[Floats, IndexArray]:
-    """Return the distance (k,) [m] to the nearest polygon within reach, and which it is (k,).
-
-    ``samples`` (k,) say of which samples of the tracks the ``poses`` (k, 3) are. Infinite and -1
-    where nothing is within reach.
-    """
-    robot = placed_polygons(np.array(footprint, dtype=np.float64), poses)
-    nearest, owner = np.full(len(poses), np.inf), np.full(len(poses), -1, dtype=np.int64)
-    still = np.flatnonzero(obstacles.frame < 0)
-    if len(still):
-        parts = [obstacles.corners[slice(*obstacles.offsets[p : p + 2])] for p in still]
-        tree = shapely.STRtree([Polygon(part) for part in parts])
-        (which, found), away = tree.query_nearest(
-            robot, max_distance=_NEAR, return_distance=True, all_matches=False
-        )
-        nearest[which], owner[which] = away, still[found]
-    for polygon in np.flatnonzero(obstacles.frame >= 0):
-        track = obstacles.tracks[samples, obstacles.frame[polygon]]
-        corners = obstacles.corners[slice(*obstacles.offsets[polygon : polygon + 2])]
-        away = shapely.distance(robot, placed_polygons(corners, track))
-        closer = away < nearest
-        nearest[closer], owner[closer] = away[closer], polygon
-    return nearest, owner

@@ -24,6 +24,7 @@ import numpy as np
 from daemon.judging.oracles._predicate import (
     JUST_BELOW,
     VACUOUS,
+    ClauseLead,
     JudgedWindow,
     PredicateSeries,
     SampleMask,
@@ -35,7 +36,7 @@ from daemon.judging.oracles._predicate import (
     window_of,
 )
 from daemon.judging.oracles._sampler import SignalSampler
-from daemon.judging.oracles._series import TimeBase, quantile_index
+from daemon.judging.oracles._series import SignalSeries, TimeBase, quantile_index
 from daemon.model.verdicts import Evidence, MarginInterval, join_notes, unknown_margin
 from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
@@ -44,11 +45,13 @@ from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal,
 _RELEASED = "what it waits for held from the start"
 
 
-def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) -> MarginInterval:
-    """Judge ``always``, ``never`` or ``eventually``."""
-    time_base = sampler.time_base
-    found = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
-    window, closed, in_time = window_within(oracle, judgement, sampler)
+def judge_temporal(
+    oracle: Oracle, judgement: Temporal, sampler: SignalSampler, lead: ClauseLead | None = None
+) -> MarginInterval:
+    """Judge ``always``, ``never`` or ``eventually``, or return the margin that leads."""
+    time_base, negated = sampler.time_base, judgement.operator == "never"
+    found = evaluate_predicate(judgement.predicate, sampler, negated=negated, lead=lead)
+    window, closed, in_time = _window_within(oracle, judgement, sampler)
     scope = scope_of(oracle, sampler, window, found.margin)
     allowed = scope.allowed & in_time
     if not allowed.any():
@@ -59,8 +62,9 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
     first = _first_note(time_base, allowed & ((found.margin >= 0.0) == eventually), index)
-    evidence = evidence_at_sample(found, time_base, index, first, scope.note, window.cut)
-    if not unit_of_margin(judgement.predicate) and (worst >= 0.0) != eventually:
+    evidence = _evidence_at_sample(found, time_base, index, first, scope.note, window.cut)
+    flat = lead is None and not unit_of_margin(judgement.predicate)
+    if flat and (worst >= 0.0) != eventually:
         # True or false, and nothing happened: no moment of the run is more telling than another.
         evidence = Evidence(note=join_notes(*found.notes, scope.note, window.cut))
     # What is still to come can only make the best better, and the worst worse.
@@ -98,15 +102,20 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
     return _compare_with_limit(limit, low, high, evidence)
 
 
-def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler) -> MarginInterval:
-    """Judge or measure ``max``, ``min``, ``mean``, ``final`` or ``p95`` of a signal."""
+def judge_statistic(
+    oracle: Oracle, judgement: Statistic, sampler: SignalSampler, lead: SignalSeries | None = None
+) -> MarginInterval:
+    """Judge or measure ``max``, ``min``, ``mean``, ``final`` or ``p95`` of a signal.
+
+    With ``lead`` it is that of this signal, which goes on where the written one is flat.
+    """
     time_base, limit = sampler.time_base, judgement.limit
-    signal = evaluate_quantity(judgement.signal, sampler)
+    signal = lead or evaluate_quantity(judgement.signal, sampler)
     window = window_of(oracle, sampler)
     scope = scope_of(oracle, sampler, window, signal.values)
     if not scope.allowed.any():
         return unknown_margin(scope.reason, measured=limit is None)
-    value, index = statistic_of(judgement.operator, time_base, scope.allowed, signal.values)
+    value, index = _statistic(judgement.operator, time_base, scope.allowed, signal.values)
     low, high = value, value
     # A maximum so far can only grow, a minimum only shrink; of the others nothing is known yet.
     if not window.closed:
@@ -144,7 +153,7 @@ def _amount(
     return count, count, count if window.closed else math.inf
 
 
-def statistic_of(
+def _statistic(
     operator: str, time_base: TimeBase, allowed: SampleMask, values: Floats
 ) -> tuple[float, int | None]:
     """Return the statistic and the sample that decides it (``None``: all of them)."""
@@ -197,7 +206,7 @@ def _first_note(time_base: TimeBase, samples: SampleMask, decisive: int) -> str:
     return f"first at {time_base.time[index]:.2f} s" if index != decisive else ""
 
 
-def evidence_at_sample(
+def _evidence_at_sample(
     found: PredicateSeries, time_base: TimeBase, index: int, *notes: str
 ) -> Evidence:
     """Return the evidence for a predicate at sample ``index``: of the clause that decided there."""
@@ -209,15 +218,18 @@ def evidence_at_sample(
     return Evidence(float(time_base.time[index]), value, limit, clause.value.object_at(index), note)
 
 
-def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> MarginInterval:
+def judge_until(
+    oracle: Oracle, judgement: Until, sampler: SignalSampler, lead: ClauseLead | None = None
+) -> MarginInterval:
     """Judge ``always`` or ``never`` a predicate until another one holds.
 
     The release counts wherever it comes inside the window; the guard says where the predicate is
-    judged. Violated before the release: fail, whatever comes.
+    judged. Violated before the release: fail, whatever comes. With ``lead``, return the margin of
+    the predicate that leads, also when the release never came.
     """
-    time_base = sampler.time_base
-    window, closed, awaited = window_within(oracle, judgement, sampler)
-    held = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
+    time_base, negated = sampler.time_base, judgement.operator == "never"
+    window, closed, awaited = _window_within(oracle, judgement, sampler)
+    held = evaluate_predicate(judgement.predicate, sampler, negated=negated, lead=lead)
     release = evaluate_predicate(judgement.release, sampler)
     scope = scope_of(oracle, sampler, window, held.margin)
     came = awaited & (release.margin >= 0.0)
@@ -229,17 +241,17 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
     margin = np.where(before, held.margin, math.inf)
     index = int(margin.argmin())
     worst = float(margin[index])
-    if not came.any() and closed and worst >= 0.0:
+    if lead is None and not came.any() and closed and worst >= 0.0:
         return _release_never_came(judgement, release, sampler, awaited)
     ended = f"until {time_base.time[first]:.2f} s" if came.any() else window.cut
-    evidence = evidence_at_sample(held, time_base, index, scope.note, ended)
-    if not unit_of_margin(judgement.predicate) and worst >= 0.0:
+    evidence = _evidence_at_sample(held, time_base, index, scope.note, ended)
+    if lead is None and not unit_of_margin(judgement.predicate) and worst >= 0.0:
         # True or false, and nothing happened: no moment is more telling than another.
         evidence = Evidence(note=join_notes(*held.notes, scope.note, ended))
     return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
 
 
-def window_within(
+def _window_within(
     oracle: Oracle, judgement: Temporal | Until, sampler: SignalSampler
 ) -> tuple[JudgedWindow, bool, SampleMask]:
     """Return the window, whether what is waited for can come no more, and where it would count."""
@@ -260,7 +272,7 @@ def _release_never_came(
     nearness = np.where(awaited & ~np.isnan(release.margin), release.margin, -math.inf)
     if not unit_of_margin(judgement.release) or np.isinf(nearness).all():
         return MarginInterval(margin, margin, Evidence(note=note))
-    evidence = evidence_at_sample(release, sampler.time_base, int(nearness.argmax()), note)
+    evidence = _evidence_at_sample(release, sampler.time_base, int(nearness.argmax()), note)
     return MarginInterval(margin, margin, evidence)
 
 
@@ -269,11 +281,9 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
     time_base, tolerance = sampler.time_base, judgement.tolerance.value
     if not len(time_base.time):
         return unknown_margin("nothing was recorded")
-    usable = np.full(len(time_base.time), True)
-    if oracle.guard is not None:
-        usable = evaluate_predicate(oracle.guard, sampler).margin >= 0.0
-        if not usable.any():
-            return unknown_margin(VACUOUS)
+    usable = usable_visits(oracle, sampler)
+    if not usable.any():
+        return unknown_margin(VACUOUS)
     waypoints = sampler.trace.spec.mission.waypoints
     closest = _closest(sampler, usable, waypoints)
     if math.isinf(closest):
@@ -281,6 +291,13 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
     evidence = _decisive_visit(sampler, usable, waypoints, closest, tolerance)
     margin = tolerance - closest
     return MarginInterval(margin, margin if time_base.closed else math.inf, evidence)
+
+
+def usable_visits(oracle: Oracle, sampler: SignalSampler) -> SampleMask:
+    """Return the samples (n,) that count as visits: those at which the guard, if any, holds."""
+    if oracle.guard is None:
+        return np.full(len(sampler.time_base.time), True)
+    return evaluate_predicate(oracle.guard, sampler).margin >= 0.0
 
 
 def waypoint_distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:

@@ -7,8 +7,9 @@ exact meaning. Judged is the whole of a run, or the leg of one waypoint.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +68,11 @@ class PredicateSeries:
         return tuple(dict.fromkeys(c.value.note for c in self.clauses if c.value.note))
 
 
+ClauseLead: TypeAlias = Callable[[Expression, PredicateSeries, bool], PredicateSeries]
+"""Turns a clause, as evaluated (perhaps negated), into one whose margins can be compared with those
+of all other clauses of its predicate."""
+
+
 def unit_of_margin(predicate: Expression) -> str:
     """Return the unit of a predicate's margin; empty when it only holds or not."""
     kind = margin_kind(predicate)
@@ -74,22 +80,30 @@ def unit_of_margin(predicate: Expression) -> str:
 
 
 def evaluate_predicate(
-    predicate: Expression, sampler: SignalSampler, *, negated: bool = False
+    predicate: Expression,
+    sampler: SignalSampler,
+    *,
+    negated: bool = False,
+    lead: ClauseLead | None = None,
 ) -> PredicateSeries:
-    """Evaluate a checked predicate, or its negation, on the time base."""
+    """Evaluate a checked predicate, or its negation, on the time base; its clauses by ``lead``."""
     match predicate:
         case Not(operand=operand):
-            return evaluate_predicate(operand, sampler, negated=not negated)
+            return evaluate_predicate(operand, sampler, negated=not negated, lead=lead)
         case Logic(operator=word, operands=operands):
-            parts = [evaluate_predicate(operand, sampler, negated=negated) for operand in operands]
-            comparable = margin_kind(predicate) is not None
-            return combine_predicates(
+            parts = [
+                evaluate_predicate(operand, sampler, negated=negated, lead=lead)
+                for operand in operands
+            ]
+            comparable = lead is not None or margin_kind(predicate) is not None
+            return _combine_predicates(
                 parts, every=(word == "and") != negated, comparable=comparable
             )
         case Comparison():
-            return _evaluate_comparison(predicate, sampler, negated)
+            clause = _evaluate_comparison(predicate, sampler, negated)
         case _:
-            return _evaluate_flag(predicate, sampler, negated)
+            clause = _evaluate_flag(predicate, sampler, negated)
+    return clause if lead is None else lead(predicate, clause, negated)
 
 
 def evaluate_quantity(expression: Expression, sampler: SignalSampler) -> SignalSeries:
@@ -173,7 +187,7 @@ def _evaluate_flag(signal: Expression, sampler: SignalSampler, negated: bool) ->
     return PredicateSeries(-margin if negated else margin, decided, (clause,))
 
 
-def combine_predicates(
+def _combine_predicates(
     parts: list[PredicateSeries], *, every: bool, comparable: bool
 ) -> PredicateSeries:
     """Join predicates by ``and`` (``every``) or ``or``, in Kleene's three-valued logic.

@@ -99,12 +99,6 @@ def judge_by_plugin(judgement: CustomCall, sampler: SignalSampler) -> MarginInte
     return MarginInterval(-math.inf, math.inf, evidence)
 
 
-def plugin_unit(judgement: CustomCall) -> str:
-    """Return the unit of the margin of an oracle that plugs in, empty for true or false."""
-    declared = _require_plugin(custom_oracle(judgement.name), "oracle", judgement.name)
-    return "" if declared.unit == "bool" else declared.unit
-
-
 def read_only_view(array: Floats) -> Floats:
     """Return a view of ``array`` that nobody can write through."""
     view = array.view()

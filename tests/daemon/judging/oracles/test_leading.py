@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.judging.oracles import judge, judge_leading, leading_margins
+from daemon.judging.oracles import judge, judge_leading
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, JointTrack, ProgressRecord
@@ -46,7 +46,7 @@ ALL_FORMS = (
 
 
 def lead(trace, text):
-    (found,) = leading_margins(trace, (OracleText("it", text),))
+    _, (found,) = judge_leading(trace, (OracleText("it", text),))
     return found
 
 
@@ -109,11 +109,10 @@ def test_of_what_never_happened_the_nearest_counts(predicate, trace):
 
 @given(traces(), st.lists(oracles(), min_size=1, max_size=5))
 def test_verdicts_are_the_same_with_and_without(trace, texts):
-    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    written = tuple(OracleText("it", text) for text in texts)
     verdicts, leads = judge_leading(trace, written)
     assert verdicts == judge(trace, written)
-    assert leads == leading_margins(trace, written)
-    assert leads == tuple(leading_margins(trace, (one,))[0] for one in written)
+    assert leads == tuple(lead(trace, text) for text in texts)
 
 
 @pytest.mark.parametrize(
@@ -312,7 +311,7 @@ def test_measures_have_none_and_what_cannot_be_judged_has_no_number():
         OracleText("clear", "never(contact)"),
     )
     trace = passing(0.1)
-    found = leading_margins(trace, written)
+    _, found = judge_leading(trace, written)
     assert [(one.oracle, one.unit) for one in found] == [
         ("typo", ""),
         ("vain", "m"),
@@ -320,8 +319,6 @@ def test_measures_have_none_and_what_cannot_be_judged_has_no_number():
     ]
     assert [one.margin for one in found[:2]] == [None, None]
     invalid = replace(trace, problems=("damaged",))
-    found = leading_margins(invalid, written)
+    verdicts, found = judge_leading(invalid, written)
     assert [one.margin for one in found] == [None, None, None]
-    verdicts, leads = judge_leading(invalid, written)
-    assert leads == found
     assert {one.outcome for one in verdicts} == {Outcome.ERROR}

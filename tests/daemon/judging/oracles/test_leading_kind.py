@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.judging.oracles import leading_kind, leading_margins, oracle_scale
+from daemon.judging.oracles import judge_leading, leading_kind, oracle_scale
 from daemon.judging.oracles._leading_kind import LEADING_FLAGS
 from daemon.model.spec import OracleText
 from grammars.oracle import CustomOracle, CustomSignal, parse_oracle
@@ -66,7 +66,7 @@ TRACE = make_trace(along(times(10.0)))
 def test_what_leads_says_in_which_unit(text, unit):
     found = leading_kind(oracle(text))
     assert (found.led, found.unit, found.reason, found.better) == (True, unit, "", "")
-    (lead,) = leading_margins(TRACE, (OracleText("it", text),))
+    _, (lead,) = judge_leading(TRACE, (OracleText("it", text),))
     assert lead.unit == unit
 
 
