@@ -14,14 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 from pydantic import BeforeValidator, Field
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.documents import StrictModel, YamlDocument
+from grammars.text.documents import ONE_OR_MORE, StrictModel, YamlDocument
 
 if TYPE_CHECKING:
     from grammars.roslaunch import LaunchSettings
-
-
-def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
 
 
 def _as_text(value: Any) -> Any:
@@ -31,10 +27,7 @@ def _as_text(value: Any) -> Any:
     return str(value) if isinstance(value, int | float) else value
 
 
-_Texts: TypeAlias = Annotated[
-    list[Annotated[str, Field(min_length=1)]],
-    BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
-]
+_Texts: TypeAlias = Annotated[list[Annotated[str, Field(min_length=1)]], ONE_OR_MORE]
 _Text: TypeAlias = Annotated[
     str, BeforeValidator(_as_text, json_schema_input_type=str | bool | int | float)
 ]

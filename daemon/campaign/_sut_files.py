@@ -42,16 +42,9 @@ from daemon.stacks.ros2 import ROS2
 from daemon.stacks.ros2.keys import Ros2Keys
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.documents import RemovedKey, YamlDocument, load_yaml, read_model
+from grammars.text.documents import ONE_OR_MORE, RemovedKey, YamlDocument, load_yaml, read_model
 from grammars.text.sources import is_file
 
-_Files: TypeAlias = Annotated[
-    list[str],
-    BeforeValidator(
-        lambda value: [value] if isinstance(value, str) else value,
-        json_schema_input_type=str | list[str],
-    ),
-]
 FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
 """Finds the SUT file a reference in a file of a folder names; raises :class:`InputError`."""
 
@@ -81,7 +74,7 @@ class SutFile(Ros2Keys):
     ] = None
     """The configuration of a robot as it is: its launch files, or a folder with the parameter
     files of its navigation package."""
-    files: dict[str, _Files] = Field(default_factory=dict)
+    files: dict[str, Annotated[list[str], ONE_OR_MORE]] = Field(default_factory=dict)
     """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
     costmap_common is loaded into both costmaps. For "kind: ros2" and a kind plugged in: files it
     needs, one each by a name of your choice; they travel to the workers."""

@@ -18,6 +18,7 @@ from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, TypeVar
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -100,6 +101,13 @@ class QuantityField:
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> Any:
         return handler(schema) | {"quantity": {"dimension": self.dimension, "plain": self.plain}}
 
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+ONE_OR_MORE: Final = BeforeValidator(_as_list, json_schema_input_type=str | list[str])
+"""Marks a list of texts for which a single text may stand."""
 
 Length: TypeAlias = Annotated[float, QuantityField("length")]
 Angle: TypeAlias = Annotated[float, QuantityField("angle")]

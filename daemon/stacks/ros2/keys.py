@@ -26,7 +26,7 @@ from pydantic_core import PydanticUseDefault
 
 from daemon.model.sut import TICK_RATE
 from grammars.model.robot import LASER_NAME, Laser
-from grammars.text.documents import Duration, Ratio, RemovedKey, StrictModel
+from grammars.text.documents import ONE_OR_MORE, Duration, Ratio, RemovedKey, StrictModel
 
 HIGHEST_DOMAIN: Final = 101
 """Domain ids up to this one fit the ephemeral port range of every system (ROS 2 documentation)."""
@@ -161,10 +161,6 @@ def _laser_frames(value: Any) -> Any:
     return _by_laser(value, _frame)
 
 
-def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
-
-
 _Name: TypeAlias = Annotated[str, AfterValidator(_absolute)]
 _Variable: TypeAlias = Annotated[str, AfterValidator(_variable)]
 _VariableText: TypeAlias = Annotated[str, AfterValidator(_no_nul)]
@@ -178,12 +174,9 @@ _LaserFrames: TypeAlias = Annotated[
     str | Mapping[str, str],
     PlainValidator(_laser_frames, json_schema_input_type=_Frame | _NamesByLaser),
 ]
-_Names: TypeAlias = Annotated[
-    tuple[_Name, ...], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
-]
+_Names: TypeAlias = Annotated[tuple[_Name, ...], ONE_OR_MORE]
 _Setups: TypeAlias = Annotated[
-    tuple[Annotated[str, AfterValidator(_worker_path)], ...],
-    BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
+    tuple[Annotated[str, AfterValidator(_worker_path)], ...], ONE_OR_MORE
 ]
 _Domain: TypeAlias = Annotated[
     Annotated[int, Field(ge=0, le=HIGHEST_DOMAIN)] | Literal["own"], BeforeValidator(_domain)
