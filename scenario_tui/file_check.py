@@ -153,12 +153,10 @@ def check_campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...], Campaign]:
 
     campaign, found = examine(path)
     found = (*found, *_search_findings(campaign))
-    # As written: what is wrong with a layer makes no campaign smaller.
-    suts = [*(cell.suts for cell in campaign.cells), *campaign.lost]
-    cells, policy = sum(map(len, suts)), campaign.declared.policy
+    cells, policy = sum(len(cell.suts) for cell in campaign.cells), campaign.declared.policy
     more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
-    scenarios = count_noun(len(suts), "scenario")
-    runs = count_noun(campaign.runs + campaign.lost_runs, "run")
+    scenarios = count_noun(len(campaign.cells), "scenario")
+    runs = count_noun(campaign.runs, "run")
     searches = f", {count_noun(len(campaign.searches), 'search', 'searches')}"
     meant = f", {count_noun(len(campaign.allowed), 'warning')} allowed" if campaign.allowed else ""
     return (

@@ -20,7 +20,7 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
-from daemon.campaign._loader import check, examine, load_campaign
+from daemon.campaign._loader import examine, load_campaign
 from daemon.campaign._origin import campaign_origin
 from daemon.campaign._overrides import with_overrides
 from daemon.campaign._parameters import (
@@ -33,7 +33,6 @@ from daemon.campaign._parameters import (
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
 from daemon.campaign._searches import LEAST_CONFIRMED
-from daemon.campaign._survey import read_campaign
 from daemon.campaign._sut_files import SutFile
 from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
 
@@ -62,7 +61,6 @@ __all__ = [
     "SutFile",
     "campaign_origin",
     "campaign_text",
-    "check",
     "examine",
     "expand",
     "find_layer",
@@ -75,7 +73,6 @@ __all__ = [
     "noise_seed",
     "parameter_tree",
     "read_budget",
-    "read_campaign",
     "read_confirm",
     "read_stop",
     "repeat_seed",

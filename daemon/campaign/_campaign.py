@@ -37,7 +37,7 @@ class Campaign:
     """A loaded campaign: ``cells`` in file order, ``warnings`` about its layers.
 
     ``repeats`` is ``None`` where the file does not say how often cells are run: once, and more
-    often with systems that are not repeatable.
+    often with systems that are not repeatable. ``oracle_layers`` are the names of its oracle files.
     """
 
     name: str
@@ -47,10 +47,9 @@ class Campaign:
     seed: int
     repeats: int | None
     declared: AssessmentRules
+    oracle_layers: tuple[str, ...]
     cells: tuple[CampaignCell, ...]
     warnings: tuple[Diagnostic, ...]
-    lost: tuple[tuple[SutReference | None, ...], ...] = ()
-    """The systems of every cell of the file that no run can be made of."""
     searches: tuple[SearchTask, ...] = ()
     """The searches of the file, in its order; they are no part of its runs."""
     allow: tuple[AllowedWarning, ...] = ()
@@ -66,12 +65,6 @@ class Campaign:
     def runs(self) -> int:
         """How many runs there are before anything is decided."""
         return sum(self.repeats_with(sut) for cell in self.cells for sut in cell.suts)
-
-    @property
-    def lost_runs(self) -> int:
-        """How many more runs there would be if all of the file could be used."""
-        each = [sut for suts in self.lost for sut in suts]
-        return sum(self.repeats_with(sut) if sut else self.repeats or 1 for sut in each)
 
 
 def repeat_seed(seed: int, repeat: int) -> np.random.SeedSequence:

@@ -7,8 +7,6 @@ from typing import Any
 
 from daemon.campaign._campaign import Campaign
 from daemon.campaign._scenarios import LayerReference, PlanVariation, ResolvedScenario
-from daemon.campaign._survey import survey_campaign
-from grammars.text.documents import parse_yaml
 from grammars.text.yaml_text import comment_text, yaml_text
 
 
@@ -30,7 +28,6 @@ def campaign_text(
     ``sut`` is the number of a system under test of the scenario, ``None`` for all of them.
     Comparisons are about several scenarios: neither they are there nor what they measure on legs.
     """
-    pool = survey_campaign(parse_yaml(campaign.source, campaign.file)).text.oracles or []
     suts = scenario.suts if sut is None else (scenario.suts[sut],)
     head: dict[str, Any] = {
         "campaign": campaign.name,
@@ -40,7 +37,7 @@ def campaign_text(
         "limit": _quantity(scenario.limit, "s"),
         "robot": _named(scenario.robot),
         "matrix": {"sut": _list(suts)},
-        "oracles": list(pool),
+        "oracles": list(campaign.oracle_layers),
         "map": _map(scenario),
         "scenarios": {name: _slots(scenario)},
         "expect": [dict(one) for one in expect],

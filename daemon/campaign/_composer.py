@@ -20,12 +20,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, TypeVar
+from typing import Final
 
 from daemon.campaign._campaign import repeat_seed
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
 from daemon.model.spec import Script
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import (
@@ -46,8 +46,6 @@ from grammars.oracle import Leg, leg_number
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-
-T = TypeVar("T")
 
 _MOST_SCENES: Final = 64
 """Scenes that are kept while cells are composed anew: those of repeats, and of values nearby."""
@@ -72,7 +70,7 @@ class Composer:
         library.warnings.clear()
         robot, suts, layers = base.robot, base.suts, base.layers
         if scenario.robot != previous.robot:
-            robot = library.robot(_required(scenario.robot))
+            robot = library.robot(required(scenario.robot))
         if scenario.suts != previous.suts:
             suts = tuple(map(library.sut, scenario.suts))
         references = (*scenario.objects, *scenario.behaviours)
@@ -83,7 +81,7 @@ class Composer:
         while len(self._scenes) >= _MOST_SCENES:
             del self._scenes[next(iter(self._scenes))]
         scene = self.scene(plan, objects)
-        mission, _ = library.mission(_required(scenario.mission))
+        mission, _ = library.mission(required(scenario.mission))
         resolved = self.behaviours(scenario, scene, layers, [repeat])
         remains = RemainingWorld(scene, mission, tuple(one.behaviours for one in resolved))
         remains = leave_out(scenario.without, remains)
@@ -135,7 +133,7 @@ class Composer:
         if vary is None:
             if scenario.floorplan == previous.floorplan:
                 return "", base.plan
-            return "", self.library.floorplan(_required(scenario.floorplan))
+            return "", self.library.floorplan(required(scenario.floorplan))
         if vary == previous.vary and robot == base.robot:
             return base.name.removeprefix(previous.name), base.plan
         variants = self.library.variants(vary, inscribed_radius(robot.footprint))
@@ -275,9 +273,3 @@ def _object_of(joint: str) -> str:
 def _subjects(behaviour: Behaviour) -> tuple[str, str]:
     """Return the names that people call a behaviour by: its joint, and its object."""
     return behaviour.joint, _object_of(behaviour.joint)
-
-
-def _required(value: T | None) -> T:
-    if value is None:
-        raise ValueError("a loaded scenario has no empty slot")
-    return value

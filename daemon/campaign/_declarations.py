@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._file import CampaignFile, ExpectText, repeat_policy
+from daemon.campaign._cells import CampaignCell, Draft
+from daemon.campaign._file import ExpectText, repeat_policy
 from daemon.campaign._references import KnownQuantities, read_references
-from daemon.campaign._scenarios import ResolvedScenario
 from daemon.model.assessments import (
     DELAY,
     DURATION,
@@ -20,7 +20,6 @@ from daemon.model.assessments import (
     RegressionGate,
     ScenarioComparison,
 )
-from grammars.model.mission import Mission
 from grammars.oracle import Leg, Oracle, leg_number, parse_oracle, unit_of
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument
@@ -35,39 +34,21 @@ _SENTENCE: Final = re.compile(
 _EXAMPLE: Final = "write it as delay(S3.2 vs S3.5) <= 30 s, or delay(A vs B on leg door) <= 1 min"
 
 
-@dataclass(frozen=True, slots=True)
-class DeclarationScope:
-    """What sentences may speak of: concrete scenarios, the oracles that judge each, the file."""
-
-    text: CampaignFile
-    document: YamlDocument
-    scenarios: Mapping[str, ResolvedScenario]
-    oracles: Mapping[str, Oracle]
-
-    def judged_by(self, scenario: str) -> tuple[str, ...]:
-        """Return the names of a scenario's oracles."""
-        return tuple(reference.name for reference in self.scenarios[scenario].oracles)
-
-    def suts_of(self, scenario: str) -> tuple[str, ...]:
-        """Return the names of a scenario's systems under test."""
-        return tuple(reference.name for reference in self.scenarios[scenario].suts)
-
-
-def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Diagnostic]]:
+def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Diagnostic]]:
     """Return what the campaign declares, and everything that is wrong with how it says it."""
     problems: list[Diagnostic] = []
     comparisons: list[ScenarioComparison] = []
-    for name, sentence in scope.text.compare.items():
+    for name, sentence in draft.text.compare.items():
         try:
-            comparisons.append(_comparison(name, sentence, scope))
+            comparisons.append(_comparison(name, sentence, draft))
         except InputError as error:
             problems.extend(error.diagnostics)
-    names = tuple(scope.text.compare)
+    names = tuple(draft.text.compare)
     expectations = []
-    for index, written in enumerate(scope.text.expect):
+    for index, written in enumerate(draft.text.expect):
         path = ("expect", index)
-        problems.extend(_unmatched_expectation(written, path, names, scope))
-        where = scope.document.where(path)
+        problems.extend(_unmatched_expectation(written, path, names, draft))
+        where = draft.document.where(path)
         expectations.append(
             Expectation(
                 written.scenario,
@@ -78,11 +59,11 @@ def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Di
                 f"{Path(where.file).name}:{where.line}",
             )
         )
-    known = _known_quantities(comparisons, scope)
-    references, wrong = read_references(scope.text.reference, scope.document, known)
-    gate = scope.text.gate
+    known = _known_quantities(comparisons, draft)
+    references, wrong = read_references(draft.text.reference, draft.document, known)
+    gate = draft.text.gate
     declared = AssessmentRules(
-        repeat_policy(scope.text.repeats),
+        repeat_policy(draft.text.repeats),
         tuple(comparisons),
         tuple(expectations),
         RegressionGate(gate.baseline, gate.worse_by) if gate else None,
@@ -91,48 +72,39 @@ def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Di
     return declared, problems + wrong
 
 
-def _known_quantities(
-    comparisons: Sequence[ScenarioComparison], scope: DeclarationScope
-) -> KnownQuantities:
-    units = {name: unit_of(o) if o.is_measure else None for name, o in scope.oracles.items()}
+def _known_quantities(comparisons: Sequence[ScenarioComparison], draft: Draft) -> KnownQuantities:
+    units = {name: unit_of(o) if o.is_measure else None for name, o in draft.oracles.items()}
+    scenarios = draft.scenarios.items()
     # Every run has a duration, whether an oracle of that name measures it or not.
     return KnownQuantities(
-        {name: (*scope.judged_by(name), DURATION) for name in scope.scenarios},
-        {name: scope.suts_of(name) for name in scope.scenarios},
+        {name: (*scenario.oracle_names, DURATION) for name, scenario in scenarios},
+        {name: scenario.sut_names for name, scenario in scenarios},
         {DURATION: "s"} | units,
         {comparison.name: comparison.unit for comparison in comparisons},
     )
 
 
-@dataclass(frozen=True, slots=True)
-class LegTimings:
-    """The comparisons of a scenario, some of which need one of its legs timed."""
+def time_legs(
+    cell: CampaignCell, declared: AssessmentRules, document: YamlDocument
+) -> tuple[CampaignCell, list[Diagnostic]]:
+    """Return a cell with a measure for each of its legs that is compared.
 
-    comparisons: tuple[ScenarioComparison, ...]
-    document: YamlDocument
-
-    def _legs(self) -> Iterator[tuple[str, str, Where]]:
-        """Yield name of the measure, leg, and place of each comparison that is about one."""
-        for comparison in self.comparisons:
-            if comparison.leg is not None:
-                where = _sentence_place(comparison.name, self.document)
-                yield comparison.measure, comparison.leg, where
-
-    def measures(self) -> tuple[Oracle, ...]:
-        """Return the measures that time legs, each once."""
-        found = {name: _leg_measure(name, leg, where) for name, leg, where in self._legs()}
-        return tuple(found.values())
-
-    def problems(self, mission: Mission) -> list[Diagnostic]:
-        """Return what is wrong with the legs in the scenario's mission."""
-        found = []
-        for _, leg, where in self._legs():
-            number = int(leg) if leg.isdigit() else 0
-            try:
-                leg_number(Leg(number, "" if number else leg), mission)
-            except ValueError as error:
-                found.append(Diagnostic(where, str(error)))
-        return found
+    Also everything that is wrong with these legs in its mission.
+    """
+    measures: dict[str, Oracle] = {}
+    problems = []
+    for comparison in declared.comparisons:
+        leg = comparison.leg
+        if leg is None or cell.scenario.name not in (comparison.left, comparison.right):
+            continue
+        where = _sentence_place(comparison.name, document)
+        number = int(leg) if leg.isdigit() else 0
+        try:
+            leg_number(Leg(number, "" if number else leg), cell.mission)
+        except ValueError as error:
+            problems.append(Diagnostic(where, str(error)))
+        measures[comparison.measure] = _leg_measure(comparison.measure, leg, where)
+    return replace(cell, oracles=(*cell.oracles, *measures.values())), problems
 
 
 def _leg_measure(name: str, leg: str, where: Where) -> Oracle:
@@ -152,8 +124,8 @@ def _sentence_place(name: str, document: YamlDocument) -> Where:
     return Where(key.file, key.line, column + 1) if column >= 0 else key
 
 
-def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioComparison:
-    where = _sentence_place(name, scope.document)
+def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
+    where = _sentence_place(name, draft.document)
     found = _SENTENCE.fullmatch(sentence)
     if found is None:
         raise InputError(Diagnostic(where, f'"{sentence}" is not a comparison', _EXAMPLE))
@@ -162,20 +134,20 @@ def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioCo
         return Where(where.file, where.line, where.column + found.start(part))
 
     left, right, quantity = found["left"], found["right"], found["quantity"]
-    problems = [d for part in ("left", "right") for d in _unknown(found[part], at(part), scope)]
+    problems = [d for part in ("left", "right") for d in _unknown(found[part], at(part), draft)]
     if problems:
         raise InputError(problems)
     if left == right:
         raise InputError(Diagnostic(at("right"), f'"{left}" is compared with itself'))
     # Paired by repeat and system under test, so without one in common there is no pair at all.
-    if not set(scope.suts_of(left)) & set(scope.suts_of(right)):
+    if not set(draft.scenarios[left].sut_names) & set(draft.scenarios[right].sut_names):
         message = f'"{left}" and "{right}" have no system under test in common'
         raise InputError(Diagnostic(at("left"), message))
     leg = found["leg"].strip('"') if found["leg"] else None
     if leg is not None and quantity != DELAY:
         message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
         raise InputError(Diagnostic(at("leg"), message))
-    unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), scope)
+    unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), draft)
     limit = parse_in(found["limit"], unit, quantity, at("limit"))
     return ScenarioComparison(
         name=name,
@@ -191,20 +163,20 @@ def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioCo
     )
 
 
-def _unknown(name: str, where: Where, scope: DeclarationScope) -> Iterator[Diagnostic]:
-    if name in scope.scenarios:
+def _unknown(name: str, where: Where, draft: Draft) -> Iterator[Diagnostic]:
+    if name in draft.scenarios:
         return
-    if name in scope.text.scenarios:
+    if name in draft.text.scenarios:
         hint = "compare scenarios that are like it"
         yield Diagnostic(where, f'scenario "{name}" is abstract, it is never run', hint)
         return
-    yield Diagnostic(where, f'no scenario "{name}" here', did_you_mean(name, scope.scenarios))
+    yield Diagnostic(where, f'no scenario "{name}" here', did_you_mean(name, draft.scenarios))
 
 
-def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: DeclarationScope) -> str:
+def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft) -> str:
     """Return the unit of a measure that both scenarios have; raises :class:`InputError`."""
-    measures = [name for name, oracle in scope.oracles.items() if oracle.is_measure]
-    oracle = scope.oracles.get(quantity)
+    measures = [name for name, oracle in draft.oracles.items() if oracle.is_measure]
+    oracle = draft.oracles.get(quantity)
     if oracle is None:
         hint = did_you_mean(quantity, [DELAY, *measures])
         raise InputError(Diagnostic(where, f'no measure "{quantity}"', hint))
@@ -212,7 +184,7 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: Declar
         hint = f"compare one of: {', '.join([DELAY, *measures])}"
         raise InputError(Diagnostic(where, f'"{quantity}" has a limit, it is no measure', hint))
     for scenario in scenarios:
-        if quantity not in scope.judged_by(scenario):
+        if quantity not in draft.scenarios[scenario].oracle_names:
             hint = f"add it to the oracles of {scenario}"
             raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
     return unit_of(oracle)
@@ -222,28 +194,28 @@ def _unmatched_expectation(
     written: ExpectText,
     path: tuple[str, int],
     comparisons: Sequence[str],
-    scope: DeclarationScope,
+    draft: Draft,
 ) -> Iterator[Diagnostic]:
     """Yield what an expectation speaks of that is not there."""
-    scenarios = _matching(written.scenario, scope.scenarios)
+    scenarios = _matching(written.scenario, draft.scenarios)
     if not scenarios:
-        where = scope.document.where((*path, "scenario"))
-        hint = did_you_mean(written.scenario, scope.scenarios)
+        where = draft.document.where((*path, "scenario"))
+        hint = did_you_mean(written.scenario, draft.scenarios)
         yield Diagnostic(where, f'no scenario "{written.scenario}" to expect anything of', hint)
         return
     # An expectation that matches nothing would hide a failure for ever once a name is changed.
-    names = dict.fromkeys(n for s in scenarios for n in scope.judged_by(s))
+    names = dict.fromkeys(n for s in scenarios for n in draft.scenarios[s].oracle_names)
     oracles = _matching(written.oracle, (*names, *comparisons))
-    where = scope.document.where((*path, "oracle"))
+    where = draft.document.where((*path, "oracle"))
     if not oracles:
         hint = did_you_mean(written.oracle, (*names, *comparisons))
         yield Diagnostic(where, f'no oracle "{written.oracle}" judges {written.scenario}', hint)
-    elif all(n in scope.oracles and scope.oracles[n].is_measure for n in oracles):
+    elif all(n in draft.oracles and draft.oracles[n].is_measure for n in oracles):
         yield Diagnostic(where, f'"{written.oracle}" is a measure, it has no verdict')
-    suts = dict.fromkeys(n for s in scenarios for n in scope.suts_of(s))
+    suts = dict.fromkeys(n for s in scenarios for n in draft.scenarios[s].sut_names)
     for index, pattern in enumerate(written.sut):
         if not _matching(pattern, suts):
-            where = scope.document.where((*path, "sut", index))
+            where = draft.document.where((*path, "sut", index))
             hint = did_you_mean(pattern, suts)
             yield Diagnostic(where, f'no system under test "{pattern}" there', hint)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Final
 
-from daemon.campaign._cells import CampaignCell, LoadedWorld
+from daemon.campaign._cells import CampaignCell
 from daemon.model.attachments import resolve_paths
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
@@ -86,14 +86,12 @@ def find_unmet(
     )
 
 
-def find_problems(
-    worlds: Iterable[LoadedWorld | CampaignCell], cells: Sequence[CampaignCell]
-) -> list[Diagnostic]:
-    """Return what is wrong with the scenes of ``worlds`` and with what is done in ``cells``."""
+def find_problems(cells: Sequence[CampaignCell]) -> list[Diagnostic]:
+    """Return what is wrong with the scenes of ``cells`` and with what is done in them."""
     found: list[Diagnostic] = []
     # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
-    for world in {id(world.scene): world for world in worlds}.values():
-        found.extend(check_scene(world.scene, places=world.places))
+    for cell in {id(cell.scene): cell for cell in cells}.values():
+        found.extend(check_scene(cell.scene, places=cell.places))
     pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
     found.extend(_advise(pairs))
     for cell in cells:

@@ -8,9 +8,10 @@ written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracl
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from functools import partial
+from typing import Any, Final, Literal, TypeVar
 
 from daemon.campaign._file import (
     CampaignFile,
@@ -22,7 +23,15 @@ from daemon.campaign._file import (
 from daemon.campaign._names import LayerName, Overrides
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    Where,
+    did_you_mean,
+    gather,
+    raise_all,
+    with_article,
+)
 from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.overrides import Override, flatten_overrides
 
@@ -100,6 +109,30 @@ class ResolvedScenario:
     vary: PlanVariation | None = None
     chance: Chance = "per repeat"
     limit: float = 0.0
+
+    @property
+    def oracle_names(self) -> tuple[str, ...]:
+        """The names of the oracles that judge it."""
+        return tuple(reference.name for reference in self.oracles)
+
+    @property
+    def sut_names(self) -> tuple[str, ...]:
+        """The names of its systems under test, as they are written."""
+        return tuple(reference.name for reference in self.suts)
+
+
+def resolve_scenarios(text: CampaignFile, document: YamlDocument) -> dict[str, ResolvedScenario]:
+    """Return the concrete scenarios of a campaign file by name.
+
+    Raises :class:`InputError` for all of them at once.
+    """
+    resolved = gather(partial(resolve_scenario, name, text, document) for name in text.scenarios)
+    concrete = [one for one in resolved if not text.scenarios[one.name].abstract]
+    if not concrete:
+        where = document.where(("scenarios",))
+        raise InputError(Diagnostic(where, "every scenario is abstract, nothing to run"))
+    raise_all(_missing_slots(concrete, text, document))
+    return {one.name: one for one in concrete}
 
 
 def resolve_scenario(
@@ -247,6 +280,16 @@ def _reference(value: LayerName, path: KeyPath, document: YamlDocument) -> Layer
     )
 
 
+T = TypeVar("T")
+
+
+def required(value: T | None) -> T:
+    """Return what a slot of a resolved scenario holds; ``ValueError`` for an empty one."""
+    if value is None:
+        raise ValueError("a resolved scenario has no empty slot")
+    return value
+
+
 _REQUIRED: Final = {
     "floorplan": ("floorplan", 'write in the scenario, or under "defaults:" for all of them'),
     "mission": ("mission", 'write in the scenario, or under "defaults:" for all of them'),
@@ -264,24 +307,16 @@ _EXAMPLES: Final = {
 }
 
 
-def missing_slots(
-    scenarios: Sequence[ResolvedScenario],
-    text: CampaignFile,
-    document: YamlDocument,
-    incomplete: Collection[str] = (),
+def _missing_slots(
+    scenarios: Sequence[ResolvedScenario], text: CampaignFile, document: YamlDocument
 ) -> list[Diagnostic]:
-    """Return an error for every slot that a scenario needs and nobody fills.
-
-    Those named in ``incomplete`` may have it where the file could not be read: it is not missed.
-    """
+    """Return an error for every slot that a scenario needs and nobody fills."""
     found = []
     for slot, (key, place) in _REQUIRED.items():
         missing = [
             scenario
             for scenario in scenarios
-            if scenario.name not in incomplete
-            and not getattr(scenario, slot)
-            and not (slot == "floorplan" and scenario.vary)
+            if not getattr(scenario, slot) and not (slot == "floorplan" and scenario.vary)
         ]
         hint = f"{place}: {_EXAMPLES[slot]}"
         if slot == "oracles":
@@ -310,7 +345,7 @@ def _oracle_files(text: CampaignFile) -> str:
 
 
 def pick_oracles(
-    scenario: ResolvedScenario, pool: dict[str, Oracle], text: CampaignFile
+    scenario: ResolvedScenario, pool: Mapping[str, Oracle], text: CampaignFile
 ) -> tuple[Oracle, ...]:
     """Return the oracles a scenario names, out of the ``pool`` of all the campaign has.
 
@@ -326,7 +361,7 @@ def pick_oracles(
     return tuple(pool[r.name] for r in scenario.oracles)
 
 
-def _oracle_hint(name: str, pool: dict[str, Oracle], files: Sequence[str]) -> str:
+def _oracle_hint(name: str, pool: Mapping[str, Oracle], files: Sequence[str]) -> str:
     if not files:
         return (
             'write at the top of the campaign file in which file it stands, such as "oracles: '

@@ -244,7 +244,7 @@ class SearchText(StrictModel):
     scenario: str = Field(min_length=1, examples=["busy-house"])
     """The scenario that is varied."""
     sut: str = ""
-    """Which of its systems under test, where it has several."""
+    """Which of its systems under test; the first when left out."""
     minimise: str = Field(min_length=1, examples=["keeps-clear"])
     """The oracle that is to fail, one of the scenario's that has a limit; any: the smallest of all
     margins, each divided by its limit."""

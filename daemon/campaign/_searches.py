@@ -7,15 +7,12 @@ is composed (a door that does not fit any more) is told by :mod:`daemon.search.p
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._cells import CampaignCell
-from daemon.campaign._file import CampaignFile
-from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._scenarios import ResolvedScenario
+from daemon.campaign._cells import CampaignCell, Draft
 from daemon.campaign._search_file import (
     SearchText,
     ValueChoices,
@@ -36,7 +33,7 @@ from daemon.model.spec import SutReference
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import KeyPath, YamlDocument
+from grammars.text.documents import KeyPath
 from grammars.text.inequalities import Inequality, InequalityError, read_inequality
 
 _LONGEST_NAMES: Final = 88
@@ -45,39 +42,19 @@ LEAST_CONFIRMED: Final = 3
 """Repeats of what a system that is not repeatable fails: one run of it shows little."""
 
 
-@dataclass(frozen=True, slots=True)
-class SearchScope:
-    """A campaign as far as searches are about it.
-
-    ``named`` are its concrete scenarios, ``cells`` those that runs are made of. Of the searches in
-    ``unread`` something could not be read. ``oracles`` are those of the campaign's files.
-    """
-
-    text: CampaignFile
-    document: YamlDocument
-    library: LayerLibrary
-    named: Mapping[str, ResolvedScenario]
-    cells: Sequence[CampaignCell]
-    unread: frozenset[str] = frozenset()
-    oracles: frozenset[str] = frozenset()
-
-
-def read_searches(scope: SearchScope) -> tuple[tuple[SearchTask, ...], tuple[Diagnostic, ...]]:
-    """Return the searches of a campaign that can be run, and what there is to say of all of them.
-
-    Of a scenario that could not be loaded nothing is said: its layers have been complained about.
-    """
+def read_searches(draft: Draft) -> tuple[tuple[SearchTask, ...], tuple[Diagnostic, ...]]:
+    """Return the searches of a campaign that can be run, and all findings about them."""
     tasks: list[SearchTask] = []
     found: list[Diagnostic] = []
-    warnings = len(scope.library.warnings)
-    for name, text in scope.text.search.items():
-        reader = _SearchReader(name, text, scope)
-        task = reader.read() if name not in scope.unread else None
+    warnings = len(draft.library.warnings)
+    for name, text in draft.text.search.items():
+        reader = _SearchReader(name, text, draft)
+        task = reader.read()
         found += reader.findings
-        if task is not None and not any(d.severity is Severity.ERROR for d in reader.findings):
+        if task is not None:
             tasks.append(task)
     # The layers were loaded with values that no scenario has.
-    del scope.library.warnings[warnings:]
+    del draft.library.warnings[warnings:]
     return tuple(tasks), tuple(found)
 
 
@@ -87,7 +64,7 @@ class _SearchReader:
 
     name: str
     text: SearchText
-    scope: SearchScope
+    draft: Draft
     findings: list[Diagnostic] = field(default_factory=list)
 
     def read(self) -> SearchTask | None:
@@ -100,7 +77,7 @@ class _SearchReader:
         minimised = self._minimised(cell)
         if sut is None:
             return None
-        layers = search_layers(self.scope.library, cell.scenario, cell.suts.index(sut))
+        layers = search_layers(self.draft.library, cell.scenario, cell.suts.index(sut))
         parameters = self._parameters(layers, cell)
         constraints = self._constraints(parameters)
         runs, seconds = read_budget(self.text.budget)
@@ -121,14 +98,14 @@ class _SearchReader:
             confirm=self._confirm(sut),
             then=tuple(step for step in ("nearest", "shrink") if step in self.text.then),
             window=self.text.window,
-            seed=self.scope.text.seed if self.text.seed is None else self.text.seed,
+            seed=self.draft.text.seed if self.text.seed is None else self.text.seed,
             repeatable=sut.repeatable,
             about=self.text.about,
         )
 
     def _at(self, *key: str | int) -> Where:
         path: KeyPath = ("search", self.name, *key)
-        return self.scope.document.where(path)
+        return self.draft.document.where(path)
 
     def _error(self, where: Where, message: str, hint: str = "") -> None:
         self.findings.append(Diagnostic(where, message, hint))
@@ -137,51 +114,44 @@ class _SearchReader:
         self.findings.append(Diagnostic(where, message, hint, Severity.WARNING))
 
     def _check_names(self) -> None:
-        campaign = self.scope.text.campaign
+        campaign = self.draft.text.campaign
         if len(campaign) + len(self.name) > _LONGEST_NAMES:
             message = f'the names "{campaign}" and "{self.name}" are too long together'
             self._error(self._at(), message, f"{_LONGEST_NAMES} characters at most")
-        if self.name in self.scope.text.scenarios:
+        if self.name in self.draft.text.scenarios:
             message = f'there is a scenario "{self.name}": tables could not tell them apart'
             self._error(self._at(), message, "call the search otherwise")
 
     def _cell(self) -> CampaignCell | None:
         """Return the cell of the scenario, ``None`` after saying why there is none to search."""
         scenario, where = self.text.scenario, self._at("scenario")
-        if scenario not in self.scope.named:
-            written = self.scope.text.scenarios.get(scenario)
+        if scenario not in self.draft.scenarios:
+            written = self.draft.text.scenarios.get(scenario)
             if written is not None and written.abstract:
                 hint = "search a scenario that is like it"
                 self._error(where, f'scenario "{scenario}" is abstract, it is never run', hint)
             elif written is None:
-                hint = did_you_mean(scenario, self.scope.named)
+                hint = did_you_mean(scenario, self.draft.scenarios)
                 self._error(where, f'no scenario "{scenario}" here', hint)
             return None
-        cells = [cell for cell in self.scope.cells if cell.scenario.name == scenario]
+        cells = [cell for cell in self.draft.cells if cell.scenario.name == scenario]
         if len(cells) > 1:
             message = f"{scenario} is run in {len(cells)} buildings, a search is about one"
             hint = "search a scenario like it with: vary: {…, samples: 1}, or with a floorplan"
             self._error(where, message, hint)
             return None
-        return cells[0] if cells else None
+        return cells[0]
 
     def _sut(self, cell: CampaignCell) -> SutReference | None:
-        named, wanted = cell.scenario.suts, self.text.sut
-        if not cell.suts or len(named) != len(cell.suts):
-            return None  # one of them cannot be loaded, or there is none: that has been said
-        names = [sut.name for sut in cell.suts]
-        if not wanted and len(names) == 1:
+        wanted = self.text.sut
+        if not wanted:
             return cell.suts[0]
-        for reference, sut in zip(named, cell.suts, strict=True):
-            if wanted and wanted in (sut.name, reference.name):
+        for reference, sut in zip(cell.scenario.suts, cell.suts, strict=True):
+            if wanted in (sut.name, reference.name):
                 return sut
-        if wanted:
-            message = f'{cell.name} is not run with a system under test "{wanted}"'
-            self._error(self._at("sut"), message, did_you_mean(wanted, names))
-        else:
-            message = f"{cell.name} is run with {len(names)} systems under test, search one"
-            others = ", ".join(names[1:])
-            self._error(self._at(), message, f"write sut: {names[0]}, or one of {others}")
+        message = f'{cell.name} is not run with a system under test "{wanted}"'
+        hint = did_you_mean(wanted, [sut.name for sut in cell.suts])
+        self._error(self._at("sut"), message, hint)
         return None
 
     def _confirm(self, sut: SutReference) -> int:
@@ -208,7 +178,7 @@ class _SearchReader:
             return led
         if len(oracles) < len(picked):
             return ()  # one of them cannot be read, which has been said
-        if wanted in self.scope.oracles:
+        if wanted in self.draft.oracles:
             hint = f"add {wanted} to the oracles: of the scenario"
         else:
             hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))

@@ -3,55 +3,33 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._cells import LoadedWorld
-from daemon.campaign._file import CampaignFile, SlotsText
+from daemon.campaign._cells import CampaignCell, Draft
+from daemon.campaign._file import SlotsText
 from daemon.campaign._names import layer_name
-from daemon.campaign._scenarios import LayerReference, ResolvedScenario, bases_of
-from grammars.oracle import Oracle
+from daemon.campaign._scenarios import LayerReference, bases_of
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import YamlDocument
 from grammars.text.sources import not_recording, read_text
 
 
-@dataclass(frozen=True, slots=True)
-class CampaignUse:
-    """A campaign with what its scenarios came to.
-
-    Where it is not ``sound`` a name may be used by what could not be read.
-    """
-
-    text: CampaignFile
-    document: YamlDocument
-    scenarios: Sequence[ResolvedScenario]
-    worlds: Sequence[LoadedWorld]
-    sound: bool
-
-
-def find_unused(
-    use: CampaignUse, load_oracles: Callable[[LayerReference], Mapping[str, Oracle] | None]
-) -> list[Diagnostic]:
-    """Return warnings about what is written and has no effect on any run of a campaign.
-
-    ``load_oracles`` returns the oracles of one layer, ``None`` when it cannot be read.
-    """
-    found = [*_parameters(use.worlds), *_members(use.worlds)]
-    if use.sound:
-        found += [
-            *_abstract_scenarios(use),
-            *_slots(use),
-            *_replaced_everywhere(use),
-            *_plans_of_variants(use),
-            *_oracles(use, load_oracles),
-            *_groups(use.worlds),
-            *_without_effect(use),
-        ]
+def find_unused(draft: Draft) -> list[Diagnostic]:
+    """Return warnings about what is written and has no effect on any run of a campaign."""
+    found = [
+        *_parameters(draft.cells),
+        *_members(draft.cells),
+        *_abstract_scenarios(draft),
+        *_slots(draft),
+        *_replaced_everywhere(draft),
+        *_plans_of_variants(draft),
+        *_oracles(draft),
+        *_groups(draft.cells),
+        *_without_effect(draft),
+    ]
     return list(dict.fromkeys(found))
 
 
@@ -62,29 +40,29 @@ def _warning(where: Where, message: str, hint: str) -> Diagnostic:
     return Diagnostic(where, message, hint, Severity.WARNING)
 
 
-def _abstract_scenarios(use: CampaignUse) -> Iterator[Diagnostic]:
-    bases = {scenario.like for scenario in use.text.scenarios.values()}
-    for name, scenario in use.text.scenarios.items():
+def _abstract_scenarios(draft: Draft) -> Iterator[Diagnostic]:
+    bases = {scenario.like for scenario in draft.text.scenarios.values()}
+    for name, scenario in draft.text.scenarios.items():
         if scenario.abstract and name not in bases:
-            where = use.document.where(("scenarios", name))
+            where = draft.document.where(("scenarios", name))
             message = f'scenario "{name}" is abstract and no other one is like it'
             yield _warning(where, message, "leave it out, or leave out abstract")
 
 
-def _slots(use: CampaignUse) -> Iterator[Diagnostic]:
+def _slots(draft: Draft) -> Iterator[Diagnostic]:
     """Yield the robot and the systems of the whole campaign that every scenario replaces."""
-    text, defaults = use.text, use.text.defaults
-    robots = {s.robot.where for s in use.scenarios if s.robot}
+    text, defaults = draft.text, draft.text.defaults
+    robots = {s.robot.where for s in draft.scenarios.values() if s.robot}
     for robot, path in ((text.robot, ("robot",)), (defaults.robot, ("defaults", "robot"))):
-        where = use.document.where(path)
+        where = draft.document.where(path)
         if robot is not None and where not in robots:
             message = f"no scenario uses the robot {layer_name(robot)}, each names another"
             yield _warning(where, message, _ONE_OF_BOTH)
-    suts = {reference.where for s in use.scenarios for reference in s.suts}
+    suts = {reference.where for s in draft.scenarios.values() for reference in s.suts}
     matrix = text.matrix.sut if text.matrix else []
     for names, path in ((matrix, ("matrix", "sut")), (defaults.sut or [], ("defaults", "sut"))):
         for index, name in enumerate(names):
-            where = use.document.where((*path, index))
+            where = draft.document.where((*path, index))
             if where not in suts:
                 named = layer_name(name)
                 message = f"no scenario uses the system under test {named}, each names others"
@@ -96,10 +74,12 @@ _AT_THE_TOP: Final = frozenset({"map", "vary", "chance"})
 campaign must have at the top, and the robot, which is told by its name."""
 
 
-def _replaced_everywhere(use: CampaignUse) -> Iterator[Diagnostic]:
+def _replaced_everywhere(draft: Draft) -> Iterator[Diagnostic]:
     """Yield what is said for all scenarios and replaced in each of them."""
-    text, slots = use.text, use.text.scenarios
-    chains = [[slots[n] for n in (s.name, *bases_of(s.name, text))] for s in use.scenarios]
+    text, slots = draft.text, draft.text.scenarios
+    chains = [
+        [slots[n] for n in (s.name, *bases_of(s.name, text))] for s in draft.scenarios.values()
+    ]
     for path, said, keys in (
         ((), text, _AT_THE_TOP),
         (("defaults",), text.defaults, SlotsText.model_fields.keys() - {"robot", "sut"}),
@@ -108,29 +88,25 @@ def _replaced_everywhere(use: CampaignUse) -> Iterator[Diagnostic]:
         for key in sorted(keys & said.model_fields_set):
             if all(any(getattr(one, key) is not None for one in chain) for chain in over):
                 message = f"no scenario uses the {key} said for all, each has another"
-                yield _warning(use.document.where((*path, key)), message, _ONE_OF_BOTH)
+                yield _warning(draft.document.where((*path, key)), message, _ONE_OF_BOTH)
 
 
-def _plans_of_variants(use: CampaignUse) -> Iterator[Diagnostic]:
+def _plans_of_variants(draft: Draft) -> Iterator[Diagnostic]:
     # A plan beside variants from elsewhere waits for these to be switched off.
-    defaults: tuple[tuple[str, ...], SlotsText] = (("defaults",), use.text.defaults)
-    scenarios = ((("scenarios", name), text) for name, text in use.text.scenarios.items())
+    defaults: tuple[tuple[str, ...], SlotsText] = (("defaults",), draft.text.defaults)
+    scenarios = ((("scenarios", name), text) for name, text in draft.text.scenarios.items())
     for path, slots in (defaults, *scenarios):
         if slots.vary is not None and slots.floorplan is not None:
-            where = use.document.where((*path, "floorplan"))
+            where = draft.document.where((*path, "floorplan"))
             message = f"not used: the plans are variants of {layer_name(slots.vary.floorplan)}"
             yield _warning(where, message, 'leave out "floorplan", or "vary"')
 
 
-def _oracles(
-    use: CampaignUse, load: Callable[[LayerReference], Mapping[str, Oracle] | None]
-) -> Iterator[Diagnostic]:
-    used = {reference.name for s in use.scenarios for reference in s.oracles}
-    for index, name in enumerate(use.text.oracles or []):
-        where = use.document.where(("oracles", index))
-        found = load(LayerReference(name, {}, where))
-        if not found:
-            continue
+def _oracles(draft: Draft) -> Iterator[Diagnostic]:
+    used = {reference.name for s in draft.scenarios.values() for reference in s.oracles}
+    for index, name in enumerate(draft.text.oracles or []):
+        where = draft.document.where(("oracles", index))
+        found = draft.library.oracles((LayerReference(name, {}, where),))
         if used.isdisjoint(found):
             message = f"no scenario uses an oracle of {name}"
             hint = f"its oracles: {', '.join(found)}; each scenario picks some: oracles: […]"
@@ -138,7 +114,7 @@ def _oracles(
             continue
         # A measure costs nothing to have at hand; a limit that judges nothing is forgotten.
         idle = {o.name: o.where for o in found.values() if not o.is_measure and o.name not in used}
-        if idle and not _is_shared(name, Path(use.document.file)):
+        if idle and not _is_shared(name, Path(draft.document.file)):
             for oracle, place in idle.items():
                 hint = f"name it in a scenario (oracles: [{oracle}]), or leave it out"
                 yield _warning(place, f"no scenario uses the oracle {oracle}", hint)
@@ -169,21 +145,21 @@ def _text_of(path: Path) -> str:
         return ""
 
 
-def _parameters(worlds: Iterable[LoadedWorld]) -> Iterator[Diagnostic]:
-    for layer in dict.fromkeys(layer for world in worlds for layer in world.layers):
+def _parameters(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
+    for layer in dict.fromkeys(layer for cell in cells for layer in cell.layers):
         yield from unused_parameters(layer)
 
 
-def _groups(worlds: Sequence[LoadedWorld]) -> Iterator[Diagnostic]:
-    """Yield groups that are used in none of the worlds their layer is part of."""
-    for layer in {layer.file: layer for world in worlds for layer in world.layers}.values():
-        beside = [w.layers for w in worlds if any(other.file == layer.file for other in w.layers)]
+def _groups(cells: Sequence[CampaignCell]) -> Iterator[Diagnostic]:
+    """Yield groups that are used in none of the cells their layer is part of."""
+    for layer in {layer.file: layer for cell in cells for layer in cell.layers}.values():
+        beside = [c.layers for c in cells if any(other.file == layer.file for other in c.layers)]
         yield from unused_groups(layer, [other for layers in beside for other in layers])
 
 
-def _members(worlds: Iterable[LoadedWorld]) -> Iterator[Diagnostic]:
-    """Yield members of groups that are there in none of the worlds of their layer."""
-    stacks = dict.fromkeys(world.layers for world in worlds if world.whole)
+def _members(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
+    """Yield members of groups that are there in none of the cells of their layer."""
+    stacks = dict.fromkeys(cell.layers for cell in cells)
     lacking = {layers: Catalogue(layers).unknown_members() for layers in stacks}
     for problem in dict.fromkeys(p for problems in lacking.values() for p in problems):
         file = problem.where.file
@@ -193,11 +169,11 @@ def _members(worlds: Iterable[LoadedWorld]) -> Iterator[Diagnostic]:
             yield problem
 
 
-def _without_effect(use: CampaignUse) -> Iterator[Diagnostic]:
+def _without_effect(draft: Draft) -> Iterator[Diagnostic]:
     """Yield the names of scenery layers that change nothing wherever they are named."""
-    acting = {file for world in use.worlds for file in _acting(world)}
-    known = {layer.file for world in use.worlds for layer in world.layers}
-    for scenario in use.scenarios:
+    acting = {file for cell in draft.cells for file in _acting(cell)}
+    known = {layer.file for cell in draft.cells for layer in cell.layers}
+    for scenario in draft.scenarios.values():
         for reference in (*scenario.objects, *scenario.behaviours):
             file = _file_of(reference, known)
             if file is not None and file not in acting:
@@ -215,11 +191,11 @@ def _file_of(reference: LayerReference, files: Iterable[str]) -> str | None:
     return found[0] if len(found) == 1 else None
 
 
-def _acting(world: LoadedWorld) -> Iterator[str]:
-    """Yield the files of the layers that have a part in a world."""
-    deciding = {where for resolved in world.resolved for _, where in resolved.places}
-    models = {i.model.text for layer in world.layers for i in layer.instances}
-    for layer in world.layers:
+def _acting(cell: CampaignCell) -> Iterator[str]:
+    """Yield the files of the layers that have a part in a cell."""
+    deciding = set(cell.places.values())
+    models = {i.model.text for layer in cell.layers for i in layer.instances}
+    for layer in cell.layers:
         says = any(sentence.where in deciding for sentence in layer.sentences)
         places = layer.instances or layer.settings or (layer.groups and not layer.sentences)
         if says or places or any(model.name in models for model in layer.models):

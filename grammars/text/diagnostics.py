@@ -5,12 +5,14 @@ from __future__ import annotations
 import difflib
 import re
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeVar
 
 from grammars.text.terminal_text import spell_out
+
+T = TypeVar("T")
 
 
 class Severity(StrEnum):
@@ -79,6 +81,26 @@ class InputError(Exception):
     def at(cls, where: Where, message: str, hint: str = "") -> InputError:
         """Return the error of one finding."""
         return cls(Diagnostic(where, message, hint))
+
+
+def raise_all(problems: Iterable[Diagnostic]) -> None:
+    """Raise :class:`InputError` with the problems, each once, if there are any."""
+    found = tuple(dict.fromkeys(problems))
+    if found:
+        raise InputError(found)
+
+
+def gather(makes: Iterable[Callable[[], T]]) -> list[T]:
+    """Return what each of ``makes`` returns; raises :class:`InputError` with the errors of all."""
+    made: list[T] = []
+    problems: list[Diagnostic] = []
+    for make in makes:
+        try:
+            made.append(make())
+        except InputError as error:
+            problems.extend(error.diagnostics)
+    raise_all(problems)
+    return made
 
 
 _LONGEST_WORD: Final = 80

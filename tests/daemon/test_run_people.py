@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.campaign import check, expand, load_campaign
+from daemon.campaign import examine, expand
 from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.kinematics import link_poses
@@ -33,8 +33,8 @@ def submission(campaigns, tmp_path_factory):
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace("\nexpect:", f"{CROWDED}\nexpect:"), encoding="utf-8")
     (folder / "demo" / "surprise.scenery").write_text(SURPRISE, encoding="utf-8")
-    campaign = load_campaign(file)
-    found = [d for d in check(campaign) if "people.scenery" in d.where.file]
+    campaign, findings = examine(file)
+    found = [d for d in findings if "people.scenery" in d.where.file]
     assert [str(d) for d in found if d.severity is Severity.ERROR] == []
     return expand(campaign)
 

@@ -7,7 +7,7 @@ from grammars.scenery.composition._behaviours import ResolvedBehaviours, resolve
 from grammars.scenery.composition._building import static_segments
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._chance import RandomWaits, draw_waits
-from grammars.scenery.composition._compiler import compile_scene, compile_sound_part, with_stand_ins
+from grammars.scenery.composition._compiler import compile_scene
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
@@ -23,7 +23,6 @@ __all__ = [
     "RandomWaits",
     "ResolvedBehaviours",
     "compile_scene",
-    "compile_sound_part",
     "convex_rings",
     "draw_waits",
     "frame_named",
@@ -33,5 +32,4 @@ __all__ = [
     "place_instance",
     "resolve_behaviours",
     "static_segments",
-    "with_stand_ins",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Final
 
 from shapely.geometry import Polygon
@@ -24,7 +25,7 @@ from grammars.scenery.composition._placement import (
 )
 from grammars.scenery.composition._rings import canonical_ring, rounded, rounded_point, rounded_pose
 from grammars.scenery.model import In, Instance, SceneryLayer, Setting, Starts
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import Diagnostic, InputError, gather, raise_all
 
 
 def apply_settings(
@@ -40,14 +41,11 @@ def apply_settings(
         for setting in layer.settings:
             try:
                 for target in catalogue.targets(layer, setting.subject):
-                    body = objects.get(target.object)
-                    # What could not be placed has been reported and is not there.
-                    if body is not None:
-                        objects[body.name] = _with(catalogue, body, setting, target.joint)
+                    body = objects[target.object]
+                    objects[body.name] = _with(catalogue, body, setting, target.joint)
             except InputError as error:
                 findings.extend(error.diagnostics)
-    if findings:
-        raise InputError(findings)
+    raise_all(findings)
     return objects
 
 
@@ -84,8 +82,7 @@ def refuse_unapplied(scene: Scene, layers: Sequence[SceneryLayer], catalogue: Ca
             for target in catalogue.targets(layer, setting.subject)
             if target.object in changed
         ]
-    if findings:
-        raise InputError(dict.fromkeys(findings))
+    raise_all(findings)
 
 
 _STANDS_IN: Final = 0.5
@@ -97,35 +94,17 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
 
     Walls are cut by the openings that list them and become convex solids; objects stand in layer
     order. All coordinates are rounded to 1e-9 m, so that equal input gives equal digests.
-    Raises :class:`InputError` with every unknown name and every object that cannot be placed.
-    """
-    scene, problems = compile_sound_part(plan, layers)
-    if problems:
-        raise InputError(problems)
-    return scene
-
-
-def compile_sound_part(
-    plan: FloorPlan, layers: Sequence[SceneryLayer] = ()
-) -> tuple[Scene, list[Diagnostic]]:
-    """Return the world without the objects that cannot be placed, and why they cannot.
-
-    Raises :class:`InputError` where names of objects or models are unknown or taken twice.
+    Raises :class:`InputError` with every object that cannot be placed, otherwise with every
+    setting of them that makes no sense.
     """
     doorways = _doorways(plan)
     catalogue = Catalogue(layers)
-    placed: dict[str, SceneObject] = {}
-    findings: list[Diagnostic] = []
-    for instance in catalogue.instances.values():
-        try:
-            placed[instance.name] = _object(plan, doorways, catalogue, instance)
-        except InputError as error:
-            findings.extend(error.diagnostics)
-    try:
-        placed.update(apply_settings(layers, catalogue, placed))
-    except InputError as error:
-        findings.extend(error.diagnostics)
-    scene = Scene(
+    bodies = gather(
+        partial(_object, plan, doorways, catalogue, instance)
+        for instance in catalogue.instances.values()
+    )
+    placed = apply_settings(layers, catalogue, {body.name: body for body in bodies})
+    return Scene(
         plan.name,
         tuple(_region(space) for space in plan.spaces),
         doorways,
@@ -134,31 +113,6 @@ def compile_sound_part(
         # Only routes of movers need them, and whatever is in a scene counts in its digest.
         _frames(plan) if any(map(is_mover, catalogue.joints())) else (),
     )
-    return scene, findings
-
-
-def with_stand_ins(scene: Scene, layers: Sequence[SceneryLayer]) -> Scene:
-    """Return ``scene`` with every object of ``layers`` that could not be placed, anywhere.
-
-    What is said of those by name can be looked at, where they stand cannot. Raises
-    :class:`InputError` for names that are unknown or taken twice.
-    """
-    catalogue = Catalogue(layers)
-    bodies = {body.name: body for body in scene.objects}
-    for name, instance in catalogue.instances.items():
-        if name not in bodies:
-            model = catalogue.model_of(name)
-            body = SceneObject(
-                name,
-                model.name,
-                Pose2(),
-                model.links,
-                model.joints,
-                closed_positions(model),
-                instance.frozen,
-            )
-            bodies[name] = apply_settings(layers, catalogue, {name: body})[name]
-    return dataclasses.replace(scene, objects=tuple(bodies.values()))
 
 
 def _region(space: Space) -> Region:

@@ -1,4 +1,4 @@
-"""Everything wrong with a campaign at once, each thing once; what it names and nobody uses."""
+"""Everything wrong in a stage of loading at once, each thing once; what nobody uses."""
 
 import json
 import os
@@ -11,6 +11,7 @@ import pytest
 from daemon.campaign import examine
 from grammars.text.diagnostics import InputError
 from scenario_tui.submission import prepare_submission
+from tests.daemon.campaign.findings import findings_of
 
 CAMPAIGN = """\
 campaign: tiny
@@ -59,10 +60,9 @@ def change(folder, name, *changes):
 def said(folder):
     """Return what is found of the campaign: file and line, an E or a W, and the message."""
     change(folder, "tiny.yaml")
-    _, found = examine(folder / "tiny.yaml")
     return [
         f"{Path(d.where.file).name}:{d.where.line} {d.severity[0].upper()} {d.message}"
-        for d in found
+        for d in findings_of(folder / "tiny.yaml")
         if "this sentence, not the one" not in d.message
     ]
 
@@ -71,36 +71,68 @@ def test_a_campaign_of_which_all_is_used_is_nothing_to_speak_of(folder):
     assert said(folder) == []
 
 
-def test_errors_of_all_kinds_come_at_once_and_once(folder):
-    change(
-        folder, "tiny.yaml",
-        ("    oracles: [near]", "    oracles: [near]\n    objcts: doors"),
-        ("seed: 3", "seed: 3\ncolour: blue"),
-        ("[pilot]", "[pilto]"),
-    )  # fmt: skip
-    change(folder, "house.oracles.yaml", ("clearance", "clearence"))
-    change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
-    change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
-    assert sorted(text.split(":", 1)[0] + text.split(" ", 1)[1] for text in said(folder)) == [
-        "courier.mission.yamlE waypoint kitchen is inside of hall-wall-5",
-        "doors.sceneryE the leaf of bedroom_door reaches 2.20 m high, bedroom_doorway only 2.00 m",
-        "doors.sceneryE the leaf of kitchen_door reaches 2.20 m high, kitchen_doorway only 2.00 m",
-        'house.oracles.yamlE unknown signal "clearence"',
-        'tiny.yamlE no system under test "pilto": there is no pilto.yaml beside the campaign nor '
-        "in suts/, and none of that name ships",
-        'tiny.yamlE unknown key "colour"',
-        'tiny.yamlE unknown key "objcts"',
-    ]
+SECOND = "  second:\n"
+STAGES = {
+    "keys": [
+        ("tiny.yaml", "seed: 3", "seed: 3\ncolour: blue", 'unknown key "colour"'),
+        ("tiny.yaml", SECOND, f"{SECOND}    objcts: doors\n", 'unknown key "objcts"'),
+    ],
+    "scenarios": [
+        ("tiny.yaml", "like: calm", "like: clam", 'no scenario "clam" here'),
+        ("tiny.yaml", SECOND, f"  self: {{like: self}}\n{SECOND}",
+         "scenarios are like each other: self -> self"),
+    ],
+    "layers": [
+        ("house.oracles.yaml", "clearance", "clearence", 'unknown signal "clearence"'),
+        ("tiny.yaml", "[pilot]", "[pilto]", 'no system under test "pilto": there is no pilto.yaml '
+         "beside the campaign nor in suts/, and none of that name ships"),
+        ("moods.scenery", "all both stay", "all both", 'expected "except", "is", "starts", '
+         '"stays", "moves", "toggles", "goes", "walks", …, found "open"'),
+    ],
+    "worlds": [
+        ("doors.scenery", "in kitchen_doorway", "in kitchn_doorway",
+         'there is no entryway "kitchn_doorway" in the floor plan'),
+        ("tiny.yaml", SECOND, "  third: {like: calm, objects: [], behaviours: [], "
+         f"without: [waypoint 7]}}\n{SECOND}", 'no leg 7 in mission "courier": it has 4 waypoints'),
+    ],
+    "declarations": [
+        ("tiny.yaml", "seed: 3", "seed: 3\ncompare: {a: delay(calm vs secnd) < 1 s}",
+         'no scenario "secnd" here'),
+        ("tiny.yaml", "seed: 3",
+         "seed: 3\nsearch: {s: {scenario: calmer, minimise: any, over: {a.b: 1 .. 2}}}",
+         'no scenario "calmer" here'),
+    ],
+    "pre-flight": [
+        ("courier.mission.yaml", "x: 0.2, y: -2.1", "x: 0.2, y: -0.85",
+         "waypoint kitchen is inside of hall-wall-5"),
+        ("doors.scenery", "to 1.98 m,   mass", "to 2.2 m, mass",
+         "the leaf of bedroom_door reaches 2.20 m high, bedroom_doorway only 2.00 m"),
+    ],
+}  # fmt: skip
+"""Errors of each stage of loading: layer, text, wrong text, message."""
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_all_errors_of_a_stage_come_at_once_and_before_those_of_the_next(folder, stage):
+    stages = list(STAGES)
+    for errors in stages[stages.index(stage) :]:
+        for layer, old, new, _ in STAGES[errors]:
+            change(folder, layer, (old, new))
+    found = [text.partition(" E ")[2] for text in said(folder)]
+    assert len(found) == len(set(found))
+    for errors, changes in STAGES.items():
+        assert [message in found for *_, message in changes] == [errors == stage] * len(changes)
 
 
 def test_what_is_submitted_is_told_all_of_it_too(folder):
-    change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
+    change(folder, "tiny.yaml")
+    change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
     change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
     with pytest.raises(InputError) as caught:
         prepare_submission(folder / "tiny.yaml")
     messages = [d.message for d in caught.value.diagnostics if d.severity == "error"]
-    assert [m.split(" reaches")[0].split(":")[0] for m in messages] == [
-        'no mission "curier"', "the leaf of bedroom_door", "the leaf of kitchen_door"
+    assert [m.split(" reaches")[0].split(" is ")[0] for m in messages] == [
+        "the leaf of bedroom_door", "the leaf of kitchen_door", "waypoint kitchen"
     ]  # fmt: skip
 
 
@@ -110,85 +142,6 @@ def test_more_runs_than_the_daemon_takes_are_told_before_anything_is_drawn(folde
     with pytest.raises(InputError, match=r"has 400000 runs.*may have 200000: split") as caught:
         prepare_submission(folder / "tiny.yaml")
     assert caught.value.diagnostics[0].where.line == 3
-
-
-@pytest.mark.parametrize(
-    ("layer", "old", "new", "errors"),
-    [
-        ("moods.scenery", "open", "opne", ["moods.scenery:1", "courier.mission.yaml:6"]),
-        ("moods.scenery", "all both stay", "all both sway",
-         ["moods.scenery:1", "courier.mission.yaml:6"]),
-        ("doors.scenery", "in kitchen_doorway", "in kitchn_doorway",
-         ["doors.scenery:19", "courier.mission.yaml:6"]),
-        ("tiny.yaml", "like: calm", "like: clam", ["tiny.yaml:15", "courier.mission.yaml:6"]),
-        ("tiny.yaml", "floorplan: flat", "floorplan: {flat: {}, x: {}}",
-         ["tiny.yaml:9", "tiny.yaml:15"]),
-    ],
-)  # fmt: skip
-def test_a_layer_that_cannot_be_used_hides_no_waypoint_in_a_wall(folder, layer, old, new, errors):
-    change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
-    change(folder, layer, (old, new))
-    found = [text.split(" ")[0] for text in said(folder) if " E " in text]
-    assert found[0] == errors[0]
-    assert len(found) == len(set(found)) <= 2
-    if errors[1].startswith("courier"):
-        assert found == errors
-
-
-def test_a_sentence_that_cannot_be_read_hides_no_door(folder):
-    change(folder, "moods.scenery", ("all both stay", "all both sway"))
-    change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
-    assert [text.split(":")[0] for text in said(folder)] == [
-        "moods.scenery", "doors.scenery", "doors.scenery"
-    ]  # fmt: skip
-
-
-def test_an_object_without_a_place_hides_no_other_one(folder):
-    change(
-        folder, "doors.scenery",
-        ("in kitchen_doorway", "in kitchn_doorway"), ("to 1.98 m,   mass", "to 2.2 m, mass"),
-    )  # fmt: skip
-    assert [text.split(" ", 1)[1] for text in said(folder)] == [
-        'E there is no entryway "kitchn_doorway" in the floor plan',
-        "E the leaf of bedroom_door reaches 2.20 m high, bedroom_doorway only 2.00 m",
-    ]
-
-
-def test_a_leaf_too_wide_hides_nothing_that_can_be_known_without_it(folder):
-    change(
-        folder, "doors.scenery",
-        ("box 4 cm x 88 cm  at (0 cm, 47 cm)", "box 4 cm x 1.2 m at (0 cm, 63 cm)"),
-        ("to 1.98 m,   mass", "to 2.2 m, mass"),
-    )  # fmt: skip
-    change(folder, "doors_open.scenery", ("sliding_door stays open", "sliding_door stays closed"))
-    oracles = "min(distance(robot, {})) >= 1 cm"
-    change(
-        folder, "house.oracles.yaml",
-        ("min(clearance) >= 1 cm", oracles.format("kitchen_door")),
-        ("reached(mission, 0.3 m)", oracles.format("kitchen_dor")),
-    )  # fmt: skip
-    doors = [("bedroom_door", "bedroom_doorway"), ("kitchen_door", "kitchen_doorway")]
-    found = [text.split(" ", 1)[1] for text in said(folder)]
-    for door, doorway in doors:
-        assert f"E the leaf of {door} reaches 2.20 m high, {doorway} only 2.00 m" in found
-        assert any(text.startswith(f"E {door} is 1.250 m wide, {doorway} only") for text in found)
-    stays = "cannot be reached while living_room_door stays as told"
-    assert f"W waypoint living-room {stays}" in found
-    assert 'E no "kitchen_dor" in scene "flat"' in found
-    assert len(found) == 6
-
-
-def test_what_waits_for_an_object_that_hangs_nowhere_is_not_said_to_wait_for_ever(folder):
-    change(folder, "doors.scenery", ("in kitchen_doorway", "in kitchn_doorway"))
-    sentence = "goes from closed to open when kitchen_door.hinge starts to move"
-    change(folder, "moods.scenery", ("all both stay open", f"bedroom_door {sentence}"))
-    assert [text.split(":")[0] for text in said(folder)] == ["doors.scenery"]
-
-
-def test_the_cells_no_run_can_be_made_of_are_counted(folder):
-    change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
-    campaign, _ = examine(folder / "tiny.yaml")
-    assert (campaign.runs, campaign.lost_runs, len(campaign.lost)) == (0, 2, 2)
 
 
 def test_a_layer_with_objects_is_to_be_named_once(folder):
@@ -240,20 +193,6 @@ def test_what_has_no_effect_is_told(folder, layer, old, new, expected):
     change(folder, layer, (old, new))
     found = said(folder)
     assert any(text.startswith(expected) for text in found), found
-
-
-@pytest.mark.parametrize("wrong", ["defaults: {objects: 5}", "objects: doors", "default: {a: 1}"])
-def test_what_could_not_be_read_for_all_scenarios_is_missed_in_none(folder, wrong):
-    change(folder, "tiny.yaml", ("scenarios:", f"{wrong}\nscenarios:"))
-    change(folder, "tiny.yaml", ("    objects: [doors, more]\n", ""))
-    change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
-    found = [text.split(" ")[0] for text in said(folder)]
-    assert found == ["tiny.yaml:7", "courier.mission.yaml:6"]
-
-
-def test_a_scenario_that_could_not_be_read_is_not_missed(folder):
-    change(folder, "tiny.yaml", ("  second:", "  odd: 5\n  third: {like: odd}\n  second:"))
-    assert [text.split(" ")[0] for text in said(folder)] == ["tiny.yaml:14"]
 
 
 def test_what_all_scenarios_lack_is_said_once(folder):

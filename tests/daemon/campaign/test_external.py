@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
+from daemon.campaign import LayerLibrary, LayerReference, examine, expand, load_campaign
 from daemon.model.attachments import resolve_paths
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Frames, Ros2Topics
 from daemon.stacks.ros2.settings import read_settings, settings_not_written
@@ -156,12 +156,12 @@ def repeats_by_sut(path):
 def test_what_is_not_repeatable_is_run_more_often_unless_told_otherwise(folder):
     silent = write_campaign(folder)
     assert repeats_by_sut(silent) == {"pilot": [0], "nav2": [0, 1, 2, 3, 4]}
-    told = [d.message for d in check(load_campaign(silent)) if d.severity is Severity.WARNING]
+    told = [d.message for d in examine(silent)[1] if d.severity is Severity.WARNING]
     assert any("nav2: not repeatable, so every scenario is run 5 times" in text for text in told)
     assert examine(silent)[0].runs == 6
     spoken = write_campaign(folder, "repeats: 2\n")
     assert repeats_by_sut(spoken) == {"pilot": [0, 1], "nav2": [0, 1]}
-    assert not any("not repeatable" in d.message for d in check(load_campaign(spoken)))
+    assert not any("not repeatable" in d.message for d in examine(spoken)[1])
 
 
 def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder):
@@ -174,9 +174,9 @@ def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder):
 
 def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder):
     path = write_campaign(folder, "repeats: 1\n")
-    assert not any("cycles of" in d.message for d in check(load_campaign(path)))
+    assert not any("cycles of" in d.message for d in examine(path)[1])
     (folder / "nav2.yaml").write_text(BASE + "period: 0.07 s\n")
-    found = [d for d in check(load_campaign(path)) if "cycles of 0.07 s" in d.message]
+    found = [d for d in examine(path)[1] if "cycles of 0.07 s" in d.message]
     assert {d.severity for d in found} == {Severity.WARNING}
     assert any("the laser of robot" in d.message for d in found)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.campaign import check, examine, expand, load_campaign
+from daemon.campaign import examine, expand, load_campaign
 from daemon.model.attachments import user_files_folder
 from daemon.model.spec import MapSettings, RunSpec
 from daemon.run_map import MapMissingError, run_map, stored_map
@@ -17,6 +17,7 @@ from grammars.scenery.composition import compile_scene
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity
 from templates.occupancy import occupancy_grid
+from tests.daemon.campaign.findings import findings_of
 
 CAMPAIGN = """\
 campaign: flat
@@ -59,7 +60,7 @@ def drawn(folder):
 
 
 def warnings(folder, map="map: {file: own.yaml}"):
-    found = check(load_campaign(written(folder, map)))
+    found = examine(written(folder, map))[1]
     assert not [d for d in found if d.severity is Severity.ERROR]
     return [str(d).replace(f"{folder}/", "") for d in found]
 
@@ -156,7 +157,7 @@ def test_what_is_wrong_with_a_map_stands_where_it_was_written(folder, map, compl
 
 def test_a_broken_map_does_not_hide_what_else_is_wrong(folder):
     path = written(folder, "map: {file: gone.yaml}", ", mission: nowhere")
-    _, found = examine(path)
+    found = findings_of(path)
     assert any("gone.yaml" in str(d) for d in found)
     assert any("nowhere" in str(d) for d in found)
 

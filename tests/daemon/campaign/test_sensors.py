@@ -2,7 +2,7 @@
 
 import pytest
 
-from daemon.campaign import check, load_campaign
+from daemon.campaign import examine
 
 CAMPAIGN = """\
 campaign: flat
@@ -41,7 +41,7 @@ def folder(tmp_path, campaigns):
 
 
 def said(folder):
-    found = check(load_campaign(folder / "campaign.yaml"))
+    found = examine(folder / "campaign.yaml")[1]
     return [str(one).partition(": warning: ")[2] for one in found if "mine:" in str(one)]
 
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from daemon.campaign import (
     LayerLibrary,
     LayerReference,
-    examine,
     flatten_parameters,
     merge_parameters,
     parameter_tree,
@@ -20,6 +19,7 @@ from daemon.stacks.ros1.wiring import Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
 from grammars.text.ros_yaml import load_ros_yaml
+from tests.daemon.campaign.findings import findings_of
 
 ONE_LASER = ("",)
 COMMON = """\
@@ -393,8 +393,7 @@ def test_a_campaign_reports_every_bad_ros_file_at_once(tmp_path, campaigns):
         path.write_text(path.read_text().replace(old, new))
     path = tmp_path / "demo" / "campaign.yaml"
     path.write_text(path.read_text().replace("sut: [pilot]", "sut: [a2s, fro-omni, pilot]"))
-    _, found = examine(path)
-    bad = {str(d).replace(f"{tmp_path}/", "") for d in found if d.severity is Severity.ERROR}
+    bad = {str(d).replace(f"{tmp_path}/", "") for d in findings_of(path)}
     assert {message.partition(": ")[0] for message in bad} == {
         "demo/../suts/fro-diff/costmap_common_params.yaml:10:19",
         "demo/../suts/fro-diff/dwa_local_planner_params.yaml:9:18",

@@ -186,13 +186,6 @@ def test_what_no_scenario_names_is_said_once_with_a_line_to_write(folder, slot, 
     assert expected in found
 
 
-def test_what_scenarios_lack_hides_nothing_else(folder):
-    text = CAMPAIGN.replace("  mission: courier\n", "").replace("[pilot]", "[pilto]")
-    found = messages(write(folder, text.replace("robot: courier", "robot: zzz")))
-    for part in ("names a mission", 'no system under test "pilto"', 'no robot "zzz"'):
-        assert any(part in one for one in found)
-
-
 def test_a_single_scenario_without_a_slot_is_named(folder):
     text = CAMPAIGN.replace("  oracles: [reached]\n", "").replace(
         "behaviours: doors_open", "oracles: [reached]"

@@ -9,13 +9,13 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import grammars.editor
-from daemon.campaign import LayerLibrary, LayerReference, read_campaign
+from daemon.campaign import CampaignFile, LayerLibrary, LayerReference
 from grammars.maps import load_walls
 from grammars.model.mission_files import load_mission
 from grammars.model.robot_files import load_robot
 from grammars.oracle import load_oracles
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.documents import load_yaml, parse_yaml
+from grammars.text.documents import load_yaml, parse_yaml, read_model
 from scenario_tui.cli.editors import FileKind, schema_of, schema_text
 
 SCHEMAS = Path(grammars.editor.__file__).parent / "schemas"
@@ -261,7 +261,7 @@ def read(kind, text, folder):
     path = folder / f"mine.{kind}.yaml"
     path.write_text(text, encoding="utf-8")
     if kind == "campaign":
-        read_campaign(load_yaml(path))
+        read_model(load_yaml(path), CampaignFile)
     elif kind == "sut":
         LayerLibrary(folder).sut(LayerReference(path.name, {}, Where("", 1, 1)))
     else:

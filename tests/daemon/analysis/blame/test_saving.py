@@ -17,7 +17,7 @@ from daemon.analysis.blame import (
     save_campaign,
     sut_differences,
 )
-from daemon.campaign import LayerLibrary, check, expand, load_campaign
+from daemon.campaign import LayerLibrary, examine, expand, load_campaign
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.floorplan import load_floorplan
@@ -84,7 +84,7 @@ def test_a_saved_run_is_the_smallest_one(folder, monkeypatch):
     file = save_campaign(case, found, folder / "saved", runner)
     assert "person" in (folder / "saved" / "kinds.scenery").read_text()
     assert "cat" not in (folder / "saved" / "kinds.scenery").read_text()
-    campaign = load_campaign(file)
+    campaign, findings = examine(file)
     (_, run) = expand(campaign).specs
     smallest = found.smallest.spec
     assert run.scene == smallest.scene
@@ -95,7 +95,7 @@ def test_a_saved_run_is_the_smallest_one(folder, monkeypatch):
         smallest.oracles,
     )
     assert "repeat 1 that fails" in file.read_text()
-    assert not [d for d in check(campaign) if d.severity is Severity.ERROR]
+    assert not [d for d in findings if d.severity is Severity.ERROR]
 
 
 def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(folder, monkeypatch):
