@@ -42,8 +42,7 @@ from grammars.text.terminal_text import printable
 STATE_RATE: Final = 20.0
 """Ground truth and joint states are recorded this often [Hz]."""
 CLOCK_RATE: Final = 10.0
-"""As often as the trace keeps the simulated time [Hz]. The writer thins it to the same rate; the
-timer is here as well because its ticks are among those at which the physics is stopped."""
+"""The simulated time is recorded this often [Hz]."""
 SNAPSHOT_RATE: Final = 1.0
 WATCHED_RATE: Final = 10.0
 """How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""

@@ -49,7 +49,7 @@ def first_difference(one: Path, other: Path) -> TraceDifference | None:
     """
     if one.read_bytes() == other.read_bytes():
         return None
-    first, second = read_mcap(one, None), read_mcap(other, None)
+    first, second = (read_mcap(path, lambda _: True) for path in (one, other))
     topics = sorted(first.runs.keys() | second.runs.keys())
     found = [
         (time, _FIRST.index(topic) if topic in _FIRST else len(_FIRST), topic)

@@ -11,7 +11,7 @@ import itertools
 import stat
 import struct
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -28,7 +28,7 @@ from daemon.trace._blocks import records_at_any_place
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
 from daemon.trace.layouts import HEADER, ByteArray, IntArray, MessageLayout
-from daemon.trace.messages import KINDS, is_scan
+from daemon.trace.messages import KINDS
 
 FILE_LIMIT: Final = 1 << 30
 CHUNK_LIMIT: Final = 1 << 28
@@ -109,16 +109,14 @@ class McapContents:
 
 def read_mcap(
     path: Path,
-    topics: Collection[str] | None,
+    wanted: Callable[[str], bool] | None = None,
     *,
     layouts: Mapping[str, MessageLayout] | None = None,
-    scans: bool = False,
 ) -> McapContents:
-    """Read the messages on ``topics``, all for ``None``, and everything that is not a message.
+    """Read the messages on topics that are ``wanted``, and everything that is not a message.
 
-    With ``scans`` also those of all lasers, whose names are only known afterwards. With ``layouts``
-    of topics a chunk is let go of when it has been read, and what it says is kept: of a run of the
-    reference stack 2 MB instead of 26.
+    With ``layouts`` of topics a chunk is let go of when it has been read, and what it says is kept:
+    of a run of the reference stack 2 MB instead of 26.
 
     Raises :class:`TraceError` when the file cannot be opened or is no MCAP file.
     """
@@ -137,7 +135,7 @@ def read_mcap(
             "is empty" if not data else "is not an MCAP file",
             "traces are the .mcap files a run leaves; run it again to get one",
         )
-    walk = _McapWalk(McapContents(path, layouts or {}), data, topics, scans)
+    walk = _McapWalk(McapContents(path, layouts or {}), data, wanted)
     try:
         walk.run()
     except DamagedTraceError as error:
@@ -149,16 +147,11 @@ class _McapWalk:
     """One pass over the records of a file."""
 
     def __init__(
-        self,
-        recording: McapContents,
-        data: bytes,
-        topics: Collection[str] | None,
-        scans: bool,
+        self, recording: McapContents, data: bytes, wanted: Callable[[str], bool] | None
     ) -> None:
         self.recording = recording
         self.at = len(MAGIC)
-        self._data = data
-        self._topics, self._scans = topics, scans
+        self._data, self._wanted = data, wanted
         self._decompressor = zstandard.ZstdDecompressor()
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
@@ -221,12 +214,11 @@ class _McapWalk:
             self.recording.attachments[record.name] = record.data
 
     def _chunk(self, content: slice) -> None:
-        # Without topics also not the first chunk, which declares them.
-        if self._topics is None or self._topics:
+        if self._wanted is not None:
             data = self._decompressed(content)
             offsets = self._message_offsets(data, self._indexed_offsets(content.stop))
             if len(offsets):
-                self._messages(data, offsets)
+                self._messages(data, offsets, self._wanted)
 
     def _message_offsets(self, data: bytes, indexed: IntArray) -> IntArray:
         """Read what declares topics in a chunk; return where its messages start.
@@ -267,9 +259,6 @@ class _McapWalk:
             entries.append(np.frombuffer(self._data, _INDEX_ENTRY, count, start)["offset"])
             at = content.stop
 
-    def _collected(self, topic: str) -> bool:
-        return self._topics is None or topic in self._topics or (self._scans and is_scan(topic))
-
     def _decompressed(self, content: slice) -> bytes:
         raw = memoryview(self._data)[content]
         if len(raw) < _CHUNK_HEAD.size:
@@ -293,8 +282,8 @@ class _McapWalk:
             raise DamagedTraceError("a chunk with a wrong checksum")
         return data
 
-    def _messages(self, data: bytes, offsets: IntArray) -> None:
-        """Collect the messages of a chunk that start at ``offsets`` (n,), in this order."""
+    def _messages(self, data: bytes, offsets: IntArray, wanted: Callable[[str], bool]) -> None:
+        """Collect ``wanted`` messages of a chunk that start at ``offsets`` (n,), in this order."""
         lengths = _numbers(data, offsets + 1, "<u8").astype(np.int64)
         if int(lengths.min()) < HEADER.size - _RECORD.size:
             raise DamagedTraceError("a message without a header")
@@ -303,7 +292,7 @@ class _McapWalk:
             topic = self._channels.get(channel)
             if topic is None:
                 raise DamagedTraceError("a message on an unknown channel")
-            if self._collected(topic):
+            if wanted(topic):
                 mine = np.flatnonzero(channels == channel)
                 self.recording.add(topic, data, offsets[mine], lengths[mine] + _RECORD.size)
 

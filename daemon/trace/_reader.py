@@ -48,12 +48,13 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
     Raises :class:`TraceError` when the file cannot be opened, is not a trace written by
     :class:`TraceWriter`, or is damaged before anything of it can be used.
     """
-    recording = read_mcap(
-        path,
-        messages.JUDGED | {"/plan"} if plans else messages.JUDGED,
-        layouts=judged_layouts(),
-        scans=scans,
-    )
+    topics = messages.JUDGED | {"/plan"} if plans else messages.JUDGED
+
+    def wanted(topic: str) -> bool:
+        # The names of the lasers are only known afterwards.
+        return topic in topics or (scans and messages.is_scan(topic))
+
+    recording = read_mcap(path, wanted, layouts=judged_layouts())
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:
@@ -64,18 +65,18 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
 
 def read_spec(path: Path) -> RunSpec:
     """Read only what a trace says the run was to be; raises as :func:`read_trace` does."""
-    return _attached_spec(read_mcap(path, ()))
+    return _attached_spec(read_mcap(path))
 
 
 def read_scene(path: Path) -> Scene:
     """Read only the scene inside of a trace; raises as :func:`read_trace` does."""
-    recording = read_mcap(path, ())
+    recording = read_mcap(path)
     return _attached_scene(recording, _attached_spec(recording))
 
 
 def read_outputs(path: Path) -> dict[str, str]:
     """Read what the system under test printed, by name; raises as :func:`read_trace` does."""
-    found = read_mcap(path, ()).attachments.items()
+    found = read_mcap(path).attachments.items()
     prefix = messages.OUTPUT_PREFIX
     return {
         name.removeprefix(prefix): data.decode("utf-8", "replace")

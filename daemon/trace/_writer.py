@@ -90,11 +90,8 @@ class TraceWriter(Recorder):
 
     def clock(self, time: float) -> None:
         """Record the simulated time, and a plan that waited for its second to be over."""
-        now = self._at(time)
-        if now >= self._next["/clock"]:
-            self._sample(self._signals["/clock"], time, ())
-            self._next["/clock"] = now + _PERIODS["/clock"]
-            self._write_plan(now)
+        super().clock(time)
+        self._write_plan(self._now)
 
     def plan(self, time: float, points: Floats) -> None:
         """Record a global plan (n, 2) in map when it has changed.
@@ -152,7 +149,7 @@ class TraceWriter(Recorder):
         """
         if self._judged is None:
             self._file.flush()
-            self._judged = read_mcap(self._partial, JUDGED, layouts=judged_layouts())
+            self._judged = read_mcap(self._partial, JUDGED.__contains__, layouts=judged_layouts())
             self._judged.cut = ""
             self._keep(self._judged, self._late)
         pending, last = [*self._peek_judged()], self._container.last

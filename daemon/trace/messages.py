@@ -47,7 +47,7 @@ TOPICS: Final = (
     Topic("/footprint", "geometry_msgs/msg/PolygonStamped", latched=True),
     Topic("/scene", "visualization_msgs/msg/MarkerArray", latched=True),
     Topic("/tf_static", "tf2_msgs/msg/TFMessage", latched=True),
-    Topic("/clock", "rosgraph_msgs/msg/Clock", period=_SECOND // 10),
+    Topic("/clock", "rosgraph_msgs/msg/Clock"),
     Topic("/tf", "tf2_msgs/msg/TFMessage"),
     Topic("/scan", "sensor_msgs/msg/LaserScan"),
     Topic("/odom", "nav_msgs/msg/Odometry", judged=True),

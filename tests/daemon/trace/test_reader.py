@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from daemon.model.spec import ENGINE_VERSION
+from daemon.model.spec import ENGINE_VERSION, SutReference
 from daemon.model.sut import Cloud, Estimate, Odometry, Progress
 from daemon.trace import (
     JointSamples,
@@ -114,6 +114,19 @@ def test_joint_states_left_out_are_given_back_by_interpolation(recorded):
         found = np.interp(every, joints.time, joints.position[:, column])
         expected = [joints_at(t, 3)[0][column] for t in every]
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("parameters", "count"), [({}, 0), ({"repeatable": False}, 40)])
+def test_only_a_system_that_is_not_repeatable_leaves_latencies(tmp_path, parameters, count):
+    world, path = scene(), tmp_path / "run.mcap"
+    spec = specification(world, sut=SutReference("mine", "mine", parameters))
+    with TraceWriter(path, spec, world) as writer:
+        for step in range(40):
+            writer.ground_truth(step / 20, pose_at(step / 20), twist_at(step / 20))
+            writer.latency(step / 20, 0.01)
+        writer.close("limit")
+    trace = read_trace(path)
+    assert (trace.complete, len(trace.latency.time)) == (True, count)
 
 
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
