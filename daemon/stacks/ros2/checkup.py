@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 from daemon.stacks.ros2.endpoints import link_setup, scan_topics
-from daemon.stacks.ros2.inspection import CheckLine, Inspection
+from daemon.stacks.ros2.inspection import CheckLine, CheckState, Inspection
 from daemon.stacks.ros2.link import (
     ACTION_KINDS,
     COMMAND_KINDS,
     Graph,
     GraphEndpoint,
     LinkSetup,
-    Qos,
     TopicSetup,
 )
 from daemon.stacks.ros2.pace import about_parameters, about_speed
@@ -45,16 +44,13 @@ def examine(
     return tuple(_Checkup(settings, inspection, lasers).lines())
 
 
-_Importance: TypeAlias = Literal["missing", "warning", "note"]
-
-
 @dataclass(frozen=True, slots=True)
 class _Published:
     """A topic that is published from here: how bad it is when nobody listens, and what then."""
 
     topic: TopicSetup
     key: str
-    unheard: _Importance
+    unheard: CheckState
     consequence: str
 
 
@@ -94,13 +90,13 @@ class _Checkup:
 
     def _nodes(self) -> Iterator[CheckLine]:
         """Yield the state of every lifecycle node that must be active."""
-        known = {name.removesuffix(_GET_STATE) for name in self._with_ending(_GET_STATE)}
+        lifecycle = self._owners(_GET_STATE)
         states = self._inspection.readiness.nodes
         for node in self._settings.ready:
             state = states.get(node, "")
             if state == "active":
                 yield CheckLine(node, "ok", "active")
-            elif node in known or state:
+            elif node in lifecycle or state:
                 yield CheckLine(
                     node,
                     "missing",
@@ -108,17 +104,19 @@ class _Checkup:
                     "see what it logs; a lifecycle manager with autostart: true activates nodes",
                 )
             else:
-                yield CheckLine(node, "missing", _absence(node, self._graph), _meant(node, known))
-        if not self._settings.ready and known:
+                yield CheckLine(
+                    node, "missing", _absence(node, self._graph), _meant(node, lifecycle)
+                )
+        if not self._settings.ready and lifecycle:
             above = f"{self._settings.namespace}/"
-            listed = ", ".join(name.removeprefix(above) for name in sorted(known))
+            listed = ", ".join(name.removeprefix(above) for name in sorted(lifecycle))
             text = "no nodes are waited for, and there are lifecycle nodes"
             yield CheckLine("ready", "note", text, f"write ready: [{listed}]")
 
     def _clock(self) -> Iterator[CheckLine]:
         """Yield who hears the clock; there must be no other."""
         others = self._ends(CLOCK.name, "publisher")
-        heard = self._ends(CLOCK.name, "subscription")
+        listeners = self._ends(CLOCK.name, "subscription")
         if others:
             yield self._line(
                 CLOCK,
@@ -126,23 +124,23 @@ class _Checkup:
                 f"published by {_names(others)} too: time jumps back and forth",
                 "stop it: another simulator, or a bag that is played with its clock",
             )
-        elif not heard:
+        elif not listeners:
             yield self._line(
                 CLOCK, "missing", "nobody listens: the stack runs on the wall clock",
                 "start its nodes with use_sim_time: true",
             )  # fmt: skip
         else:
-            yield self._line(CLOCK, "ok", f"heard by {_names(heard)}")
+            yield self._line(CLOCK, "ok", f"heard by {_names(listeners)}")
 
     def _published(self) -> Iterator[_Published]:
         """Yield what is published from here, most important first."""
         topics = self._settings.topics
         # Of several lasers a stack may leave one unused; that it hears none of them is a defect.
-        heard = [name for name in self._scans if self._ends(name, "subscription")]
-        scan: tuple[str, _Importance, str] = ("scan", "missing", "the stack is blind")
-        if heard and len(self._scans) > 1:
+        audible = [name for name in self._scans if self._ends(name, "subscription")]
+        scan: tuple[str, CheckState, str] = ("scan", "missing", "the stack is blind")
+        if audible and len(self._scans) > 1:
             scan = ("scan", "warning", "the stack does not see what this laser sees")
-        meaning: dict[str, tuple[str, _Importance, str]] = {
+        meaning: dict[str, tuple[str, CheckState, str]] = {
             **dict.fromkeys(self._scans, scan),
             topics.tf: ("tf", "missing", "nobody knows where the robot is"),
             topics.odom: ("odom", "note", "speeds are not used, or come from elsewhere"),
@@ -162,24 +160,23 @@ class _Checkup:
                 yield _Published(published[name], key, unheard, consequence)
 
     def _heard(self, published: _Published) -> Iterator[CheckLine]:
-        """Yield whether a topic is heard by anybody, and what keeps listeners from hearing it."""
+        """Yield whether a topic is heard, and what keeps listeners from hearing it."""
         topic = published.topic
         ears = self._ends(topic.name, "subscription")
-        hearing = [ear for ear in ears if not self._deafness(topic, ear)]
+        obstacles = [(ear, *self._obstacle(published, ear)) for ear in ears]
+        hearing = [ear for ear, reason, _ in obstacles if not reason]
         if hearing:
             yield self._line(topic, "ok", f"heard by {_names(hearing)}")
         elif not ears:
             text = f"nobody listens: {published.consequence}"
             hint = self._elsewhere(published) if published.unheard != "note" else ""
             yield self._line(topic, published.unheard, text, hint)
-        for ear in ears:
-            why = self._deafness(topic, ear)
-            if why:
-                # Somebody who listens wants it; where others hear it, runs may still work.
-                lost = published.unheard == "missing" and not hearing
-                state: _Importance = "missing" if lost else "warning"
-                hint = _remedy(published, ear, self._lenient)
-                yield self._line(topic, state, f"{ear.node} does not hear it: {why}", hint)
+        # A listener wants the topic; where others hear it, runs may still work.
+        is_missing = published.unheard == "missing" and not hearing
+        state: CheckState = "missing" if is_missing else "warning"
+        for ear, reason, hint in obstacles:
+            if reason:
+                yield self._line(topic, state, f"{ear.node} does not hear it: {reason}", hint)
         if published.key in ("scan", "odom"):
             others = self._ends(topic.name, "publisher")
             if others:
@@ -190,13 +187,20 @@ class _Checkup:
                     "stop it, or give this one another name below topics",
                 )
 
-    def _deafness(self, topic: TopicSetup, ear: GraphEndpoint) -> str:
-        """Say what keeps a subscription from hearing a topic, empty when nothing does."""
+    def _obstacle(self, published: _Published, ear: GraphEndpoint) -> tuple[str, str]:
+        """Return why a subscription does not hear a topic, and the remedy; empty when it does."""
+        topic, key = published.topic, published.key
         if ear.kind != topic.kind:
-            return f"it expects {ear.kind}"
+            hint = f"give it another topic below topics: {{{key}: ...}}"
+            return f"it expects {ear.kind}", hint
         if self._lenient:
-            return ""
-        return _less_than_wanted(topic.qos, ear)
+            return "", ""
+        if ear.reliable and topic.qos == "best effort":
+            return "it wants a reliable publisher", f"write qos: {{{key}: reliable}}"
+        if ear.transient_local and topic.qos != "latched":
+            reason = "it wants a publisher that keeps the last message (transient local)"
+            return reason, "make its subscription volatile: what is new comes all the time"
+        return "", ""
 
     def _command(self) -> Iterator[CheckLine]:
         """Yield who drives the robot, and by which type."""
@@ -205,35 +209,38 @@ class _Checkup:
         usable = [end for end in speaking if end.kind in COMMAND_KINDS]
         kinds = sorted({end.kind for end in usable})
         either = " or ".join(kind.rpartition("/")[2] for kind in COMMAND_KINDS)
-        seen = TopicSetup(name, kinds[0] if kinds else either)
+        topic = TopicSetup(name, kinds[0] if kinds else either)
         for end in speaking:
             if end.kind not in COMMAND_KINDS:
                 text = f"{end.node} publishes {end.kind}: it is not listened to"
                 yield self._line(TopicSetup(name, end.kind), "warning", text, f"use {either}")
         if not usable:
-            found = {e.topic for e in self._graph.endpoints
-                     if e.role == "publisher" and e.kind in COMMAND_KINDS}  # fmt: skip
-            where = [f"write topics: {{command: {topic}}}" for topic in sorted(found)]
+            others = {
+                end.topic
+                for end in self._graph.endpoints
+                if end.role == "publisher" and end.kind in COMMAND_KINDS
+            }
+            where = [f"write topics: {{command: {other}}}" for other in sorted(others)]
             hint = " or ".join(where) or "see why the controller is not there"
-            yield self._line(seen, "missing", "nobody publishes it: the robot never moves", hint)
+            yield self._line(topic, "missing", "nobody publishes it: the robot never moves", hint)
         elif len(kinds) > 1:
             text = f"published as {' and '.join(kinds)}: only one of them is listened to"
-            yield self._line(seen, "missing", text, "set enable_stamped_cmd_vel alike everywhere")
+            yield self._line(topic, "missing", text, "set enable_stamped_cmd_vel alike everywhere")
         else:
             stamped = kinds[0] == COMMAND_KINDS[0]
             how = "answers are known by their stamps" if stamped else (
                 "it has no stamp, so whatever comes after the clock counts as the answer"
             )  # fmt: skip
-            yield self._line(seen, "ok", f"published by {_names(usable)}; {how}")
+            yield self._line(topic, "ok", f"published by {_names(usable)}; {how}")
 
     def _action(self) -> CheckLine:
         """Say whether the mission can be sent."""
         action, kind = self._settings.action, ACTION_KINDS[self._settings.action_kind]
         if self._inspection.readiness.server:
             return CheckLine(action, "ok", "the action server is there", kind=kind)
-        known = {name.removesuffix(_SEND_GOAL) for name in self._with_ending(_SEND_GOAL)}
+        actions = self._owners(_SEND_GOAL)
         text = "no action server: there is nobody to send the mission to"
-        return CheckLine(action, "missing", text, _meant(action, known, "action: "), kind)
+        return CheckLine(action, "missing", text, _meant(action, actions, "action: "), kind)
 
     def _transforms(self) -> Iterator[CheckLine]:
         """Yield whether the stack says where the robot is, and whether somebody else does."""
@@ -269,14 +276,14 @@ class _Checkup:
     def _elsewhere(self, published: _Published) -> str:
         """Say which topics of the type are listened to and published by nobody."""
         ends = self._graph.endpoints
-        spoken = {end.topic for end in ends if end.role == "publisher"}
+        published_topics = {end.topic for end in ends if end.role == "publisher"}
         awaited = {
             end.topic
             for end in ends
             if end.role == "subscription" and end.kind == published.topic.kind
-        } - spoken
-        known = awaited - {topic.name for topic in self._setup.publish}
-        where = [f"topics: {{{self._key(published, topic)}}}" for topic in sorted(known)]
+        } - published_topics
+        unserved = awaited - {topic.name for topic in self._setup.publish}
+        where = [f"topics: {{{self._key(published, topic)}}}" for topic in sorted(unserved)]
         return f"write {' or '.join(where)}" if where else ""
 
     def _key(self, published: _Published, topic: str) -> str:
@@ -289,35 +296,17 @@ class _Checkup:
     def _ends(self, topic: str, role: str) -> list[GraphEndpoint]:
         return [e for e in self._graph.endpoints if e.topic == topic and e.role == role]
 
-    def _with_ending(self, ending: str) -> Iterator[str]:
-        return (name for name in self._graph.services if name.endswith(ending))
+    def _owners(self, ending: str) -> set[str]:
+        """Return the names of nodes or actions that have a service of this ending."""
+        services = self._graph.services
+        return {name.removesuffix(ending) for name in services if name.endswith(ending)}
 
-    def _line(
-        self, topic: TopicSetup, state: Literal["ok", "note", "warning", "missing"], text: str,
-        hint: str = "",
-    ) -> CheckLine:  # fmt: skip
+    def _line(self, topic: TopicSetup, state: CheckState, text: str, hint: str = "") -> CheckLine:
         own = topic.name != self._setup.command
         return CheckLine(
             topic.name, state, text, hint, topic.kind, topic.qos if own else "",
             len(self._ends(topic.name, "publisher")), len(self._ends(topic.name, "subscription")),
         )  # fmt: skip
-
-
-def _less_than_wanted(offered: Qos, ear: GraphEndpoint) -> str:
-    if ear.reliable and offered == "best effort":
-        return "it wants a reliable publisher"
-    if ear.transient_local and offered != "latched":
-        return "it wants a publisher that keeps the last message (transient local)"
-    return ""
-
-
-def _remedy(published: _Published, ear: GraphEndpoint, lenient: bool) -> str:
-    """Say what makes a subscription hear a topic."""
-    if ear.kind != published.topic.kind:
-        return f"give it another topic below topics: {{{published.key}: ...}}"
-    if not lenient and ear.reliable and published.topic.qos == "best effort":
-        return f"write qos: {{{published.key}: reliable}}"
-    return "make its subscription volatile: what is new comes all the time"
 
 
 def _absence(node: str, graph: Graph) -> str:
@@ -326,9 +315,9 @@ def _absence(node: str, graph: Graph) -> str:
     return "there is no such node"
 
 
-def _meant(name: str, known: Iterable[str], before: str = "") -> str:
-    """Say which of the names that are there was meant, or which there are."""
-    there = sorted(known)
+def _meant(name: str, names: Iterable[str], before: str = "") -> str:
+    """Return the name in the graph that was probably meant, or all of the kind."""
+    there = sorted(names)
     close = closest(name, there) or next(
         (one for one in there if one.rpartition("/")[2] == name.rpartition("/")[2]), ""
     )

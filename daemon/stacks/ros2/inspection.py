@@ -10,7 +10,7 @@ import dataclasses
 import time as wall_clock
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from daemon.model.sut import Briefing, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import sensors
@@ -54,6 +54,9 @@ class Inspection:
     failure: SutFailure | None = None
 
 
+CheckState: TypeAlias = Literal["ok", "note", "warning", "missing"]
+
+
 @dataclass(frozen=True, slots=True)
 class CheckLine:
     """A thing a stack needs, has, or should not have; ``subject`` names it.
@@ -65,7 +68,7 @@ class CheckLine:
     """
 
     subject: str
-    state: Literal["ok", "note", "warning", "missing"]
+    state: CheckState
     text: str
     hint: str = ""
     kind: str = ""
