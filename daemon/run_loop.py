@@ -14,7 +14,6 @@ from typing import Final, Literal
 
 import numpy as np
 
-from daemon.model.attachments import resolve_paths
 from daemon.model.deadline import OutOfTime, check_wall_clock
 from daemon.model.live_view import LiveView
 from daemon.model.spec import RunEnding, RunSpec, Snapshot
@@ -156,9 +155,7 @@ class RunLoop:
         """Record what holds for the whole run, make and start the system under test."""
         self._trace.static(self._grid)
         spec = self._spec
-        self._sut = sut = self._driver or make_in_time(
-            spec.sut.kind, resolve_paths(spec.sut.parameters, spec.sut.files)
-        )
+        self._sut = sut = self._driver or make_in_time(spec.sut.kind, spec.sut.local_parameters)
         self._external = sut if isinstance(sut, ExternalSystem) else None
         self._update = _PeriodicTimer(1.0 / sut.period)
         self._timers.append(self._update)

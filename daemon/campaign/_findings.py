@@ -9,7 +9,6 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Final
 
 from daemon.campaign._cells import CampaignCell
-from daemon.model.attachments import resolve_paths
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
 from daemon.stacks.registry import stack_kind
@@ -109,7 +108,7 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
         once.setdefault((sut.name, robot.name), (sut, robot, where))
     for sut, robot, where in once.values():
         kind = stack_kind(sut.kind)
-        settings = kind.read(resolve_paths(sut.parameters, sut.files))
+        settings = kind.read(sut.local_parameters)
         for finding in kind.advise(settings, robot):
             place = "" if kind.keys else f" {format_path(finding.path)}"
             message = f"{sut.name}:{place} {finding.message}"
@@ -118,7 +117,7 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
 
 def _top_speed(sut: SutReference, robot: Robot) -> float:
     kind = stack_kind(sut.kind)
-    return kind.top_speed(kind.read(resolve_paths(sut.parameters, sut.files)), robot)
+    return kind.top_speed(kind.read(sut.local_parameters), robot)
 
 
 def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:

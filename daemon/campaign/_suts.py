@@ -27,7 +27,7 @@ from daemon.campaign._sut_files import (
     merge_over,
     read_sut,
 )
-from daemon.model.attachments import attach_files, resolve_paths
+from daemon.model.attachments import attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
 from daemon.stacks.kind import StackKind
@@ -90,7 +90,7 @@ def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut
         tree.setdefault("repeatable", False)
     reference = SutReference(layer.text.sut, kind.name, tree, _attach(layer, document))
     try:
-        findings = kind.findings(kind.read(resolve_paths(tree, reference.files)))
+        findings = kind.findings(kind.read(reference.local_parameters))
     except ValueError as error:
         if isinstance(error, ParameterError):
             # Of a file that nobody reads the defaults come, which need not be wrong with it.

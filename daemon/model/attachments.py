@@ -13,7 +13,7 @@ import re
 import stat
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import platformdirs
 
@@ -81,17 +81,3 @@ def store_data(data: bytes) -> str:
 def stored_file(digest: str) -> Path:
     """Return where a file is kept for this process, by digest; whether it is, is not looked at."""
     return Path(os.environ.get(FILES_VARIABLE) or user_files_folder()) / digest
-
-
-def resolve_paths(parameters: Mapping[str, Any], files: Mapping[str, str]) -> Mapping[str, Any]:
-    """Return the parameters of a system, with the paths of its files on this machine.
-
-    ``files`` are their digests by name. Raises :class:`SutMissing` for a file that is not here.
-    """
-    if not files:
-        return parameters
-    paths = {name: stored_file(digest) for name, digest in files.items()}
-    for name, path in paths.items():
-        if not path.is_file():
-            raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
-    return {**parameters, FILES_PARAMETER: {name: str(path) for name, path in paths.items()}}

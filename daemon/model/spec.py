@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import functools
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
+from daemon.model.attachments import FILES_PARAMETER, SutMissing, stored_file
 from daemon.model.ranges import Centimetres, Moment, Seconds, SignalValue, WaypointCount
 from daemon.model.verdicts import (
     LONGEST_EVIDENCE,
@@ -56,6 +58,20 @@ class SutReference:
     def repeatable(self) -> bool:
         """Whether a run of it leaves the same bytes whenever it is repeated."""
         return self.parameters.get("repeatable") is not False
+
+    @property
+    def local_parameters(self) -> Mapping[str, Any]:
+        """The parameters as kinds read them: with the paths of its files on this machine.
+
+        Raises :class:`daemon.model.attachments.SutMissing` for a file that is not here.
+        """
+        if not self.files:
+            return self.parameters
+        paths = {name: stored_file(digest) for name, digest in self.files.items()}
+        for name, path in paths.items():
+            if not path.is_file():
+                raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
+        return {**self.parameters, FILES_PARAMETER: {name: str(p) for name, p in paths.items()}}
 
 
 @dataclass(frozen=True, slots=True)

@@ -208,12 +208,11 @@ def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
     """Return what makes the system that drives, or nothing where nobody does."""
     from functools import partial
 
-    from daemon.model.attachments import resolve_paths
     from daemon.stacks.registry import make_sut
 
     if spec.sut.name == _NOBODY or not spec.sut.repeatable:
         return None
-    return partial(make_sut, spec.sut.kind, resolve_paths(spec.sut.parameters, spec.sut.files))
+    return partial(make_sut, spec.sut.kind, spec.sut.local_parameters)
 
 
 @contextmanager
@@ -292,14 +291,9 @@ def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str
 def _settings(spec: RunSpec) -> Ros2Settings:
     """Return the names of the stack that was named, else the usual ones."""
     from daemon.live.ros_bridge import usual_settings
-    from daemon.model.attachments import resolve_paths
     from daemon.stacks.ros2 import ROS2
 
-    return (
-        ROS2.read(resolve_paths(spec.sut.parameters, spec.sut.files))
-        if spec.sut.kind == ROS2.name
-        else usual_settings()
-    )
+    return ROS2.read(spec.sut.local_parameters) if spec.sut.kind == ROS2.name else usual_settings()
 
 
 def _why_no_view() -> str:

@@ -163,11 +163,9 @@ def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dic
     from daemon.stacks.ros2 import ROS2
 
     if found.reference.kind == ROS2.name:
-        from daemon.model.attachments import resolve_paths
         from daemon.stacks.ros2.settings import settings_not_written
 
-        parameters = resolve_paths(found.reference.parameters, found.reference.files)
-        return settings_not_written(ROS2.read(parameters))
+        return settings_not_written(ROS2.read(found.reference.local_parameters))
     return {} if read is None else sut_ros.defaults(found, read)
 
 

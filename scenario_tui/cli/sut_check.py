@@ -111,14 +111,13 @@ def check(
 
     No mission is sent. Leaves with 1 when something is missing, with 3 when it cannot be started.
     """
-    from daemon.model.attachments import resolve_paths
     from daemon.model.sut import SutFailure
     from daemon.stacks.ros2 import inspection
     from daemon.stacks.ros2.checkup import examine
     from daemon.stacks.ros2.settings import read_settings
 
     found = _load(sut, Path() if campaign is None else campaign.parent)
-    settings = read_settings(resolve_paths(found.reference.parameters, found.reference.files))
+    settings = read_settings(found.reference.local_parameters)
     name = found.reference.name
     briefing, first = _first_moment(campaign, settings)
     say(f"starting {name}, which may take {settings.start_up:g} s")

@@ -20,7 +20,6 @@ from daemon.campaign import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.model.attachments import resolve_paths
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Verdict
 from daemon.stacks.registry import check_parameters, stack_kind
@@ -147,7 +146,7 @@ class SutDifferences:
             return self.whole
         tree = parameter_tree(merge_parameters(self.base, self.kept(elements)))
         sut = dataclasses.replace(self.whole, parameters=tree)
-        check_parameters(sut.kind, resolve_paths(sut.parameters, sut.files))
+        check_parameters(sut.kind, sut.local_parameters)
         return sut
 
 

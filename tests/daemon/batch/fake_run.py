@@ -24,7 +24,7 @@ from pathlib import Path
 
 import psutil
 
-from daemon.model.attachments import SutMissing, resolve_paths
+from daemon.model.attachments import SutMissing
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.spec import LeadingMargin, Snapshot, TraceInfo
 from daemon.model.verdicts import Evidence, Outcome
@@ -63,7 +63,7 @@ def execute(
     _wait(seconds, gate, spec, on_progress, interest or (lambda: "progress"), judgements)
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
     if "reads" in asked:
-        file = Path(resolve_paths(spec.sut.parameters, spec.sut.files)["files"][asked["reads"]])
+        file = Path(spec.sut.local_parameters["files"][asked["reads"]])
         data += hashlib.sha256(file.read_bytes()).hexdigest().encode()
     data += random.Random(spec.seed).randbytes(asked.get("size", 0))
     if "noise" in asked:

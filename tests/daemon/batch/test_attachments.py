@@ -21,7 +21,6 @@ from daemon.model import attachments
 from daemon.model.attachments import (
     SutMissing,
     attach_files,
-    resolve_paths,
     user_files_folder,
 )
 from daemon.model.messages import FilePart, PutRequest
@@ -86,7 +85,7 @@ def test_a_sut_file_names_files_and_the_specification_their_digests(here, plugge
     sut = load_sut(sut_file(here, text), lambda *_: here)
     assert sut.reference == SutReference("mine", "learned", {"speed": 0.5}, {"model": DIGEST})
     # What was checked in another process is made here, as a run makes it.
-    make_sut("learned", resolve_paths(sut.reference.parameters, sut.reference.files))
+    make_sut("learned", sut.reference.local_parameters)
     parameters = plugged[-1]
     assert parameters["speed"] == 0.5
     model = Path(parameters["files"]["model"])
@@ -120,7 +119,7 @@ def test_files_are_bounded(here, monkeypatch):
 
 def test_a_parameter_of_that_name_is_left_alone():
     parameters = {"files": {"a": "b"}}
-    assert resolve_paths(parameters, {}) == parameters
+    assert SutReference("mine", "learned", parameters).local_parameters == parameters
 
 
 def test_what_is_no_digest_never_becomes_a_path():
@@ -131,8 +130,9 @@ def test_what_is_no_digest_never_becomes_a_path():
 
 
 def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here):
+    sut = SutReference("mine", "learned", {}, {"model": "0" * 64})
     with pytest.raises(SutMissing, match='the file "model" of the system under test is not here'):
-        resolve_paths({}, {"model": "0" * 64})
+        _ = sut.local_parameters
 
 
 @pytest.fixture

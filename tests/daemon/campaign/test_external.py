@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, examine, expand, load_campaign
-from daemon.model.attachments import resolve_paths
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Frames, Ros2Topics
 from daemon.stacks.ros2.settings import read_settings, settings_not_written
 from grammars.text.diagnostics import InputError, Severity, Where
@@ -64,7 +63,7 @@ def test_the_specification_holds_the_keys_as_they_are_written(folder):
     assert sut.parameters["start-up"] == "2 min"
     assert sut.parameters["repeatable"] is False
     assert sut.files.keys() == {"params"}
-    settings = read_settings(resolve_paths(sut.parameters, sut.files))
+    settings = read_settings(sut.local_parameters)
     assert (settings.start_up, settings.late) == (120.0, 0.1)
 
 
