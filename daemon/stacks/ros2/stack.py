@@ -31,6 +31,16 @@ from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.geometry import Twist2
 
 _NANO: Final = 1_000_000_000
+_PATIENCE: Final = {"": 1.0, "not answering": 3.0}
+"""A node of these states may come back within so long [s of wall clock]: discovery forgets nodes
+and finds them again, and a loaded machine answers late."""
+_LOST: Final = {"": "left the graph", "not answering": "did not answer any more"}
+_FAILED: Final = ("aborted", "canceled", "rejected", "unanswered")
+_NEWS: Final = 3.0
+_NEWS_OF_LAUNCH: Final = 0.3
+"""The end of a goal may be known so long before the death that caused it [s of wall clock]: until
+nodes are known not to answer, or launch has said what died."""
+_POLL: Final = 0.05
 _SERVER_GONE: Final = 3.0
 """The action server may be out of sight for so long [s of wall clock]: discovery forgets and finds
 again."""
@@ -105,6 +115,8 @@ class _StackDrive:
         self._lockstep = LockStep(settings, real_time=real_time)
         self._odometry = first.odometry[-1]
         self._server_missing: float | None = None
+        self._missing: dict[str, float] = {}
+        """Nodes that are out of sight or do not answer, since when [s of wall clock]."""
         self._events = list(events)
 
     def update(self, observation: Observation) -> Decision:
@@ -119,8 +131,11 @@ class _StackDrive:
             raise session.failure(error.reason, self._events) from error
 
     def finish(self) -> None:
-        """Raise :class:`SutFailure` when too many answers were late."""
+        """Raise :class:`SutFailure` when a node is missing or too many answers were late."""
         try:
+            if self._mission.progress.state != "succeeded":
+                for node in self._missing:
+                    raise SutFailure(f"{node} was not there any more when the run ended")
             self._lockstep.check_share()
         except SutFailure as error:
             raise self._session.failure(error.reason) from error
@@ -149,13 +164,13 @@ class _StackDrive:
         )
         self._events += heard.events
         # After the wait, in which a crash shows: it says more than what is missing because of it.
-        self._events += session.watch()
-        if session.fault:
-            raise SutFailure(f"{session.fault} at {observation.time:.1f} s")
+        self._check_stack(answer.inactive, observation.time)
         command, behind = _newest_command(answer, self._settings.topics.command, time)
         for line in heard.log:
             mission.hear_log(line)
         for update in answer.goals:
+            if update.state in _FAILED:
+                self._await_news(observation.time)
             self._events += mission.take(update)
         # A goal that ended in this cycle is owed no command any more.
         latency, events = lockstep.take(
@@ -170,6 +185,33 @@ class _StackDrive:
     def _ros_time(self, time: float) -> int:
         """Return ROS time [ns] of simulated time [s]."""
         return self._session.zero + round(time * _NANO)
+
+    def _check_stack(self, inactive: Mapping[str, str], time: float) -> None:
+        """Raise :class:`SutFailure` for what has died or is no longer active."""
+        session, now = self._session, wall_clock.monotonic()
+        self._events += session.watch()
+        if session.fault:
+            raise SutFailure(f"{session.fault} at {time:.1f} s")
+        self._missing = {node: self._missing.get(node, now) for node in inactive}
+        # The states that say least come first: others may be their consequence.
+        for node, state in sorted(inactive.items(), key=lambda item: item[1] not in _LOST):
+            if now - self._missing[node] >= _PATIENCE.get(state, 0.0):
+                what = _LOST.get(state, f"became {state}")
+                raise SutFailure(f"{node.lstrip('/')} {what} at {time:.1f} s")
+
+    def _await_news(self, time: float) -> None:
+        """Raise :class:`SutFailure` when a node has died: that is why a goal failed just now."""
+        link, ready = self._session.link, self._settings.ready
+        # Nodes that answer are proof that none has died; every node has this parameter.
+        proven = all(link.parameters(node, ("use_sim_time",)) for node in ready)
+        until = wall_clock.monotonic() + (_NEWS_OF_LAUNCH if proven else _NEWS)
+        while True:
+            states = link.readiness().nodes
+            inactive = {node: state for node, state in states.items() if state != "active"}
+            self._check_stack(inactive, time)
+            if wall_clock.monotonic() >= until and not inactive:
+                return
+            wall_clock.sleep(_POLL)
 
     def _watch_server(self, answer: CycleAnswer) -> None:
         if answer.server or not self._mission.active:

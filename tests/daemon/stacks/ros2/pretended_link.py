@@ -37,7 +37,7 @@ class PretendedLink:
         return Graph((), (), ())
 
     def parameters(self, node, names):
-        return {}
+        return dict.fromkeys(names, True)
 
     def close(self):
         self.cycles.clear()

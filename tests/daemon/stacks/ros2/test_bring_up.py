@@ -9,6 +9,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.model import ros_messages as ros
 from daemon.model.sut import Briefing, LaserScan, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import bring_up, sensors
+from daemon.stacks.ros2 import stack as ros2_stack
 from daemon.stacks.ros2.bring_up import BringUp
 from daemon.stacks.ros2.link import (
     CycleAnswer,
@@ -336,7 +337,7 @@ def test_a_node_that_dies_during_a_run_is_named(machine, briefing, printed, reas
     # The launch file may end everything because of it.
     process.end = "the launch command ended with exit code 1"
     with pytest.raises(SutFailure) as failed:
-        system.update(Observation(12.4, (Odometry(12.4, Pose2(), Twist2()),), ()))
+        update(system)
     assert failed.value.reason == reason
 
 
@@ -345,6 +346,63 @@ def test_the_death_of_a_process_without_needed_nodes_is_only_told(machine, brief
     process.printed = [died("rviz2", 1)]
     said = []
     for time in (0.0, 0.05):
-        decision = system.update(Observation(time, (Odometry(time, Pose2(), Twist2()),), ()))
+        decision = update(system, time)
         said += [event.text for event in decision.events if "rviz2" in event.text]
     assert said == ["rviz2 died with exit code 1; it has none of the nodes of ready"]
+
+
+def update(system, time=12.4):
+    return system.update(Observation(time, (Odometry(time, Pose2(), Twist2()),), ()))
+
+
+@pytest.mark.parametrize(
+    ("inactive", "reason"),
+    [
+        ({"/amcl": "inactive"}, "amcl became inactive at 12.4 s"),
+        ({"/amcl": ""}, "amcl left the graph at 12.4 s"),
+        ({"/amcl": "not answering"}, "amcl did not answer any more at 12.4 s"),
+        ({"/amcl": "inactive", "/bt": ""}, "bt left the graph at 12.4 s"),
+    ],
+)
+def test_a_node_that_is_no_longer_active_is_named(machine, briefing, monkeypatch, inactive, reason):
+    system, stack, _ = driving(machine, briefing)
+    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
+    stack.answer = replace(stack.answer, inactive=inactive)
+    with pytest.raises(SutFailure) as failed:
+        update(system)
+    assert failed.value.reason == reason
+
+
+def test_a_node_may_be_out_of_sight_for_a_moment_but_not_when_a_run_ends(machine, briefing):
+    system, stack, _ = driving(machine, briefing)
+    for inactive in ({"/amcl": ""}, {}, {"/amcl": "not answering"}):
+        stack.answer = replace(stack.answer, inactive=inactive)
+        update(system)
+    with pytest.raises(SutFailure, match="amcl was not there any more when the run ended"):
+        system.finish()
+
+
+def test_an_abort_is_the_robots_when_every_node_lives(machine, briefing):
+    system, stack, _ = driving(machine, briefing)
+    stack.answer = replace(stack.answer, goals=(GoalUpdate(0, "aborted"),))
+    assert update(system).progress.state == "aborted"
+    system.finish()
+
+
+@pytest.mark.parametrize("news", ["launch", "node"])
+def test_an_abort_because_of_a_death_is_none_of_the_robot(machine, briefing, monkeypatch, news):
+    system, stack, process = driving(machine, briefing)
+    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
+
+    def die(*_):
+        if news == "launch":
+            process.printed = [died("amcl")]
+        else:
+            stack.states["/amcl"] = ""
+        return {}
+
+    stack.parameters = die
+    stack.answer = replace(stack.answer, goals=(GoalUpdate(0, "aborted"),))
+    expected = "amcl (died with exit code -11 .*|left the graph) at 12.4 s"
+    with pytest.raises(SutFailure, match=expected):
+        update(system)
