@@ -58,8 +58,8 @@ def split_blocks(
     for block in blocks:
         count = len(block.times)
         if before is not None and count:
-            found = np.flatnonzero(block.times < before)
-            count = int(found[-1]) + 1 if len(found) else 0
+            earlier = np.flatnonzero(block.times < before)
+            count = int(earlier[-1]) + 1 if len(earlier) else 0
         if count:
             early.append(_part(block, 0, count))
         if count < len(block.times):
@@ -124,7 +124,7 @@ def _scatter(block: MessageBlock, sizes: IntArray, data: ByteArray, places: IntA
 
 
 class MessageRecords:
-    """Ready-made messages of one channel, for what is rare or of varying size."""
+    """Ready-made messages of one channel, for rare topics and those of varying size."""
 
     __slots__ = ("_channel", "_lengths", "_parts", "_times", "size")
 

@@ -85,7 +85,7 @@ def scans(recording: McapContents, laser: Laser) -> ScanTrack:
 
 def contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
     """Decode ``/contacts``, in the order of their times."""
-    found: list[ContactRecord] = []
+    records: list[ContactRecord] = []
     for rows in recording.runs.get("/contacts", []):
         # A run of equal-sized messages may hold several pairs of names of the same length: the
         # first row names a pair, all rows of it are taken at once, the rest is looked at again.
@@ -97,39 +97,39 @@ def contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
             fits = layout.fits(rows)
             if not fits[0]:
                 raise DamagedTraceError("/contacts holds something else")
-            found += _contact_records(layout.view(rows[fits]), first, second)
+            records += _contact_records(layout.view(rows[fits]), first, second)
             rows = rows[~fits]
-    return tuple(sorted(found, key=lambda contact: contact.time))
+    return tuple(sorted(records, key=lambda contact: contact.time))
 
 
 def progress(recording: McapContents) -> tuple[ProgressRecord, ...]:
     """Decode ``/mission/status``."""
-    found = []
-    for time, state in _rare(recording, "/mission/status", messages.progress):
-        found.append(ProgressRecord(time, state.current, state.reached, state.state))
-    return tuple(found)
+    return tuple(
+        ProgressRecord(time, state.current, state.reached, state.state)
+        for time, state in _rare(recording, "/mission/status", messages.progress)
+    )
 
 
 def events(recording: McapContents) -> tuple[EventRecord, ...]:
     """Decode ``/events``, in the order of their times."""
-    found = []
-    for time, log in _rare(recording, "/events", lambda message: message):
-        level = _LEVELS.get(int(log.level), "info")
-        found.append(EventRecord(time, str(log.name), str(log.msg), level))
-    return tuple(sorted(found, key=lambda event: event.time))
+    records = [
+        EventRecord(time, str(log.name), str(log.msg), _LEVELS.get(int(log.level), "info"))
+        for time, log in _rare(recording, "/events", lambda message: message)
+    ]
+    return tuple(sorted(records, key=lambda event: event.time))
 
 
 def plans(recording: McapContents) -> tuple[PlanRecord, ...]:
     """Decode ``/plan``, in the order of their times."""
-    found = []
+    records = []
     for rows in recording.runs.get("/plan", []):
         recording.spend(RECORD_STEPS * len(rows))
         for time, row in zip(_times(rows), rows[:, HEADER.size :], strict=True):
             try:
-                found.append(PlanRecord(time, decode_path(row.tobytes())))
+                records.append(PlanRecord(time, decode_path(row.tobytes())))
             except ValueError as error:
                 raise DamagedTraceError("a damaged message on /plan") from error
-    return tuple(sorted(found, key=lambda plan: plan.time))
+    return tuple(sorted(records, key=lambda plan: plan.time))
 
 
 def number(text: str) -> float:
@@ -189,7 +189,7 @@ def _rare(
 
 
 def _decoded(rows: ByteArray, topic: str, read: Callable[[Any], T]) -> Iterator[T]:
-    """Yield what ``read`` makes of messages of one size."""
+    """Yield messages of one size as ``read`` returns them."""
     if rows.shape[1] > _RARE_LIMIT:
         raise DamagedTraceError(f"a message on {topic} is too large")
     for row in rows[:, HEADER.size :]:

@@ -1,4 +1,4 @@
-"""Where two recordings of one specification part: the first message that differs."""
+"""First difference between two recordings of one specification."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _FIRST: Final = (
     "/mission/status",
     "/events",
 )
-"""Of several that part at one instant, the cause: what a stack is given before what it answers,
-and that before what follows from it."""
+"""Topics in the order of cause, for those that differ at one instant: the input of a stack, its
+answer, the consequences."""
 
 
 @dataclass(frozen=True, slots=True)
 class TraceDifference:
     """The first difference: its ``topic`` and simulated ``time`` [s].
 
-    Where all messages are the same, ``topic`` is empty and ``what`` says what differs.
+    If all messages are the same, ``topic`` is empty and ``what`` names the difference.
     """
 
     topic: str = ""
@@ -43,7 +43,7 @@ class TraceDifference:
 
 
 def first_difference(one: Path, other: Path) -> TraceDifference | None:
-    """Return where two traces part, ``None`` for those with the same bytes.
+    """Return the first difference of two traces, ``None`` for the same bytes.
 
     Raises :class:`~daemon.trace.TraceError` for a file that is no trace.
     """
@@ -51,13 +51,13 @@ def first_difference(one: Path, other: Path) -> TraceDifference | None:
         return None
     first, second = (read_mcap(path, lambda _: True) for path in (one, other))
     topics = sorted(first.runs.keys() | second.runs.keys())
-    found = [
+    differences = [
         (time, _FIRST.index(topic) if topic in _FIRST else len(_FIRST), topic)
         for topic in topics
         if (time := _parting(first.runs.get(topic, []), second.runs.get(topic, []))) is not None
     ]
-    if found:
-        time, _, topic = min(found)
+    if differences:
+        time, _, topic = min(differences)
         return TraceDifference(topic, time / 1e9)
     return TraceDifference(what=_besides_messages(first, second))
 
@@ -80,7 +80,7 @@ def _time(message: bytes) -> int:
 
 
 def _besides_messages(one: McapContents, other: McapContents) -> str:
-    """Name what differs in files whose messages are the same."""
+    """Name the difference of files whose messages are the same."""
     names = [
         f"{kind} {name}"
         for kind, mine, theirs in (

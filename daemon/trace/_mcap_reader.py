@@ -1,7 +1,7 @@
 """Walking an MCAP file: metadata, attachments, and runs of equal-sized messages per topic.
 
 Nothing a file claims is believed: lengths are held against the bytes that are there, chunk
-sizes against limits before anything is decompressed, checksums against what comes out.
+sizes against limits before anything is decompressed, checksums against the decompressed bytes.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ _INDEX_ENTRY: Final = np.dtype([("time", "<i8"), ("offset", "<i8")])
 
 
 class DamagedTraceError(Exception):
-    """What follows cannot be read; the message says why."""
+    """Damage beyond which a file cannot be read; the message says why."""
 
 
 @dataclass(slots=True)
 class McapContents:
-    """What a file holds: ``runs`` are rows of message records (n, size), in file order.
+    """Contents of a file: ``runs`` are rows of message records (n, size), in file order.
 
     Those of topics with one of the ``layouts`` are in ``packed``, as :meth:`MessageLayout.pack` has
     them; rows that do not fit it stay in ``runs``. ``cut`` says why reading stopped before the end
@@ -109,14 +109,14 @@ class McapContents:
 
 def read_mcap(
     path: Path,
-    wanted: Callable[[str], bool] | None = None,
+    select: Callable[[str], bool] | None = None,
     *,
     layouts: Mapping[str, MessageLayout] | None = None,
 ) -> McapContents:
-    """Read the messages on topics that are ``wanted``, and everything that is not a message.
+    """Read the messages on topics that ``select`` takes, and everything that is not a message.
 
-    With ``layouts`` of topics a chunk is let go of when it has been read, and what it says is kept:
-    of a run of the reference stack 2 MB instead of 26.
+    With ``layouts`` of topics the reader keeps their values and lets go of the chunk: of a run of
+    the reference stack 2 MB instead of 26.
 
     Raises :class:`TraceError` when the file cannot be opened or is no MCAP file.
     """
@@ -135,7 +135,7 @@ def read_mcap(
             "is empty" if not data else "is not an MCAP file",
             "traces are the .mcap files a run leaves; run it again to get one",
         )
-    walk = _McapWalk(McapContents(path, layouts or {}), data, wanted)
+    walk = _McapWalk(McapContents(path, layouts or {}), data, select)
     try:
         walk.run()
     except DamagedTraceError as error:
@@ -147,11 +147,11 @@ class _McapWalk:
     """One pass over the records of a file."""
 
     def __init__(
-        self, recording: McapContents, data: bytes, wanted: Callable[[str], bool] | None
+        self, recording: McapContents, data: bytes, select: Callable[[str], bool] | None
     ) -> None:
         self.recording = recording
         self.at = len(MAGIC)
-        self._data, self._wanted = data, wanted
+        self._data, self._select = data, select
         self._decompressor = zstandard.ZstdDecompressor()
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
@@ -191,7 +191,7 @@ class _McapWalk:
             Opcode.METADATA: records.Metadata,
             Opcode.ATTACHMENT: records.Attachment,
         }
-        # Statistics, indexes and what later versions of the format add: nothing we need.
+        # Unused: statistics, indexes and records of later versions of the format.
         if opcode not in kinds:
             return
         self.recording.spend(RECORD_STEPS)
@@ -214,35 +214,35 @@ class _McapWalk:
             self.recording.attachments[record.name] = record.data
 
     def _chunk(self, content: slice) -> None:
-        if self._wanted is not None:
+        if self._select is not None:
             data = self._decompressed(content)
             offsets = self._message_offsets(data, self._indexed_offsets(content.stop))
             if len(offsets):
-                self._messages(data, offsets, self._wanted)
+                self._messages(data, offsets, self._select)
 
     def _message_offsets(self, data: bytes, indexed: IntArray) -> IntArray:
-        """Read what declares topics in a chunk; return where its messages start.
+        """Read the declarations in a chunk; return the offsets of its messages.
 
-        That is ``indexed`` (n,) if the data agrees.
+        These are the ``indexed`` ones (n,) if the data agrees.
         """
         at = 0
-        found: list[int] = []
+        walked: list[int] = []
         while at < len(data):
             self.recording.spend(1)
             opcode, end = _record_end(data, at)
             if opcode == Opcode.MESSAGE:
-                offsets = None if found else record_offsets(data, at, indexed)
+                offsets = None if walked else record_offsets(data, at, indexed)
                 if offsets is not None:
                     return offsets
                 # No index, or one that leaves something out: one record after the other.
-                found.append(at)
+                walked.append(at)
             else:
                 self._rare(opcode, data[at + _RECORD.size : end])
             at = end
-        return np.array(found, np.int64)
+        return np.array(walked, np.int64)
 
     def _indexed_offsets(self, at: int) -> IntArray:
-        """Return where messages start by the indexes after a chunk, which may say anything."""
+        """Return offsets of messages from the indexes after a chunk; they may hold anything."""
         entries = [np.empty(0, np.int64)]
         while True:
             try:
@@ -282,8 +282,8 @@ class _McapWalk:
             raise DamagedTraceError("a chunk with a wrong checksum")
         return data
 
-    def _messages(self, data: bytes, offsets: IntArray, wanted: Callable[[str], bool]) -> None:
-        """Collect ``wanted`` messages of a chunk that start at ``offsets`` (n,), in this order."""
+    def _messages(self, data: bytes, offsets: IntArray, select: Callable[[str], bool]) -> None:
+        """Collect the messages at ``offsets`` (n,) of a chunk whose topics ``select`` takes."""
         lengths = _numbers(data, offsets + 1, "<u8").astype(np.int64)
         if int(lengths.min()) < HEADER.size - _RECORD.size:
             raise DamagedTraceError("a message without a header")
@@ -292,7 +292,7 @@ class _McapWalk:
             topic = self._channels.get(channel)
             if topic is None:
                 raise DamagedTraceError("a message on an unknown channel")
-            if wanted(topic):
+            if select(topic):
                 mine = np.flatnonzero(channels == channel)
                 self.recording.add(topic, data, offsets[mine], lengths[mine] + _RECORD.size)
 
@@ -328,8 +328,8 @@ def _numbers(data: bytes, at: IntArray, kind: str) -> npt.NDArray[Any]:
     """Return the numbers of a type that start at the places ``at`` (n,) of the data."""
     size = np.dtype(kind).itemsize
     every = np.ndarray((len(data) - size + 1,), kind, data, 0, (1,))
-    found: npt.NDArray[Any] = every[at]
-    return found
+    numbers: npt.NDArray[Any] = every[at]
+    return numbers
 
 
 def decompress(
@@ -342,8 +342,8 @@ def decompress(
 ) -> bytes:
     """Decompress exactly ``size`` bytes, or any number up to ``limit`` when it is ``None``.
 
-    With a ``decompressor`` that serves many chunks none is made for each. Memory is only taken for
-    what is allowed. Raises :class:`DamagedTraceError` for anything else.
+    A ``decompressor`` serves many chunks. Memory is only taken up to the allowed size. Raises
+    :class:`DamagedTraceError` for anything else.
     """
     most = limit if size is None else size
     try:
@@ -352,13 +352,13 @@ def decompress(
             claimed = zstandard.frame_content_size(data)
             own = decompressor or zstandard.ZstdDecompressor()
             with own.stream_reader(data) as reader:
-                found = reader.read(1 + (min(claimed, most) if claimed >= 0 else most))
+                content = reader.read(1 + (min(claimed, most) if claimed >= 0 else most))
         elif method == b"":
-            found = bytes(data)
+            content = bytes(data)
         else:
             raise DamagedTraceError(f"unknown compression {method[:16]!r}")
     except zstandard.ZstdError as error:
         raise DamagedTraceError("a chunk that cannot be decompressed") from error
-    if len(found) > most or (size is not None and len(found) != size):
+    if len(content) > most or (size is not None and len(content) != size):
         raise DamagedTraceError("a chunk of another size than it says")
-    return found
+    return content

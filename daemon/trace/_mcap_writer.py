@@ -76,7 +76,7 @@ class McapWriter:
 
     @property
     def finished(self) -> bool:
-        """Whether the file has its end."""
+        """True when the file has its end."""
         return self._data_end is not None
 
     @property
@@ -109,15 +109,15 @@ class McapWriter:
 
         Declarations travel in the first chunk, so all channels come before any chunk.
         """
-        known = [schema.id for schema in self._schemas if schema.name == kind]
-        if not known:
-            known = [len(self._schemas) + 1]
+        ids = [schema.id for schema in self._schemas if schema.name == kind]
+        if not ids:
+            ids = [len(self._schemas) + 1]
             self._schemas.append(
-                records.Schema(id=known[0], name=kind, encoding="ros2msg", data=text.encode())
+                records.Schema(id=ids[0], name=kind, encoding="ros2msg", data=text.encode())
             )
         channel = records.Channel(
             id=len(self._channels) + 1, topic=topic, message_encoding="cdr",
-            metadata=dict(metadata), schema_id=known[0],
+            metadata=dict(metadata), schema_id=ids[0],
         )  # fmt: skip
         self._channels.append(channel)
         return channel.id
@@ -129,7 +129,8 @@ class McapWriter:
             return
         table = interleave(blocks)
         # Schemas and channels inside of the first chunk, where they are compressed.
-        head = b"" if self._chunks else b"".join(map(_record_bytes, self._declarations()))
+        declarations = () if self._chunks else (*self._schemas, *self._channels)
+        head = b"".join(map(_record_bytes, declarations))
         data = b"".join((head, table.data.data)) if head else table.data.data
         compressed = self._compressor.compress(data)
         offset = self._size
@@ -154,9 +155,6 @@ class McapWriter:
         )  # fmt: skip
         first, last = self._span or (start, end)
         self._span = (min(first, start), max(last, end))
-
-    def _declarations(self) -> tuple[records.Schema | records.Channel, ...]:
-        return (*self._schemas, *self._channels)
 
     def finish(self) -> None:
         """Write the end of the data, the summary and the footer."""

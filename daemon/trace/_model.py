@@ -1,4 +1,4 @@
-"""What a trace says, as flat arrays: the value types every reader of traces works on.
+"""Value types of a trace that was read, as flat arrays.
 
 Times are simulated seconds (float64). Arrays of one track share their first dimension.
 """
@@ -19,7 +19,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where
 
 
 class TraceError(InputError):
-    """A trace file cannot be used: which file, what is wrong with it, what to do."""
+    """Unusable trace file: the file, its fault and a remedy."""
 
     def __init__(self, path: Path | str, message: str, hint: str = "") -> None:
         super().__init__(Diagnostic(Where(str(path)), message, hint))
@@ -135,7 +135,7 @@ class ProgressRecord:
 
 @dataclass(frozen=True, slots=True)
 class EventRecord:
-    """A sentence in the log of the run, said by ``source``."""
+    """A sentence of ``source`` in the log of the run."""
 
     time: float
     source: str
@@ -148,7 +148,7 @@ class Trace:
     """One recorded run.
 
     ``ended`` is ``None`` and ``complete`` false for a trace that was cut (its writer died);
-    everything up to ``valid_until`` [s] can still be judged. ``problems`` says what makes the
+    everything up to ``valid_until`` [s] can still be judged. ``problems`` are faults that make the
     recording itself doubtful: a judge must not trust a trace that has any. ``scans`` are those of
     every laser in the order of the robot's, ``None`` unless they were asked for.
     """

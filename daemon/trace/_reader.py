@@ -50,11 +50,11 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
     """
     topics = messages.JUDGED | {"/plan"} if plans else messages.JUDGED
 
-    def wanted(topic: str) -> bool:
+    def select(topic: str) -> bool:
         # The names of the lasers are only known afterwards.
         return topic in topics or (scans and messages.is_scan(topic))
 
-    recording = read_mcap(path, wanted, layouts=judged_layouts())
+    recording = read_mcap(path, select, layouts=judged_layouts())
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:
@@ -64,7 +64,7 @@ def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace
 
 
 def read_spec(path: Path) -> RunSpec:
-    """Read only what a trace says the run was to be; raises as :func:`read_trace` does."""
+    """Read only the specification of the run; raises as :func:`read_trace` does."""
     return _attached_spec(read_mcap(path))
 
 
@@ -76,11 +76,11 @@ def read_scene(path: Path) -> Scene:
 
 def read_outputs(path: Path) -> dict[str, str]:
     """Read what the system under test printed, by name; raises as :func:`read_trace` does."""
-    found = read_mcap(path).attachments.items()
+    attachments = read_mcap(path).attachments.items()
     prefix = messages.OUTPUT_PREFIX
     return {
         name.removeprefix(prefix): data.decode("utf-8", "replace")
-        for name, data in found
+        for name, data in attachments
         if name.startswith(prefix)
     }
 
@@ -96,7 +96,7 @@ def judged_layouts() -> dict[str, MessageLayout]:
 def decode_trace(
     recording: McapContents, spec: RunSpec, scene: Scene, *, scans: bool = False
 ) -> Trace:
-    """Return what the messages say; raises :class:`DamagedTraceError` for others than ours."""
+    """Return the trace of a recording; raises :class:`DamagedTraceError` for foreign messages."""
     truth = _decode.track(recording, MotionTrack, layouts.odometry("/ground_truth", "map"))
     joints = _decode.joints(recording, scene.joint_names)
     outcome = recording.metadata.get("outcome", {})
@@ -178,11 +178,11 @@ def _attached_scene(recording: McapContents, spec: RunSpec) -> Scene:
 
 
 def _attachment(recording: McapContents, name: str) -> bytes:
-    found = recording.attachments.get(name)
-    if found is None:
+    data = recording.attachments.get(name)
+    if data is None:
         what = "was cut before anything was recorded" if recording.cut else "is not a trace"
         raise TraceError(recording.path, f"{what}: no {name} in it", "run it again")
-    return found
+    return data
 
 
 # A campaign's hundreds of traces have a scene or two.

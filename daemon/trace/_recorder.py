@@ -69,9 +69,9 @@ class Recorder(ABC):
 
     def static(self, grid: OccupancyGrid) -> None:
         """Record everything that holds for the whole run, at time 0."""
-        drawn = ros.serialize(ros.occupancy_grid(grid), messages.KINDS["/map"])
+        grid_map = ros.serialize(ros.occupancy_grid(grid), messages.KINDS["/map"])
         latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
-        self._latch({"/map": drawn, **latched})
+        self._latch({"/map": grid_map, **latched})
         self.progress(0.0, Progress(0, 0, "active"))
 
     def clock(self, time: float) -> None:
@@ -109,7 +109,7 @@ class Recorder(ABC):
         values: Sequence[float]
         values = vx, vy, wz = twist.vx, twist.vy, twist.wz
         if not (type(vx) is type(vy) is type(wz) is float):
-            # From a system under test: what is no number is refused now and not with its chunk.
+            # From a system under test: anything but numbers is refused now and not with its chunk.
             values = array("d", values)
         self._sample(self._signals["/cmd_vel"], time, values)
 
@@ -185,7 +185,7 @@ class MessageStream(Recorder):
     """Recorder that hands over every message as topic, time [ns] and CDR, in the order of time.
 
     Nothing is collected, so clock, joints, plans and costmaps come as often as they are recorded.
-    ``wanted`` is asked before a message of a topic is made; latched ones are always made.
+    ``is_wanted`` is called with a topic before its message is made; latched ones are always made.
     """
 
     def __init__(
@@ -193,24 +193,24 @@ class MessageStream(Recorder):
         spec: RunSpec,
         scene: Scene,
         send: Callable[[str, int, bytes], None],
-        wanted: Callable[[str], bool],
+        is_wanted: Callable[[str], bool],
     ) -> None:
         super().__init__(spec, scene)
-        self._send, self._wanted = send, wanted
+        self._send, self._is_wanted = send, is_wanted
 
     def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
-        if any(map(self._wanted, signal.topics)):
+        if any(map(self._is_wanted, signal.topics)):
             now = nanoseconds(time)
             signal.add(now, values)
             signal.keep_last()
             for layout, times, columns in signal.messages():
-                if self._wanted(layout.topic):
+                if self._is_wanted(layout.topic):
                     # A layout is that of a record in a file, of which the message is the rest.
                     for row in layout.encode(0, times, columns)[:, HEADER.size :]:
                         self._send(layout.topic, now, row.tobytes())
 
     def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
-        if topic in _LATCHED or self._wanted(topic):
+        if topic in _LATCHED or self._is_wanted(topic):
             now = nanoseconds(time)
             self._send(topic, now, encode(now))
 
@@ -232,14 +232,14 @@ class _MapCorrection:
         self._localised = False
 
     def odometry(self, sample: Odometry) -> Correction | None:
-        """Take a sample; return what follows from it, ``None`` but for the first one."""
+        """Take a sample; return the correction after the first one, then ``None``."""
         self._odometers.append(sample)
         if self._localised:
             return None
         return self._correct(self._start, sample.pose)
 
     def estimate(self, estimate: Estimate) -> Correction | None:
-        """Return what follows from an estimate and odometry at that time.
+        """Return the correction by an estimate and the odometry at its time.
 
         A pose that is not a number has no frame (``None``); viewers keep the one before.
         """
@@ -274,7 +274,7 @@ def nanoseconds(time: float) -> int:
 
 
 def utf8_text(text: str) -> str:
-    """Return text that UTF-8 can hold (what a crashed program says may not be), not endless."""
+    """Return text cut to a length and without code points that UTF-8 cannot hold."""
     if len(text) > _TEXT_LIMIT:
         text = text[: _TEXT_LIMIT - 1] + "…"
     return text.encode("utf-8", "backslashreplace").decode()
@@ -294,8 +294,8 @@ def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> dict[str, 
 def _log_payload(now: int, source: str, text: str, level: str) -> bytes:
     """Return a sentence for the log at ``now`` [ns]; raises ``ValueError`` for another level."""
     if level not in messages.LEVELS:
-        known = ", ".join(messages.LEVELS)
-        raise ValueError(f"the level of an event is one of {known}, not {level!r}")
+        levels = ", ".join(messages.LEVELS)
+        raise ValueError(f"the level of an event is one of {levels}, not {level!r}")
     message = ros.make(
         "rcl_interfaces/msg/Log",
         stamp=ros.time(now), level=messages.LEVELS[level],

@@ -72,7 +72,7 @@ class SampledSignal(ABC):
         return
 
     def messages(self) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
-        """Drain the samples; yield layout, times (n,) and columns of what they become."""
+        """Drain the samples; yield layout, times (n,) and columns of their messages."""
         times, columns = self.drain()
         for layout in self.layouts:
             yield layout, times, columns
@@ -110,7 +110,7 @@ class SampleColumns(SampledSignal):
         return times, columns
 
     def drain(self) -> tuple[IntArray, Columns]:
-        """Return what :meth:`peek` does and start anew."""
+        """Return times and columns as :meth:`peek` does, and start anew."""
         samples = self.peek()
         self._times, self._values = [], []
         return samples
@@ -238,7 +238,7 @@ class LaserScans(SampledSignal):
         return np.array(self._times, np.int64), columns
 
     def drain(self) -> tuple[IntArray, Columns]:
-        """Return what :meth:`peek` does and start anew."""
+        """Return times and columns as :meth:`peek` does, and start anew."""
         samples = self.peek()
         self._times, self._ranges = [], []
         return samples

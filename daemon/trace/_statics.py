@@ -1,6 +1,6 @@
 """Messages written once: map, footprint, fixed frames, the building and its doors as markers.
 
-Also where the moving links of a scene are for recorded joint positions. A link's frame is the
+Also the poses of the moving links of a scene for recorded joint positions. A link's frame is the
 object's frame carried along by the link: with all joints at zero they coincide, so a link's
 polygons, given in the object frame, are constant in its own frame.
 """
@@ -176,52 +176,52 @@ def fixed_frames(robot: Robot, scene: Scene) -> Any:
         frames.append(_transform("base_link", laser.frame, mount.x, mount.y, mount.yaw, laser.z))
     moving = frozenset(MovingLinks.of(scene).names)
     for item in scene.objects:
-        held = {name: (p.x, p.y, p.yaw) for name, p in _held(item)} if item.frozen else {}
+        fixed = {name: (p.x, p.y, p.yaw) for name, p in _frozen_poses(item)} if item.frozen else {}
         for link in item.links:
             name = f"{item.name}/{link.name}"
             if name not in moving:
-                pose = held.get(link.name, (item.pose.x, item.pose.y, item.pose.yaw))
+                pose = fixed.get(link.name, (item.pose.x, item.pose.y, item.pose.yaw))
                 frames.append(_transform("map", name, *pose))
     return ros.make("tf2_msgs/msg/TFMessage", transforms=frames)
 
 
 def markers(scene: Scene, mission: Mission) -> Any:
-    """``/scene``: what a viewer needs to show the building in 3D.
+    """``/scene``: the building in 3D for viewers.
 
     Triangles for walls, columns and dividers in map, and for each link of an object in the
     link's own frame (``frame_locked``: doors swing with tf); an arrow and a label per waypoint
     (along x when any heading will do).
     """
-    found: list[Any] = []
+    items: list[Any] = []
     for kind in ("wall", "column", "divider"):
         solids = [s for s in scene.solids if s.kind == kind]
         points = [p for s in solids for p in _prism(s.polygon, s.z_min, s.z_max)]
         if points:
-            found.append(_marker("map", f"{kind}s", 0, _TRIANGLES, kind, points=points))
+            items.append(_marker("map", f"{kind}s", 0, _TRIANGLES, kind, points=points))
     for item in scene.objects:
         for number, link in enumerate(item.links):
             points = [p for ring in link.polygons for p in _prism(ring, link.z_min, link.z_max)]
             frame = f"{item.name}/{link.name}"
-            found.append(
+            items.append(
                 _marker(frame, item.name, number, _TRIANGLES, "object", points=points, locked=True)
             )
     for number, waypoint in enumerate(mission.waypoints):
         turn = ros.yaw_quaternion(waypoint.yaw or 0.0)
         at = ros.pose(waypoint.x, waypoint.y, *turn, z=_FLOOR_HEIGHT)
-        found.append(
+        items.append(
             _marker("map", "waypoints", number, _ARROW, "waypoint", at=at, scale=(0.5, 0.08, 0.08))
         )
         above = ros.pose(waypoint.x, waypoint.y, 0.0, 1.0, z=0.4)
-        found.append(
+        items.append(
             _marker(
                 "map", "waypoint names", number, _TEXT, "waypoint",
                 at=above, scale=(0.0, 0.0, 0.25), text=waypoint.id,
             )
         )  # fmt: skip
-    return ros.make("visualization_msgs/msg/MarkerArray", markers=found)
+    return ros.make("visualization_msgs/msg/MarkerArray", markers=items)
 
 
-def _held(item: SceneObject) -> Iterable[tuple[str, Any]]:
+def _frozen_poses(item: SceneObject) -> Iterable[tuple[str, Any]]:
     """Yield the links of a frozen object with the poses its initial joint positions give."""
     alone = replace(item, frozen=False)
     links = MovingLinks.of(Scene("", (), (), (), (alone,)))

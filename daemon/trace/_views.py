@@ -25,7 +25,7 @@ _ENCAPSULATION: Final = b"\0\1\0\0"
 _FRAME: Final = (4, b"map\0")
 _STAMPED_POSE: Final = np.dtype([("stamp", "<u8"), ("frame", "V8"), ("pose", "<f8", 7)])
 _FIRST: Final = 16
-"""Of the first pose of a path, what stands before its doubles. These lie at multiples of eight
+"""Bytes of the first pose of a path before its doubles. These lie at multiples of eight
 bytes after the four of the encapsulation, so four of padding precede them; all further rows are
 aligned by then."""
 _PADDING: Final = bytes(4)
@@ -94,7 +94,7 @@ def _round_coordinates(values: Floats) -> Floats:
 def encode_poses(now: int, poses: Floats) -> bytes:
     """Return a ``geometry_msgs/PoseArray`` in map at ``now`` [ns], of ``poses`` (n, 3), as CDR.
 
-    Raises ``ValueError`` for another shape and for what is not finite.
+    Raises ``ValueError`` for another shape and for values that are not finite.
     """
     if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
         raise ValueError(f"particles must be finite and of shape (n, 3), not {poses.shape}")
@@ -141,7 +141,7 @@ def _grid_head(frame: int) -> struct.Struct:
 
 @functools.cache
 def _cost_translation() -> bytes:
-    """Return what costs of 0 to 255 are published as, as bytes of two's complement."""
+    """Return the published values of the costs 0 to 255, as bytes of two's complement."""
     costs = np.arange(256)
     # Its loop in integer arithmetic: 1 + (97 * (cost - 1)) / 251 for costs of 1 to 252.
     table = (1 + 97 * (costs - 1) // 251).astype(np.int16)

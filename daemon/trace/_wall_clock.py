@@ -37,8 +37,8 @@ def copy_with_wall_clock(source: Path, target: Path, started: float, *, worker: 
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_name(f".{target.name}.part")
     try:
-        with source.open("rb") as read, partial.open("wb") as written:
-            writer = Writer(written, enable_data_crcs=True)
+        with source.open("rb") as read, partial.open("wb") as copy:
+            writer = Writer(copy, enable_data_crcs=True)
             writer.start(PROFILE, LIBRARY)
             writer.add_metadata("wall_clock", facts)
             _copy_records(StreamReader(read).records, writer)

@@ -1,10 +1,10 @@
 """Recording a run as MCAP: ROS 2 messages in CDR, simulated time only, same calls same bytes.
 
 Messages lie in the order of time, in the file as in its index, so that it can be played from a
-pipe: what may still be followed by something earlier (a plan that waits, an estimate that took a
-while) waits for the next chunk. What need not be written is left out where readers lose nothing:
-joint states that repeat (see :class:`~daemon.trace.JointSamples`), door frames beyond 10 Hz, plans
-and progress that did not change, and messages within the period of their topic (see
+pipe. Messages that an earlier one may still follow (a plan that waits, an estimate that took a
+while) wait for the next chunk. The writer leaves out joint states that repeat (see
+:class:`~daemon.trace.JointSamples`), door frames beyond 10 Hz, plans and progress that did not
+change, and messages within the period of their topic (see
 :class:`~daemon.trace.messages.Topic`).
 """
 
@@ -111,7 +111,7 @@ class TraceWriter(Recorder):
             self._waiting_plan, self._next["/plan"] = None, now + _PERIODS["/plan"]
 
     def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
-        # Most of what is recorded comes with others of its instant.
+        # Most samples come with others of their instant.
         signal.add(self._now if time == self._time else self._at(time), values)
 
     def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
@@ -141,11 +141,11 @@ class TraceWriter(Recorder):
         self._container.add_attachment(f"{messages.OUTPUT_PREFIX}{name}", "text/plain", data)
 
     def so_far(self, ended: str | None = None, note: str = "") -> Trace:
-        """Return what is recorded by now, as reading the file gives it, and leave that as it is.
+        """Return the trace recorded so far, as reading the file gives it, without changing that.
 
         Without scans and plans. With ``ended`` and ``note`` the run is over, otherwise its trace is
-        that of a run that was cut. The first call reads the file; from then on what judges read is
-        kept in memory. Raises :class:`TraceError` when another has replaced the file.
+        that of a run that was cut. The first call reads the file; from then on judged messages
+        are kept in memory. Raises :class:`TraceError` when another has replaced the file.
         """
         if self._judged is None:
             self._file.flush()
@@ -161,7 +161,7 @@ class TraceWriter(Recorder):
         return decode_trace(contents, self._spec, self._scene)
 
     def _peek_judged(self) -> Iterator[MessageBlock]:
-        """Yield what judges read of the messages that are not encoded yet."""
+        """Yield the judged messages that are not encoded yet."""
         for signal in (*self._signals.values(), *self._contacts.values()):
             if signal.topics & JUDGED:
                 times, columns = signal.peek()
@@ -172,7 +172,7 @@ class TraceWriter(Recorder):
             yield self._records[topic].peek()
 
     def _keep(self, contents: McapContents, blocks: Sequence[MessageBlock]) -> None:
-        """Add what judges read of encoded messages to the contents of the file."""
+        """Add encoded messages, if judged, to the contents of the file."""
         names = {number: topic for topic, number in self._ids.items() if topic in JUDGED}
         for block in blocks:
             if block.channel in names and len(block.times):
@@ -250,14 +250,14 @@ class TraceWriter(Recorder):
         return now
 
     def _keep_last(self) -> None:
-        """Record what is held back until something else follows, or nothing any more."""
+        """Record the joint states and the plan that wait for another one to follow."""
         for signal in self._signals.values():
             signal.keep_last()
         self._next["/plan"] = 0
         self._write_plan(0)
 
     def _flush(self, before: int | None = None) -> None:
-        """Write what is earlier than ``before`` [ns], or everything there is."""
+        """Write the messages earlier than ``before`` [ns], or all of them."""
         blocks = [
             encode_block(layout, self._ids[layout.topic], times, columns)
             for signal in (*self._signals.values(), *self._contacts.values())
@@ -274,7 +274,7 @@ class TraceWriter(Recorder):
 
 
 def _outcome(ended: str, note: str, last: int) -> dict[str, str]:
-    """Return what a trace says of its end; ``last`` [ns] is the time of its latest message."""
+    """Return the metadata of the end; ``last`` [ns] is the time of the latest message."""
     return {
         "ended": utf8_text(ended),
         "complete": "true",
@@ -286,7 +286,7 @@ def _outcome(ended: str, note: str, last: int) -> dict[str, str]:
 def _write_preamble(
     container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
 ) -> None:
-    """Declare the topics and write what identifies the run, ahead of everything recorded."""
+    """Declare the topics and write the identity of the run, ahead of everything recorded."""
     for topic in messages.topics_of(spec.robot):
         if topic.external and spec.sut.repeatable:
             continue
@@ -316,9 +316,9 @@ def _write_preamble(
 def _compress_scene(scene: Scene, digest: str) -> bytes:
     """Return the scene's canonical JSON, compressed; it must be the one the run specifies."""
     data = codec.to_json(scene)
-    found = hashlib.sha256(data).hexdigest()
-    if found != digest:
-        raise ValueError(f"scene {found[:12]} given, {digest[:12]} specified")
+    actual = hashlib.sha256(data).hexdigest()
+    if actual != digest:
+        raise ValueError(f"scene {actual[:12]} given, {digest[:12]} specified")
     return _compressed(data)
 
 

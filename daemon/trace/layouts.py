@@ -38,7 +38,7 @@ IntArray = npt.NDArray[np.int64]
 
 @dataclass(slots=True)
 class FieldMarker:
-    """Hands out marker values for a prototype message and remembers what they stand for."""
+    """Marker values for a prototype message, with the fields they stand for."""
 
     slots: list[tuple[str, str, tuple[int, ...], bytes]] = field(default_factory=list)
 
@@ -82,7 +82,7 @@ class MessageLayout:
     """A fixed-size message on ``topic``: ``record`` is the numpy type of its MCAP record.
 
     ``template`` holds the record's constant bytes; ``constant`` lists where they lie, as
-    (start, stop), for checking what a file claims to contain.
+    (start, stop), for checking the contents of a file.
     """
 
     topic: str
@@ -99,8 +99,8 @@ class MessageLayout:
         names = tuple(n for n in self.record.names if n not in _HEADER_FIELDS)
         object.__setattr__(self, "names", names)
         # Stamps are the times once more.
-        kept = ("log_time", *(name for name in names if not name.startswith("stamp")))
-        packed = np.dtype([(name, self.record[name]) for name in kept])
+        packed_names = ("log_time", *(name for name in names if not name.startswith("stamp")))
+        packed = np.dtype([(name, self.record[name]) for name in packed_names])
         object.__setattr__(self, "_packed", packed)
         bits = np.zeros(len(self.template), np.uint8)
         for start, stop in self.constant:

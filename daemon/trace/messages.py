@@ -68,8 +68,8 @@ TOPICS: Final = (
     Topic("/sut/latency", "std_msgs/msg/Float64", external=True, judged=True),
 )
 """Every topic a trace can have if the robot's only laser has no name, see :func:`topics_of`; the
-position plus one is its channel id in the file. External ones are last, so that what is declared in
-other traces does not depend on them."""
+position plus one is its channel id in the file. External ones are last, so that the declarations
+of other traces do not depend on them."""
 
 SCAN: Final = "/scan"
 
@@ -80,7 +80,7 @@ def scan_topic(laser: Laser) -> str:
 
 
 def is_scan(topic: str) -> bool:
-    """Whether a topic may hold the scans of a laser."""
+    """Return True for a topic that may hold the scans of a laser."""
     return topic == SCAN or topic.startswith(f"{SCAN}_")
 
 
@@ -90,20 +90,20 @@ def topics_of(robot: Robot) -> tuple[Topic, ...]:
     The position plus one is the channel id in its file; see :data:`TOPICS`, which they are for a
     robot whose only laser has no name.
     """
-    found: list[Topic] = []
+    topics: list[Topic] = []
     for topic in TOPICS:
         if topic.name == SCAN:
-            found += (Topic(scan_topic(laser), topic.kind) for laser in robot.lasers)
+            topics += (Topic(scan_topic(laser), topic.kind) for laser in robot.lasers)
         else:
-            found.append(topic)
-    return tuple(found)
+            topics.append(topic)
+    return tuple(topics)
 
 
 VERDICTS: Final = "verdicts.json"
 """Name of the attachment with the verdicts of a recorded run."""
 
 OUTPUT_PREFIX: Final = "output/"
-"""Begins the names of attachments with what a system under test printed."""
+"""Beginning of the names of attachments with the output of a system under test."""
 
 KINDS: Final = {topic.name: topic.kind for topic in TOPICS}
 JUDGED: Final = frozenset(topic.name for topic in TOPICS if topic.judged)
@@ -146,9 +146,9 @@ _CODES: Final = {state: code for code, state in _STATES.items()}
 def goal_ids(run: str, mission: Mission) -> tuple[Any, ...]:
     """Return the UUID messages of all waypoints and of the mission, for the run's digest."""
     names = [*(f"{i}/{w.id}" for i, w in enumerate(mission.waypoints)), "mission"]
-    found = (uuid.uuid5(uuid.NAMESPACE_URL, f"run:{run}/goal/{name}").bytes for name in names)
+    raw_ids = (uuid.uuid5(uuid.NAMESPACE_URL, f"run:{run}/goal/{name}").bytes for name in names)
     kind = "unique_identifier_msgs/msg/UUID"
-    return tuple(ros.make(kind, uuid=np.frombuffer(raw, np.uint8)) for raw in found)
+    return tuple(ros.make(kind, uuid=np.frombuffer(raw, np.uint8)) for raw in raw_ids)
 
 
 def status(goals: tuple[Any, ...], progress: Progress) -> Any:

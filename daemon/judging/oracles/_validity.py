@@ -1,7 +1,7 @@
-"""Whether a trace can be trusted: what is wrong with one is an error, never the robot's failure.
+"""Validity of a trace: a fault of the recording is an error, never the robot's failure.
 
-Invalid is what says nothing about the robot: a damaged recording, clocks, numbers and motion that
-cannot be, a simulator that did not simulate. A stack that gave up before it set off, claimed
+An invalid trace says nothing about the robot: a damaged recording, impossible clocks, numbers and
+motion, a simulator that did not simulate. A stack that gave up before it set off, claimed
 success at once or never commanded anything has been tested, and is judged.
 """
 
@@ -30,23 +30,18 @@ moved; a door or a person may have pushed it a little."""
 AT_START_DISTANCE: Final = 0.1
 """A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
 _CLEAR_FACTOR: Final = 10.0
-"""A command is clear when it asks for so many times the way that counts as having moved: what a
-drive takes to follow it, and what friction takes away, is less than that."""
+"""A command is clear when it asks for this many times the way that counts as having moved. A drive
+that follows it, and friction, take less than that away."""
 
 
 def trace_problems(trace: Trace) -> tuple[str, ...]:
     """Return why ``trace`` cannot be trusted, in words; empty when it can.
 
-    What its reader says of the recording; leaps no robot can make; a robot that did not move during
-    a whole run although it was told to and nothing was in its way.
+    These are the problems of its recording; leaps no robot can make; a robot that did not move
+    during a whole run although it was commanded to and nothing was in its way.
     """
-    # From what makes the next question meaningless to what only a sound recording can be asked.
-    found = list(trace.problems)
-    if not found:
-        found += _leaps(trace)
-    if not found:
-        found += _without_effect(trace)
-    return tuple(found)
+    # In this order: a problem makes the checks after it meaningless.
+    return trace.problems or tuple(_leaps(trace) or _without_effect(trace))
 
 
 def _leaps(trace: Trace) -> list[str]:
@@ -65,7 +60,7 @@ def _leaps(trace: Trace) -> list[str]:
 
 def _without_effect(trace: Trace) -> list[str]:
     """Tell commands that moved nothing: then the world stood still, not the robot's stack."""
-    if not never_moved(trace) or trace.contacts or not _was_told_to_move(trace):
+    if not never_moved(trace) or trace.contacts or not _was_commanded_to_move(trace):
         return []
     return [f"the robot never moved and touched nothing, though {_command_summary(trace)}"]
 
@@ -82,8 +77,8 @@ def never_moved(trace: Trace) -> bool:
     return bool(farthest > AT_START_DISTANCE) and not moved
 
 
-def _was_told_to_move(trace: Trace) -> bool:
-    """Whether a command held long enough that any robot with this drive must have moved."""
+def _was_commanded_to_move(trace: Trace) -> bool:
+    """Return True if a command held so long that any robot with this drive must have moved."""
     command, drive = trace.command, trace.spec.robot.drive
     lasts = _durations(command, drive, float(trace.ground_truth.time[-1]))
     way, angle = _CLEAR_FACTOR * MOVED_DISTANCE, _CLEAR_FACTOR * MOVED_ANGLE
@@ -109,20 +104,20 @@ def _farthest(
 
     The unit is that of ``speed`` times seconds; a base at rest needs part of it to get going.
     """
-    left = np.maximum(np.minimum(np.abs(speed), fastest) - loss, 0.0)
-    direction = np.where(left > 0.0, np.sign(speed), 0.0)
+    remaining = np.maximum(np.minimum(np.abs(speed), fastest) - loss, 0.0)
+    direction = np.where(remaining > 0.0, np.sign(speed), 0.0)
     edges = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
     best = 0.0
     for first, last in itertools.pairwise(edges.tolist()):
         if direction[first]:
-            way = np.cumsum(left[first:last] * lasts[first:last])
+            way = np.cumsum(remaining[first:last] * lasts[first:last])
             elapsed = np.cumsum(lasts[first:last])
             best = max(best, float(np.minimum(way, 0.5 * acceleration * elapsed**2).max()))
     return best
 
 
 def _command_summary(trace: Trace) -> str:
-    """Say what the robot was told to do, which is where to look for the reason."""
+    """Return the extent of the commands, where the reason is to be looked for."""
     command = trace.command
     if not len(command.time):
         return "no command was given"
@@ -134,13 +129,13 @@ def _command_summary(trace: Trace) -> str:
 
 
 def standstill_note(trace: Trace) -> str:
-    """Say why a robot that never moved did not, as far as its stack said; empty for any other."""
+    """Return why a robot never moved, as far as its stack reported; empty if it moved."""
     if not never_moved(trace):
         return ""
-    said = f"the robot never moved: {_command_summary(trace)}"
+    note = f"the robot never moved: {_command_summary(trace)}"
     last = trace.progress[-1] if trace.progress else None
     if last is not None and last.state == "aborted":
-        said += f", the mission was given up at {last.time:.2f} s"
+        note += f", the mission was given up at {last.time:.2f} s"
     elif last is not None and last.state == "succeeded":
-        said += f", the mission was called done at {last.time:.2f} s"
-    return said
+        note += f", the mission was called done at {last.time:.2f} s"
+    return note
