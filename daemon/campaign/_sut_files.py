@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, field_validator
 
 from daemon.campaign._parameter_files import (
     load_package_folder,
@@ -39,7 +39,7 @@ from daemon.model.attachments import SutMissing
 from daemon.stacks.kind import StackKind
 from daemon.stacks.registry import stack_kind
 from daemon.stacks.ros2 import ROS2
-from daemon.stacks.ros2.keys import Ros2Keys
+from daemon.stacks.ros2.keys import Ros2Keys, default_for_null
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import ONE_OR_MORE, RemovedKey, YamlDocument, load_yaml, read_model
@@ -59,6 +59,7 @@ class SutFile(Ros2Keys):
         **CAMPAIGN_KEYS,
         "": 'what differs from the defaults of its kind stands under "parameters:"',
     }
+    _null = field_validator(*Ros2Keys.model_fields, mode="before")(default_for_null)
 
     sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", examples=["my-stack"])
     """Name of this system under test, as verdicts show it."""

@@ -1,7 +1,6 @@
-"""What is seen of a stack that was started to be looked at, and the starting of it.
+"""Inspection of a stack: it is brought up as for a run, looked at, and ended; no mission is sent.
 
-The stack is brought up as for a run and ended again; no mission is sent. What is seen is judged by
-:mod:`daemon.stacks.ros2.checkup`.
+:mod:`daemon.stacks.ros2.checkup` compares the inspection with the needs of a run.
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ if TYPE_CHECKING:
 PARAMETERS: Final = (
     "use_sim_time", "controller_frequency", "default_server_timeout", "bond_timeout",
 )  # fmt: skip
-"""What nodes are asked for."""
+"""Parameters that nodes are asked for."""
 
 _NANO: Final = 1_000_000_000
 _LISTENING: Final = 1.0
-"""Others are listened to for so long [s of wall clock]; odometry comes ten times as often."""
+"""Others are listened to for this long [s of wall clock]; odometry comes ten times as often."""
 _ASKING: Final = 20.0
-"""Nodes are asked for parameters for so long at most [s of wall clock]: each may take two."""
+"""Nodes are asked for parameters for at most this long [s of wall clock]: each may take two."""
 _GET_PARAMETERS: Final = "/get_parameters"
 
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What was seen of a stack, once it was up or had been waited for in vain.
+    """State of a stack that is up, or that did not come up in time.
 
     ``parameters`` are those of :data:`PARAMETERS` that nodes have, by absolute name of the node;
     ``transforms`` (parent, child) come from others than this side. ``located``: it knows where the
@@ -109,11 +108,11 @@ def inspect_stack(
             raise failure or session.failure(ended)
         on_progress("looking at its graph")
         try:
-            seen = _look(session, settings, first.odometry[-1])
+            inspection = _look(session, settings, first.odometry[-1])
         except LinkLost as error:
-            # Why it did not come up says more than that it is gone now.
+            # The reason why it did not come up says more than its end.
             raise failure or session.failure(session.explain(str(error))) from error
-        return dataclasses.replace(seen, seconds=seconds, failure=failure)
+        return dataclasses.replace(inspection, seconds=seconds, failure=failure)
     finally:
         if attempt.session is not None:
             attempt.session.close()
@@ -152,7 +151,7 @@ def _foreign_transforms(
 
 
 def _frames(data: bytes) -> Iterator[tuple[str, str]]:
-    """Yield parents and children; of a damaged message bring-up has told already."""
+    """Yield parents and children; bring-up has reported a damaged message already."""
     try:
         transforms = sensors.read_message(data, sensors.TRANSFORMS).transforms
     except ValueError:
@@ -164,9 +163,9 @@ def _frames(data: bytes) -> Iterator[tuple[str, str]]:
 def _parameters(link: RelayLink, graph: Graph) -> dict[str, Mapping[str, Any]]:
     """Return what nodes say of :data:`PARAMETERS`; those that come last may not be asked."""
     until = wall_clock.monotonic() + _ASKING
-    found: dict[str, Mapping[str, Any]] = {}
+    values: dict[str, Mapping[str, Any]] = {}
     for service in sorted(graph.services):
         if service.endswith(_GET_PARAMETERS) and wall_clock.monotonic() < until:
             node = service.removesuffix(_GET_PARAMETERS)
-            found[node] = link.parameters(node, PARAMETERS)
-    return found
+            values[node] = link.parameters(node, PARAMETERS)
+    return values

@@ -201,15 +201,17 @@ def _name_of(laser: Laser, names: str | Mapping[str, str], usual: str) -> str:
     return f"{usual}_{laser.name}" if laser.name else usual
 
 
-class _Section(StrictModel):
-    """Keys that take their default where null takes an inherited value away."""
+def default_for_null(value: Any) -> Any:
+    """Validate null, which takes an inherited value away, as the default of its key."""
+    if value is None:
+        raise PydanticUseDefault
+    return value
 
-    @field_validator("*", mode="before")
-    @classmethod
-    def _take_default(cls, value: Any) -> Any:
-        if value is None:
-            raise PydanticUseDefault
-        return value
+
+class _Section(StrictModel):
+    """Keys below a key of a SUT file."""
+
+    _null = field_validator("*", mode="before")(default_for_null)
 
 
 class Ros2Container(_Section):
@@ -299,7 +301,7 @@ class Ros2Frames(_Section):
         return _name_of(laser, self.laser, "laser")
 
 
-class Ros2Keys(_Section):
+class Ros2Keys(StrictModel):
     """Keys of a ROS 2 stack; all that is left out has a default, except how it is started."""
 
     elsewhere: ClassVar[Mapping[str, str | RemovedKey]] = {

@@ -115,6 +115,7 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
         ("like: nav2\nfiles: {more: no.yaml}\n", "mine.yaml:3:9: more: no file no.yaml"),
         ("like: nav2\nfiles: {more: [a, b]}\n", "mine.yaml:3:9: more: is one file, not several"),
         ("like: nav2\nfiles: {map: nav2.yaml}\n", 'mine.yaml:3:9: map: every run has a'),
+        ("like: nav2\nfiles: null\n", "mine.yaml:3:1: files: must be keys with values"),
         ("like: nav2\nparameters: {a: 1}\n", "mine.yaml:3:1: parameters: kind ros2 has none"),
         ("like: nav2\nreuse: yes\n",
          "mine.yaml:3:1: reuse: a stack belongs to one run\n    remove this line"),

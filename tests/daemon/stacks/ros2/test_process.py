@@ -76,7 +76,8 @@ def start():
 
     def start_stack(launch="sleep 600", *, begin=True, **more):
         own = {name: more.pop(name) for name in ("relay", "grace", "values") if name in more}
-        settings = Ros2Settings.model_validate({"launch": launch or None, "python": "sh"} | more)
+        keys = {"launch": launch} if launch else {}
+        settings = Ros2Settings.model_validate(keys | {"python": "sh"} | more)
         stack = StackProcess(settings, **{"values": {}, "relay": QUIET_RELAY} | own)
         started.append(stack)
         if begin:

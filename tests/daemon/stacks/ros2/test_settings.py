@@ -33,7 +33,7 @@ STACK = {
 
 def problems(**changed):
     with pytest.raises(ParameterError) as caught:
-        read_settings(STACK | changed)
+        read_settings({key: x for key, x in (STACK | changed).items() if x is not None})
     return [str(problem) for problem in caught.value.problems]
 
 
