@@ -319,7 +319,7 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench, action):
     link.set_up(setup(action=f"/{action}", action_kind=action))
     bench.stack("actions")
     bench.cycle_until(lambda answer: answer.server)
-    missed = [1, 3] if action == "follow_waypoints" else []
+    missed = (1, 3) if action == "follow_waypoints" else ()
 
     def send(goal, x):
         poses = ((x, 1.0, 0.0), (x, 2.0, 0.5))[1 if action == "navigate_to_pose" else 0 :]
@@ -331,7 +331,7 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench, action):
     assert accepted == GoalUpdate(1, "accepted")
     assert (succeeded.error_code, succeeded.error_text) == (0, "")
     # Where a result lists the states of its poses, all of these were reached.
-    assert succeeded.content.get("missed_waypoints", []) == missed
+    assert succeeded.missed_waypoints == missed
     send(2, 60.0)
     aborted = bench.goal_updates(2, {"aborted"})[-1]
     assert (aborted.error_code, aborted.error_text) == (104, "beyond the map")
@@ -340,7 +340,7 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench, action):
     send(4, -1.0)
     accepted, feedback = bench.goal_updates(4, {"feedback"})
     assert accepted == GoalUpdate(4, "accepted")
-    assert feedback == GoalUpdate(4, "feedback", content=GOALS[action])
+    assert feedback == GoalUpdate(4, "feedback", **GOALS[action])
     send(5, 1.0)
     # Nothing is owed any more when a goal ends: the wait does, long before its time.
     answer = bench.cycle("command", 250.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 Qos: TypeAlias = Literal["reliable", "best effort", "latched"]
 """``latched`` is reliable and transient local, for topics that are published once."""
@@ -24,7 +24,7 @@ ACTION_KINDS: Final = {
 
 
 class LinkLost(Exception):  # noqa: N818  (says what happened)
-    """The other side is gone or says what it must not; the message says which, for people."""
+    """The other side is gone, refuses or cannot be understood; the message is for people."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class LinkSetup:
 
 @dataclass(frozen=True, slots=True)
 class StackIdentity:
-    """What a stack runs on: ``distribution`` (``jazzy``; empty when unknown) and ``rmw``."""
+    """The ROS 2 of a stack: ``distribution`` (``jazzy``; empty when unknown) and ``rmw``."""
 
     distribution: str
     rmw: str
@@ -95,13 +95,11 @@ class ReceivedMessage:
 
 @dataclass(frozen=True, slots=True)
 class GoalUpdate:
-    """What became of a goal: ``goal`` is the number it was sent with.
+    """News of a goal: ``goal`` is the number it was sent with.
 
     ``state`` is ``unanswered`` when no answer came to the request within ten seconds of wall
-    clock, ``feedback`` for feedback (the latest of a cycle). ``error_code`` and ``error_text``
-    are those of the result where it has them; ``content`` holds fields of a result or feedback as
-    plain values: ``current_waypoint``, ``number_of_poses_remaining``,
-    ``number_of_recoveries``, ``missed_waypoints`` (indices).
+    clock, ``feedback`` for feedback (the latest of a cycle). The other fields are those of the
+    result or feedback, as far as it has them; ``missed_waypoints`` are indices.
     """
 
     goal: int
@@ -110,12 +108,15 @@ class GoalUpdate:
     ]
     error_code: int = 0
     error_text: str = ""
-    content: Mapping[str, Any] = field(default_factory=dict)
+    current_waypoint: int = 0
+    number_of_poses_remaining: int = 0
+    number_of_recoveries: int = 0
+    missed_waypoints: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class CycleAnswer:
-    """What came since the cycle before, oldest first.
+    """Everything that came since the cycle before, oldest first.
 
     ``latency`` [s of wall clock] from the clock to the command that answered, ``None`` when none
     did within ``wait``. ``commands`` counts all of this cycle; the last one is among the
@@ -138,7 +139,7 @@ class CycleAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """How far a stack has come up: ``nodes`` with their lifecycle state.
+    """State of a stack that comes up: ``nodes`` with their lifecycle state.
 
     The state is empty for a node that is not in the graph or has not answered yet, and
     ``not answering`` for one that is in the graph and has not answered for two seconds.
@@ -164,7 +165,7 @@ class GraphEndpoint:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """What a link sees: endpoints (its own left out), nodes, and servers of services by name."""
+    """A view of the graph: endpoints except those of the link, nodes, names of served services."""
 
     endpoints: tuple[GraphEndpoint, ...]
     nodes: tuple[str, ...]

@@ -91,15 +91,13 @@ class GoalSequence:
         return self._take_end(update, name)
 
     def _take_feedback(self, update: GoalUpdate) -> tuple[SutEvent, ...]:
-        content = update.content
         total = len(self._poses)
         # Never backwards, and never to the end: only the result says that a mission is over.
-        if self._mode == "follow" and "current_waypoint" in content:
-            self._advance(min(int(content["current_waypoint"]), total - 1))
-        elif self._mode == "through" and content.get("number_of_poses_remaining"):
-            left = int(content["number_of_poses_remaining"])
-            self._advance(min(total - left, total - 1))
-        recoveries = int(content.get("number_of_recoveries", 0))
+        if self._mode == "follow":
+            self._advance(min(update.current_waypoint, total - 1))
+        elif self._mode == "through" and update.number_of_poses_remaining:
+            self._advance(min(total - update.number_of_poses_remaining, total - 1))
+        recoveries = update.number_of_recoveries
         if recoveries > self._recoveries:
             self._recoveries = recoveries
             return (SutEvent(f"recovery {recoveries} of goal {self._goal_name()}", "warn"),)
@@ -110,7 +108,7 @@ class GoalSequence:
             self.progress = Progress(reached, reached, "active")
 
     def _take_success(self, update: GoalUpdate, name: str) -> tuple[SutEvent, ...]:
-        missed = tuple(int(i) for i in update.content.get("missed_waypoints", ()))
+        missed = update.missed_waypoints
         if missed:
             first = max(0, min(*missed, len(self._names) - 1))
             self.progress = Progress(first, first, "aborted")

@@ -60,7 +60,7 @@ _NANO = 1_000_000_000
 _TERMINAL = {4: "succeeded", 5: "canceled", 6: "aborted"}
 _ENDED = (*_TERMINAL.values(), "rejected", "unanswered")
 _MISSED_STATES = ("SKIPPED", "FAILED")
-_CONTENT = ("current_waypoint", "number_of_poses_remaining", "number_of_recoveries")
+_PROGRESS = ("current_waypoint", "number_of_poses_remaining", "number_of_recoveries")
 _PARAMETER_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}
 _RCLPY_VERSIONS = {"3": "humble", "4": "iron", "7": "jazzy", "9": "kilted"}
 
@@ -504,24 +504,20 @@ def _pose(frame: str, stamp: int, x: float, y: float, yaw: float) -> Any:
 
 def _update(goal: _Goal, state: str, message: Any = None) -> dict[str, Any]:
     update: dict[str, Any] = {"goal": goal.number, "state": state}
-    if message is None:
-        return update
-    content = {name: getattr(message, name) for name in _CONTENT if hasattr(message, name)}
-    if state != "feedback":
+    update |= {name: getattr(message, name) for name in _PROGRESS if hasattr(message, name)}
+    if state in _TERMINAL.values():
         update["error_code"] = int(getattr(message, "error_code", 0))
         update["error_text"] = str(getattr(message, "error_msg", ""))[:1000]
-        if (missed := _missed(message)) is not None:
-            content["missed_waypoints"] = missed
-    update["content"] = content
+        update["missed_waypoints"] = _missed(message)
     return update
 
 
-def _missed(message: Any) -> list[int] | None:
+def _missed(message: Any) -> list[int]:
     """Return indices of missed waypoints: int32[], MissedWaypoint[] or WaypointStatus[]."""
     for name in ("missed_waypoints", "waypoint_statuses"):
         if hasattr(message, name):
             return [index for one in getattr(message, name) for index in _missed_index(one)]
-    return None
+    return []
 
 
 def _missed_index(waypoint: Any) -> list[int]:

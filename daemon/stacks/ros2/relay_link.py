@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -40,7 +40,8 @@ _LARGEST: Final = 256 << 20
 _CYCLE: Final = TypeAdapter(CycleAnswer)
 _READINESS: Final = TypeAdapter(Readiness)
 _GRAPH: Final = TypeAdapter(Graph)
-_PARAMETERS: Final = TypeAdapter(dict[str, bool | int | float | str])
+_Parameter: TypeAlias = bool | int | float | str
+_PARAMETERS: Final = TypeAdapter(dict[str, _Parameter])
 
 _Answer = TypeVar("_Answer")
 
@@ -157,8 +158,8 @@ class RelayLink:
         """Return everything in sight."""
         return self._ask({"do": "graph"}, lambda head, _: _GRAPH.validate_python(head))
 
-    def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
-        """Return numbers, texts and truths of parameters; at most two seconds of wall clock."""
+    def parameters(self, node: str, names: tuple[str, ...]) -> dict[str, _Parameter]:
+        """Return the parameters that are there, arrays left out; takes two seconds at most."""
         request = {"do": "parameters", "node": node, "names": names}
         return self._ask(request, lambda head, _: _PARAMETERS.validate_python(head))
 

@@ -52,13 +52,13 @@ def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(mo
     goals, link = begun(mode)
     assert [len(poses) for _, poses, _, _ in link.goals] == [3]
     told = {"current_waypoint": 1} if mode == "follow" else {"number_of_poses_remaining": 2}
-    goals.take(GoalUpdate(0, "feedback", content=told))
+    goals.take(GoalUpdate(0, "feedback", **told))
     assert goals.progress == Progress(1, 1, "active")
     # Not backwards, and not to the end before the result says so.
     for value in (0, 3):
         name = next(iter(told))
-        goals.take(GoalUpdate(0, "feedback", content={name: value}))
-    goals.take(GoalUpdate(0, "feedback", content={"current_waypoint": 9}))
+        goals.take(GoalUpdate(0, "feedback", **{name: value}))
+    goals.take(GoalUpdate(0, "feedback", current_waypoint=9))
     assert goals.progress.state == "active"
     assert goals.progress.reached < 3
     goals.take(GoalUpdate(0, "succeeded"))
@@ -67,7 +67,7 @@ def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(mo
 
 def test_missed_waypoints_are_a_failure_of_the_robot():
     goals, _ = begun("follow")
-    (said,) = goals.take(GoalUpdate(0, "succeeded", content={"missed_waypoints": [1]}))
+    (said,) = goals.take(GoalUpdate(0, "succeeded", missed_waypoints=(1,)))
     assert "door" in said.text
     assert goals.progress == Progress(1, 1, "aborted")
 
@@ -111,7 +111,5 @@ def test_what_comes_of_a_goal_that_is_over_changes_nothing():
 def test_recoveries_are_told_as_their_number_grows():
     goals, _ = begun("waypoints")
     counts = (0, 1, 1, 2)
-    said = [
-        goals.take(GoalUpdate(0, "feedback", content={"number_of_recoveries": n})) for n in counts
-    ]
+    said = [goals.take(GoalUpdate(0, "feedback", number_of_recoveries=n)) for n in counts]
     assert [len(lines) for lines in said] == [0, 1, 0, 1]

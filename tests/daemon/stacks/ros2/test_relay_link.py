@@ -219,7 +219,8 @@ def test_a_cycle_carries_messages_both_ways(connect):
                 "state": "aborted",
                 "error_code": 101,
                 "error_text": "no way",
-                "content": {"missed_waypoints": [1, 2], "number_of_recoveries": 2},
+                "missed_waypoints": [1, 2],
+                "number_of_recoveries": 2,
             },
         ],
         "dropped": ["/tf"],
@@ -245,8 +246,9 @@ def test_a_cycle_carries_messages_both_ways(connect):
         ReceivedMessage("/cmd_vel", "geometry_msgs/msg/Twist", b"ghijk"),
     )
     assert (answer.latency, answer.commands, answer.heard) == (0.002, 3, True)
-    content = {"missed_waypoints": [1, 2], "number_of_recoveries": 2}
-    assert answer.goals[1] == GoalUpdate(4, "aborted", 101, "no way", content)
+    assert answer.goals[1] == GoalUpdate(
+        4, "aborted", 101, "no way", number_of_recoveries=2, missed_waypoints=(1, 2)
+    )
     assert (answer.dropped, answer.inactive) == (("/tf",), {"/amcl": "inactive"})
 
 
