@@ -181,8 +181,8 @@ _Setups: TypeAlias = Annotated[
 _Domain: TypeAlias = Annotated[
     Annotated[int, Field(ge=0, le=HIGHEST_DOMAIN)] | Literal["own"], BeforeValidator(_domain)
 ]
-ActionKind: TypeAlias = Literal["navigate_to_pose", "follow_waypoints", "navigate_through_poses"]
-_ACTIONS: Final[Mapping[str, ActionKind]] = MappingProxyType(
+MissionMode: TypeAlias = Literal["waypoints", "follow", "through"]
+_ACTIONS: Final[Mapping[MissionMode, str]] = MappingProxyType(
     {
         "waypoints": "navigate_to_pose",
         "follow": "follow_waypoints",
@@ -335,7 +335,7 @@ class Ros2Keys(StrictModel):
     base; none: the stack does it itself."""
     initial_pose: Literal["published", "none"] = Field(default="published", alias="initial-pose")
     """For "kind: ros2": whether the start pose is told."""
-    mission: Literal["waypoints", "follow", "through"] = "waypoints"
+    mission: MissionMode = "waypoints"
     """For "kind: ros2": how waypoints are sent. waypoints: NavigateToPose for each; follow:
     FollowWaypoints; through: NavigateThroughPoses."""
     action: _Name = Field(default="", validate_default=True)
@@ -364,7 +364,7 @@ class Ros2Keys(StrictModel):
         return _name_of(laser, self.topics.scan, _in_namespace(self.namespace, "scan"))
 
     @property
-    def action_kind(self) -> ActionKind:
+    def action_kind(self) -> str:
         """The kind of Nav2's actions by which the mission is sent."""
         return _ACTIONS[self.mission]
 

@@ -7,9 +7,10 @@ nav2_msgs of Humble to Lyrical (NavigateToPose, NavigateThroughPoses, FollowWayp
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 from daemon.model.sut import Progress, SutEvent, SutFailure
+from daemon.stacks.ros2.keys import MissionMode
 from daemon.stacks.ros2.link import GoalUpdate
 from grammars.model.mission import Mission, Waypoint
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 _ACKNOWLEDGEMENT: Final = "Timed out while waiting for action server to acknowledge goal request"
 """What bt_navigator logs when a server did not acknowledge within ``default_server_timeout``. That
 is a time of the wall clock, so a loaded machine aborts missions that the robot was fine with."""
-
-MissionMode = Literal["waypoints", "follow", "through"]
 
 
 class GoalSequence:
