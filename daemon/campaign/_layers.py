@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+from daemon.campaign._names import Overrides
 from daemon.campaign._scenarios import LayerReference, PlanVariation
 from daemon.campaign._sut_files import SutText, default_text, read_sut
 from daemon.campaign._suts import LoadedSut, complete_sut
@@ -185,7 +186,7 @@ class LayerLibrary:
         """Load a floor plan; its warnings are kept once."""
         path = find_layer(self.folder, reference, FLOORPLAN)
         load = partial(self._load_floorplan, reference)
-        return self._with_overrides("floor plan", path, reference, load)
+        return self._once("floor plan", path, load, reference.overrides)
 
     def plan_text(self, path: Path) -> ParsedFloorPlan:
         """Return a plan in ``.fpm`` as it is parsed."""
@@ -205,22 +206,17 @@ class LayerLibrary:
             )
 
         kind = f"variants {vary.samples} {vary.cover} {vary.seed} {radius!r}"
-        return self._with_overrides(kind, path, named, draw)
-
-    def variation(self, path: Path) -> Variation:
-        """Load a variation as its file has it."""
-        from grammars.variation import load_variation
-
-        return self._once("variation", path, load_variation)
+        return self._once(kind, path, draw, named.overrides)
 
     def fixed_variation(self, reference: LayerReference, path: Path) -> Variation:
         """Load a variation with the draws that a reference fixes."""
-        from grammars.variation import fix_draws
+        from grammars.variation import fix_draws, load_variation
 
         given = reference.values
         values = {override.key: override.value for override in given}
         places = {override.key: override.where for override in given}
-        return fix_draws(self.variation(path), values, reference.where, places)
+        variation = self._once("variation", path, load_variation)
+        return fix_draws(variation, values, reference.where, places)
 
     def scenery(self, reference: LayerReference) -> SceneryLayer:
         """Load a scenery layer: objects, places or behaviours."""
@@ -236,7 +232,7 @@ class LayerLibrary:
         """Load a mission and the document it stands in."""
         path = find_layer(self.folder, reference, MISSION)
         load = partial(self._load_document, reference, read_mission)
-        return self._with_overrides("mission", path, reference, load)
+        return self._once("mission", path, load, reference.overrides)
 
     def robot(self, reference: LayerReference) -> Robot:
         """Load a robot description."""
@@ -246,7 +242,7 @@ class LayerLibrary:
         """Load a robot description and the document it stands in."""
         path = find_layer(self.folder, reference, ROBOT)
         load = partial(self._load_document, reference, read_robot)
-        return self._with_overrides("robot", path, reference, load)
+        return self._once("robot", path, load, reference.overrides)
 
     def oracles(self, references: tuple[LayerReference, ...]) -> dict[str, Oracle]:
         """Load oracle layers; a name in two layers is taken from the later one."""
@@ -273,14 +269,18 @@ class LayerLibrary:
         # Which kinds are installed is asked once: it reads the metadata of every package.
         named = Path(reference.name)
         path = self._once("place of a sut", named, partial(self._sut_place, reference))
-        if path is None:
-            return self._with_overrides(
-                "sut", named, reference, partial(self._default_sut, reference)
-            )
-        if not reference.overrides:
+        if path is not None and not reference.overrides:
             return self.sut_file(path)
-        change = partial(self._change_sut, reference)
-        return self._with_overrides("sut file", path, reference, change)
+
+        def load(named: Path) -> LoadedSut:
+            if path is None:
+                text = default_text(reference.name, reference.where)
+            else:
+                self.sut_file(path)  # what is wrong without the overrides is told of the file
+                text = self.sut_text(path)
+            return self._complete_sut(text, reference.values)
+
+        return self._once("sut", named, load, reference.overrides)
 
     def _sut_place(self, reference: LayerReference, _: Path) -> Path | None:
         """Return the file of a system under test, ``None`` for a kind by its name."""
@@ -295,7 +295,7 @@ class LayerLibrary:
 
     def sut_file(self, path: Path) -> LoadedSut:
         """Load a SUT file and all it stands on; its warnings are kept once."""
-        return self._once("sut file", path, self._load_sut)
+        return self._once("sut file", path, lambda path: self._complete_sut(self.sut_text(path)))
 
     def _load_document(
         self, reference: LayerReference, read: Callable[[YamlDocument], T], path: Path
@@ -331,16 +331,6 @@ class LayerLibrary:
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 
-    def _default_sut(self, reference: LayerReference, _: Path) -> LoadedSut:
-        return self._complete_sut(default_text(reference.name, reference.where), reference.values)
-
-    def _load_sut(self, path: Path) -> LoadedSut:
-        return self._complete_sut(self.sut_text(path))
-
-    def _change_sut(self, reference: LayerReference, path: Path) -> LoadedSut:
-        self.sut_file(path)  # what is wrong without the overrides is told of the file
-        return self._complete_sut(self.sut_text(path), reference.values)
-
     def _complete_sut(self, text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut:
         sut = complete_sut(text, overrides)
         # A search changes a system thousands of times: most of what is said is said already.
@@ -358,26 +348,17 @@ class LayerLibrary:
         except InputError:
             return find_layer(self.folder, reference, SUT)
 
-    def _with_overrides(
-        self, kind: str, path: Path, reference: LayerReference, load: Callable[[Path], T]
+    def _once(
+        self, kind: str, path: Path, load: Callable[[Path], T], overrides: Overrides | None = None
     ) -> T:
-        """Load a layer with the overrides of a reference once for all references that have them."""
-        if not reference.overrides:
-            return self._once(kind, path, load)
-        key = (f"{kind} {reference.overrides!r}", path)
-        if key not in self._overridden:
-            # A search names the same layer with other values thousands of times.
-            if len(self._overridden) >= _MOST_OVERRIDDEN:
-                del self._overridden[next(iter(self._overridden))]
-            self._overridden[key] = load(path)
-        loaded: T = self._overridden[key]
-        return loaded
-
-    def _once(self, kind: str, path: Path, load: Callable[[Path], T]) -> T:
-        """Load a file the first time it is named."""
+        """Load a file the first time it is named, once for all references with equal overrides."""
         # With the kind: a .jsonld file may be a floor plan for one slot and scenery for another.
-        key = (kind, path)
-        if key not in self._loaded:
-            self._loaded[key] = load(path)
-        loaded: T = self._loaded[key]
+        key = (f"{kind} {overrides!r}" if overrides else kind, path)
+        cache = self._overridden if overrides else self._loaded
+        if key not in cache:
+            # A search names the same layer with other values thousands of times.
+            while len(self._overridden) >= _MOST_OVERRIDDEN:
+                del self._overridden[next(iter(self._overridden))]
+            cache[key] = load(path)
+        loaded: T = cache[key]
         return loaded

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.campaign import campaign_text, expand, load_campaign
+from daemon.campaign import Composer, LayerLibrary, campaign_text, expand, load_campaign
 from grammars.text.diagnostics import InputError
 
 CAMPAIGN = """\
@@ -139,6 +139,15 @@ def test_it_is_inherited_and_replaced_as_a_list(folder):
     found = cells(folder, more)
     assert found["same"].scene == found["less"].scene
     assert found["all"].scene == found["whole"].scene
+
+
+def test_a_cell_composed_anew_is_without_the_same_parts(folder):
+    campaign = load(folder, "without: [kitchen_door, waypoint 2]")
+    composer = Composer(LayerLibrary(folder), campaign.seed)
+    for cell in campaign.cells:
+        for repeat, script in enumerate(cell.behaviours):
+            anew = composer.cell(cell, cell.scenario, repeat)
+            assert anew == replace(cell, behaviours=(script,))
 
 
 def test_a_scenario_alone_says_what_it_leaves_out(folder):
