@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -13,7 +13,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files, sut_files
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.options import AsJson, check_folder
 from scenario_tui.cli.output import (
     Output,
     report_diagnostics,
@@ -49,8 +49,8 @@ class InspectionOutput(Output, schema="inspection"):
     """What was seen of an external system that was started, against what a run needs.
 
     ``failure`` says why it could not be started at all, or did not get ready, and ``printed``
-    holds the last lines of its programs then; ``lines`` are empty when there was nothing to look
-    at. It took ``seconds`` of wall clock.
+    holds the lines of its programs that tell most; ``lines`` are empty when there was nothing to
+    look at. It took ``seconds`` of wall clock. ``outputs`` are files with all that was printed.
     """
 
     sut: str
@@ -60,6 +60,7 @@ class InspectionOutput(Output, schema="inspection"):
     rmw: str
     seconds: float
     lines: tuple[CheckLine, ...]
+    outputs: tuple[str, ...]
 
     def print(self) -> None:
         """Print a line for each thing, and what to do where something is wrong."""
@@ -80,10 +81,10 @@ class InspectionOutput(Output, schema="inspection"):
             if line.hint:
                 text.append(f"\n{'':{width + 4}}→ {line.hint}")
             console.print(text, soft_wrap=True)
-        last_lines = printed_lines("\n".join(self.printed))
-        if last_lines:
-            console.print("\nthe stack's last lines", style="dim")
-        for printed in last_lines:
+        telling_lines = printed_lines("\n".join(self.printed))
+        if telling_lines:
+            console.print("\nthe stack printed", style="dim")
+        for printed in telling_lines:
             console.print(f"  {printed}", markup=False, soft_wrap=True)
 
 
@@ -105,6 +106,15 @@ def check(
             autocompletion=completion.files(campaign_files),
         ),
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Where all that it prints goes. Default: scenario-results/sut-check/NAME/.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Start a ROS 2 stack, hold what is seen of it against what a run needs, and end it.
@@ -120,23 +130,48 @@ def check(
     settings = read_settings(found.reference.local_parameters)
     name = found.reference.name
     briefing, first = _first_moment(campaign, settings)
+    folder = Path("scenario-results", "sut-check", name) if out is None else out
+    check_folder(folder, "--out")
+    outputs: list[str] = []
+
+    def write_outputs(printed: Mapping[str, bytes]) -> None:
+        try:
+            for file, data in printed.items():
+                folder.mkdir(parents=True, exist_ok=True)
+                (folder / file).write_bytes(data)
+                outputs.append(str(folder / file))
+        except OSError as error:
+            say(f"its output cannot be written: {error}; name another folder with --out")
+
     say(f"starting {name}, which may take {settings.start_up:g} s")
     try:
         with _progress() as on_progress:
-            seen = inspection.inspect_stack(settings, briefing, first, on_progress)
+            seen = inspection.inspect_stack(settings, briefing, first, on_progress, write_outputs)
     except SutFailure as error:
         if as_json:
-            InspectionOutput(name, error.reason, error.printed, "", "", 0.0, ()).emit()
+            nothing = InspectionOutput(
+                name, error.reason, error.printed, "", "", 0.0, (), tuple(outputs)
+            )
+            nothing.emit()
         say(f"{name} cannot be started: {error}")
+        _say_outputs(outputs)
         raise typer.Exit(ExitCode.INFRASTRUCTURE) from None
     lines = examine(settings, seen, briefing.robot.lasers)
-    _output(name, seen, lines).show(as_json)
+    _output(name, seen, lines, tuple(outputs)).show(as_json)
     say(f"{name}: {_summary(lines)}")
+    _say_outputs(outputs)
     if any(line.state == "missing" for line in lines):
         raise typer.Exit(ExitCode.UNEXPECTED)
 
 
-def _output(name: str, seen: Inspection, lines: tuple[CheckLine, ...]) -> InspectionOutput:
+def _say_outputs(outputs: list[str]) -> None:
+    if outputs:
+        say(f"all it printed: {', '.join(outputs)}")
+
+
+def _output(
+    name: str, seen: Inspection, lines: tuple[CheckLine, ...], outputs: tuple[str, ...]
+) -> InspectionOutput:
     identity, failure = seen.identity, seen.failure
     return InspectionOutput(
         name,
@@ -146,6 +181,7 @@ def _output(name: str, seen: Inspection, lines: tuple[CheckLine, ...]) -> Inspec
         identity.rmw,
         seen.seconds,
         lines,
+        outputs,
     )
 
 

@@ -81,11 +81,14 @@ def inspect_stack(
     briefing: Briefing,
     first: Observation,
     on_progress: Callable[[str], None],
+    on_end: Callable[[Mapping[str, bytes]], None],
 ) -> Inspection:
-    """Start a stack, look at it, and end it; ``on_progress`` hears what is being waited for.
+    """Start a stack, look at it, and end it.
 
-    ``first`` is what the robot would measure at the start. Raises :class:`SutFailure` when it
-    cannot be started or nothing can be asked; one that only does not get ready is looked at.
+    ``first`` is what the robot would measure at the start; ``on_progress`` hears what is being
+    waited for; ``on_end`` gets what stack and relay have printed, by name, also after a failure.
+    Raises :class:`SutFailure` when the stack cannot be started or nothing can be asked; one that
+    only does not get ready is looked at.
     """
     # What starts processes is loaded when something is started.
     from daemon.stacks.ros2.bring_up import BringUp
@@ -114,8 +117,8 @@ def inspect_stack(
             raise failure or session.failure(session.explain(str(error))) from error
         return dataclasses.replace(inspection, seconds=seconds, failure=failure)
     finally:
-        if attempt.session is not None:
-            attempt.session.close()
+        printed = {} if attempt.session is None else attempt.session.close()
+        on_end({**attempt.outputs, **printed})
 
 
 def _look(session: StackSession, settings: Ros2Settings, standing: Odometry) -> Inspection:

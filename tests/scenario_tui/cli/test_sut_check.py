@@ -53,16 +53,18 @@ class PretendedStart:
     def __init__(self, answer):
         self.answer = answer
 
-    def __call__(self, settings, briefing, first, on_progress):
+    def __call__(self, settings, briefing, first, on_progress, on_end):
         self.settings, self.briefing, self.first = settings, briefing, first
         on_progress("0 of 1 nodes active")
+        on_end({"stack.txt": b"all of it"})
         if isinstance(self.answer, SutFailure):
             raise self.answer
         return self.answer
 
 
 @pytest.fixture
-def start(monkeypatch):
+def start(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     found = PretendedStart(seen_by())
     monkeypatch.setattr(inspection, "inspect_stack", found)
     return found
@@ -78,9 +80,10 @@ def sut(tmp_path):
 def test_a_line_says_for_each_thing_whether_it_is_there(scenario, start, sut):
     said = scenario("sut", "check", str(sut))
     assert said.code == 0
-    assert said.err.splitlines()[-2:] == [
+    assert said.err.splitlines()[-3:] == [
         "starting my-nav2, which may take 60 s",
         "my-nav2: nothing is missing, 1 warning",
+        "all it printed: scenario-results/sut-check/my-nav2/stack.txt",
     ]
     lines = said.out.splitlines()
     assert lines[0].startswith("✓ start-up ")
@@ -98,9 +101,9 @@ def test_what_is_missing_is_an_exit_code_and_the_last_lines_are_told(scenario, s
     start.answer = seen_by(active=False)
     said = scenario("sut", "check", str(sut))
     assert said.code == 1
-    assert said.err.endswith("my-nav2: 2 missing, 1 warning\n")
+    assert "my-nav2: 2 missing, 1 warning\n" in said.err
     assert any(line.startswith("✗ /amcl ") for line in said.out.splitlines())
-    assert said.out.endswith("\n\nthe stack's last lines\n  its last line\n")
+    assert said.out.endswith("\n\nthe stack printed\n  its last line\n")
 
 
 def test_a_stack_that_cannot_be_started_says_why(scenario, start, sut):
@@ -111,12 +114,13 @@ def test_a_stack_that_cannot_be_started_says_why(scenario, start, sut):
     assert (said.code, said.out) == (3, "")
     assert "my-nav2 cannot be started: the launch command ended with exit code 127" in said.err
     assert "ros2: not found" in said.err
-    said = scenario("sut", "check", str(sut), "--json")
+    said = scenario("sut", "check", str(sut), "--json", "--out", "kept")
     assert said.code == 3
+    assert Path("kept/stack.txt").read_bytes() == b"all of it"
     body = declared(said.out)
     assert body["failure"] == "the launch command ended with exit code 127"
     assert body["printed"] == ["ros2: not found"]
-    assert body["lines"] == []
+    assert (body["lines"], body["outputs"]) == ([], ["kept/stack.txt"])
 
 
 def test_scripts_get_every_line(scenario, start, sut):
@@ -196,4 +200,4 @@ def test_the_first_state_decides_nothing_that_is_only_good_to_know(scenario, sta
     start.answer = replace(seen_by(), parameters={})
     said = scenario("sut", "check", str(sut))
     assert said.code == 0
-    assert said.err.endswith("my-nav2: nothing is missing\n")
+    assert "my-nav2: nothing is missing\n" in said.err

@@ -104,8 +104,8 @@ def process(tmp_path, monkeypatch):
     return found
 
 
-def inspected(on_progress=lambda _: None, **keys):
-    return inspect_stack(settings(**keys), BRIEFING, FIRST, on_progress)
+def inspected(on_progress=lambda _: None, on_end=lambda _: None, **keys):
+    return inspect_stack(settings(**keys), BRIEFING, FIRST, on_progress, on_end)
 
 
 def test_a_stack_that_is_up_is_asked_for_everything_and_ended(stack, process):
