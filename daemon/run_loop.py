@@ -17,6 +17,7 @@ import numpy as np
 from daemon.model.deadline import OutOfTime, check_wall_clock
 from daemon.model.live_view import LiveView
 from daemon.model.spec import RunEnding, RunSpec, Snapshot
+from daemon.model.stack_reports import StackState
 from daemon.model.sut import (
     TICK_RATE,
     Briefing,
@@ -46,8 +47,9 @@ SNAPSHOT_RATE: Final = 1.0
 WATCHED_RATE: Final = 10.0
 """How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
 
-_WAITING_LENGTH: Final = 120
-"""So much of what an external system waits for is told: snapshots go through a pipe, whole."""
+_LINE_LENGTH: Final = 120
+"""Characters of what an external system waits for, or reports: snapshots go through a pipe, whole.
+"""
 
 ProgressCallback = Callable[[Snapshot], None]
 Interest = Callable[[], Literal["nothing", "progress", "everything"]]
@@ -116,6 +118,7 @@ class RunLoop:
         self._estimate: Estimate | None = None
         self._cloud: Cloud | None = None
         self._plan: Floats | None = None
+        self._stack = StackState()
         self._recorded = -1
         self._state = _PeriodicTimer(STATE_RATE)
         self._clock = _PeriodicTimer(CLOCK_RATE)
@@ -329,6 +332,9 @@ class RunLoop:
             trace.particles(decision.cloud.time if decision.cloud else now, decision.particles)
         if decision.costmap is not None:
             trace.costmap(decision.costmap)
+        for report in decision.reports:
+            trace.report(report)
+            self._stack.take(report)
         if progressed:
             trace.progress(now, decision.progress)
         if decision.command is not None:
@@ -359,7 +365,8 @@ class RunLoop:
         if self._live_view is None:
             self._live_view = LiveView(self._spec.robot.lasers)
         belief = self._cloud or self._estimate
-        return self._live_view.extend(self._take_snapshot(now), belief, self._plan)
+        costmap = self._stack.costmap
+        return self._live_view.extend(self._take_snapshot(now), belief, self._plan, costmap)
 
     def _take_snapshot(self, now: float) -> Snapshot:
         decision = self._decision
@@ -372,9 +379,10 @@ class RunLoop:
             waypoints=len(self._spec.mission.waypoints),
             joints=tuple(self.world.joint_positions().tolist()),
             waiting=self._waiting,
+            stack=_one_line(self._stack.line),
         )
 
 
-def _one_line(waiting: str) -> str:
-    """Return what is waited for as a line that any terminal and any JSON can hold."""
-    return printable(" ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH])
+def _one_line(text: str) -> str:
+    """Return the words of a system as a line that any terminal and any JSON can hold."""
+    return printable(" ".join(text[: 2 * _LINE_LENGTH].split())[:_LINE_LENGTH])

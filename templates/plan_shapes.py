@@ -50,6 +50,7 @@ class ShapeRole(StrEnum):
     HEADING = "heading"
     ESTIMATE = "estimate"
     SPREAD = "spread"
+    COSTMAP = "costmap"
     RETURN = "return"
     PLAN = "plan"
     TRAIL = "trail"

@@ -13,6 +13,7 @@ def signal_table():
 def _row(kind, name):
     parts = ["**object**"] if kind.takes_object else []
     parts += ["robot", f"**{' or '.join(kind.relates)}**"] if kind.relates else []
+    parts += ["**node**"] if kind.takes_node else []
     parts += [f"**{dimension.unit}**" for dimension in kind.arguments]
     takes = f" [{', '.join(parts)}]" if parts else ""
     doc = kind.doc.replace("|x|", "abs(x)").replace("|y|", "abs(y)")

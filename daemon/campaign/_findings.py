@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
 from daemon.stacks.registry import stack_kind
 from grammars.model.robot import Robot
+from grammars.oracle import signal_declaration, signals_of
 from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.text.diagnostics import Diagnostic, Severity, Where
 
@@ -115,6 +117,23 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
             yield Diagnostic(where, message, finding.hint, Severity.WARNING)
 
 
+def _unrecorded(cell: CampaignCell) -> Iterator[Diagnostic]:
+    """Yield the signals of oracles that a system's runs do not record."""
+    read = ((oracle, signal) for oracle in cell.oracles for signal in signals_of(oracle))
+    for (oracle, signal), sut in itertools.product(read, cell.suts):
+        declared = signal_declaration(signal.name)
+        if declared is None or not declared.report or declared.report in sut.recorded:
+            continue
+        where = oracle.place(signal.column)
+        if "record" in stack_kind(sut.kind).keys:
+            message = f"{signal.name} is unknown of {sut.name}, which does not record it"
+            yield Diagnostic(where, message, f"write record: [{declared.report}] in its file")
+        else:
+            message = f"{signal.name} is unknown of {sut.name}: the oracle is inconclusive there"
+            hint = f"no system of kind {sut.kind} has a {declared.report}"
+            yield Diagnostic(where, message, hint, Severity.WARNING)
+
+
 def _top_speed(sut: SutReference, robot: Robot) -> float:
     kind = stack_kind(sut.kind)
     return kind.top_speed(kind.read(sut.local_parameters), robot)
@@ -130,6 +149,7 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
             where=cell.scenario.map_file.where,
             places=cell.places,
         )
+    yield from _unrecorded(cell)
     yield from check_limit(
         cell.mission,
         {sut.name: _top_speed(sut, cell.robot) for sut in cell.suts},

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.model.live_judgement import LogLine
+from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, SpeedLimit
 from daemon.trace import Trace
 
 _SAME_TOUCH: Final = 0.5
@@ -16,7 +17,8 @@ are in contact in some steps and not in others."""
 def run_log(trace: Trace) -> list[LogLine]:
     """Return the lines of a run, over or not, in the order of time."""
     events = (LogLine(event.time, event.source, event.text, event.level) for event in trace.events)
-    return sorted([*_mission(trace), *_touches(trace), *events], key=lambda line: line.time)
+    lines = [*_mission(trace), *_touches(trace), *_reports(trace), *events]
+    return sorted(lines, key=lambda line: line.time)
 
 
 def _mission(trace: Trace) -> Iterator[LogLine]:
@@ -29,6 +31,23 @@ def _mission(trace: Trace) -> Iterator[LogLine]:
         before = max(before, progress.reached)
         if progress.state != "active":
             yield LogLine(progress.time, "mission", progress.state)
+
+
+def _reports(trace: Trace) -> Iterator[LogLine]:
+    """Yield recoveries and failures of the behaviour tree, interventions and speed limits."""
+    for report in trace.reports:
+        match report:
+            case BehaviorTreeLog(time=time, changes=changes):
+                for change in changes:
+                    if change.starts_recovery:
+                        yield LogLine(time, "behavior tree", f"{change.node} begins", "warn")
+                    # Conditions fail all the time, but are never RUNNING.
+                    elif (change.previous, change.current) == ("RUNNING", "FAILURE"):
+                        yield LogLine(time, "behavior tree", f"{change.node} failed")
+            case CollisionMonitorState(time=time):
+                yield LogLine(time, "collision monitor", report.text or "no action")
+            case SpeedLimit(time=time):
+                yield LogLine(time, "speed limit", report.text or "none")
 
 
 def _touches(trace: Trace) -> Iterator[LogLine]:

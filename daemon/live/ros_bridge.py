@@ -172,7 +172,7 @@ class _TopicExchange:
 
     def __init__(self, settings: Ros2Settings) -> None:
         self._settings = settings
-        self._telemetry = Telemetry(settings.topics, settings.frames)
+        self._telemetry = Telemetry(settings)
         self._base = -1
         self._pose_due = 0.0
         self._odometry: Odometry | None = None

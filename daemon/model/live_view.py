@@ -5,6 +5,7 @@ Made only while somebody watches, and small: a snapshot is to fit into a pipe's 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -14,17 +15,22 @@ import numpy.typing as npt
 
 from daemon.model.ranges import FARTHEST_POINT, LARGEST_VALUE
 from daemon.model.spec import Snapshot
-from daemon.model.sut import Cloud, Estimate
+from daemon.model.sut import Cloud, CostmapPicture, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 
 # A pipe takes 4096 bytes at once, and a run must never wait for who reads them. With coordinates
-# of four or five digits these points are about 1700 bytes; the rest is for the joints.
+# of four or five digits these points are about 2800 bytes; the rest is for the joints.
 MOST_RETURNS: Final = 90
 """Laser returns of a snapshot at most."""
 MOST_PLAN_POINTS: Final = 40
 """Points of the plan at most."""
 MOST_CONTACTS: Final = 8
+MOST_BLOCKED: Final = 90
+"""Blocked cells of a costmap at most."""
+
+
+_INSCRIBED, _LETHAL = 253, 254
 
 
 @dataclass(slots=True)
@@ -40,7 +46,11 @@ class LiveView:
         self.scans[laser] = pose, ranges
 
     def extend(
-        self, snapshot: Snapshot, belief: Cloud | Estimate | None, plan: Floats | None
+        self,
+        snapshot: Snapshot,
+        belief: Cloud | Estimate | None,
+        plan: Floats | None,
+        costmap: CostmapPicture | None,
     ) -> Snapshot:
         """Return ``snapshot`` with everything there is to see; contacts are told once."""
         touched, self.contacts = self.contacts[-MOST_CONTACTS:], []
@@ -50,6 +60,7 @@ class LiveView:
             returns=to_centimetres(self._returns()),
             plan=() if plan is None else to_centimetres(_thin_points(plan, MOST_PLAN_POINTS)),
             contacts=to_centimetres(np.array(touched).reshape(-1, 2)),
+            costmap=to_centimetres(_thin_points(_blocked(costmap), MOST_BLOCKED)),
         )
 
     def _returns(self) -> Floats:
@@ -60,6 +71,24 @@ class LiveView:
             if laser.name in self.scans
         ]
         return np.concatenate([np.empty((0, 2)), *found])
+
+
+def blocked_points(costmap: CostmapPicture, frame_pose: Pose2) -> Floats:
+    """Return the middles (n, 2) of cells, inscribed or lethal, in the map [m].
+
+    ``frame_pose`` is the pose of the costmap's frame in the map.
+    """
+    rows, columns = np.nonzero((costmap.cells == _INSCRIBED) | (costmap.cells == _LETHAL))
+    x = costmap.x + (columns + 0.5) * costmap.resolution
+    y = costmap.y + (rows + 0.5) * costmap.resolution
+    cos, sin = math.cos(frame_pose.yaw), math.sin(frame_pose.yaw)
+    return np.column_stack((frame_pose.x + cos * x - sin * y, frame_pose.y + sin * x + cos * y))
+
+
+def _blocked(costmap: CostmapPicture | None) -> Floats:
+    if costmap is None or costmap.frame_pose is None:
+        return np.empty((0, 2))
+    return blocked_points(costmap, costmap.frame_pose)
 
 
 def scan_returns(laser: Laser, base: Pose2, ranges: npt.NDArray[np.floating], most: int) -> Floats:

@@ -18,7 +18,7 @@ from grammars.model.robot import Laser
 
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
 
-_GAZEBO_DEFINITIONS: Final = {
+_DEFINITIONS: Final = {
     "gazebo_msgs/msg/ContactState": (
         "string info\nstring collision1_name\nstring collision2_name\n"
         "geometry_msgs/Wrench[] wrenches\ngeometry_msgs/Wrench total_wrench\n"
@@ -26,17 +26,31 @@ _GAZEBO_DEFINITIONS: Final = {
         "float64[] depths\n"
     ),
     CONTACTS: "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
+    "nav2_msgs/msg/BehaviorTreeStatusChange": (
+        "builtin_interfaces/Time timestamp\nstring node_name\nuint16 uid\n"
+        "string previous_status\nstring current_status\n"
+    ),
+    "nav2_msgs/msg/BehaviorTreeLog": (
+        "builtin_interfaces/Time timestamp\nnav2_msgs/BehaviorTreeStatusChange[] event_log\n"
+    ),
+    "nav2_msgs/msg/CollisionMonitorState": (
+        "uint8 DO_NOTHING=0\nuint8 STOP=1\nuint8 SLOWDOWN=2\nuint8 APPROACH=3\nuint8 LIMIT=4\n"
+        "uint8 action_type\nstring polygon_name\n"
+    ),
+    "nav2_msgs/msg/SpeedLimit": ("std_msgs/Header header\nbool percentage\nfloat64 speed_limit\n"),
 }
+"""Messages of Gazebo and of Nav2, which rosbags lacks; those of Nav2 as Jazzy and Kilted have them.
+"""
 
 
 # Not at import: rosbags takes about 40 ms to load.
 @functools.cache
 def typestore() -> Any:
-    """Return the type store: ROS 2 Humble's messages and Gazebo's contacts."""
+    """Return the type store: messages of ROS 2 Humble, Gazebo's contacts and some of Nav2."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in _GAZEBO_DEFINITIONS.items():
+    for name, text in _DEFINITIONS.items():
         store.register(get_types_from_msg(text, name))
     return store
 

@@ -60,6 +60,12 @@ class SutReference:
         return self.parameters.get("repeatable") is not False
 
     @property
+    def recorded(self) -> tuple[str, ...]:
+        """Reports that its runs record (:data:`~daemon.model.stack_reports.REPORT_TOPICS`)."""
+        names = self.parameters.get("record")
+        return tuple(names) if isinstance(names, list) else ()
+
+    @property
     def local_parameters(self) -> Mapping[str, Any]:
         """The parameters as kinds read them: with the paths of its files on this machine.
 
@@ -163,10 +169,11 @@ class Snapshot:
     order of :attr:`grammars.model.scene.Scene.joint_names`. The rest is there only while somebody
     watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
     global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
-    and rounded: x, y, x, y, ... [cm]. ``waiting`` says what an external system that is being
-    brought up still lacks, empty once the run goes on. ``margin`` in ``unit`` is that of
-    ``oracle``, which of those that are not waiting for something is the first that has failed, else
-    the one with the least margin so far.
+    and rounded: x, y, x, y, ... [cm]. So are the middles of cells of the ``costmap`` that block the
+    robot. ``stack`` is a line of what a stack reports of itself. ``waiting`` says what an external
+    system that is being brought up still lacks, empty once the run goes on. ``margin`` in ``unit``
+    is that of ``oracle``, which of those that are not waiting for something is the first that has
+    failed, else the one with the least margin so far.
     """
 
     time: Moment
@@ -180,6 +187,8 @@ class Snapshot:
     returns: tuple[Centimetres, ...] = ()
     plan: tuple[Centimetres, ...] = ()
     contacts: tuple[Centimetres, ...] = ()
+    costmap: tuple[Centimetres, ...] = ()
+    stack: str = ""
     waiting: str = ""
     margin: float | None = None
     unit: str = ""

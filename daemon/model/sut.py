@@ -8,9 +8,10 @@ navigation stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol, runtime_checkable
+from typing import Final, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,11 @@ from grammars.model.slots import fills_slots
 
 TICK_RATE: Final = 100
 """Steps of the simulation per simulated second; everything periodic happens at one of them."""
+
+CollisionAction: TypeAlias = Literal["none", "stop", "slowdown", "approach", "limit"]
+_RECOVERY: Final = re.compile(
+    r"(Spin|BackUp|Wait|DriveOnHeading|AssistedTeleop)([-_ \d].*)?|Clear\w*Costmap.*"
+)
 
 
 # Plain values and arrays, no callbacks: a system under test is asked and answers, so a run depends
@@ -108,7 +114,8 @@ class CostmapPicture:
 
     ``cells`` of shape (rows, columns), uint8, row 0 at the bottom, are costs as costmap_2d has
     them: 0 free, 253 inscribed, 254 lethal, 255 unknown. ``x``, ``y`` is the lower left corner
-    in ``frame`` [m], ``resolution`` in m.
+    in ``frame`` [m], ``resolution`` in m. ``frame_pose`` is that frame in the map, if the system
+    knows it.
     """
 
     time: float
@@ -117,6 +124,68 @@ class CostmapPicture:
     x: float
     y: float
     cells: npt.NDArray[np.uint8]
+    scope: Literal["local", "global"] = "local"
+    frame_pose: Pose2 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TreeChange:
+    """A change of a node's status, such as IDLE to RUNNING; ``uid`` tells nodes of a name apart.
+
+    ``uid`` is 0 in the messages of distributions before Jazzy.
+    """
+
+    node: str
+    uid: int
+    previous: str
+    current: str
+
+    @property
+    def starts_recovery(self) -> bool:
+        """Whether a recovery of Nav2 begins: its node, known by its name, leaves IDLE.
+
+        Not only for RUNNING: a service that answers at once goes from IDLE to SUCCESS.
+        """
+        return self.previous == "IDLE" and _RECOVERY.fullmatch(self.node) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class BehaviorTreeLog:
+    """Changes of nodes within one tick of a behaviour tree, in their order, at ``time`` [s]."""
+
+    time: float
+    changes: tuple[TreeChange, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionMonitorState:
+    """Intervention of a collision monitor from ``time`` [s] on, because of ``polygon``."""
+
+    time: float
+    action: CollisionAction
+    polygon: str
+
+    @property
+    def text(self) -> str:
+        """The intervention in words, empty for none."""
+        return "" if self.action == "none" else f"{self.action} by {self.polygon}"
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLimit:
+    """Speed limit from ``time`` [s] on: ``limit`` in m/s, or in % of the largest; 0 for none."""
+
+    time: float
+    limit: float
+    percentage: bool
+
+    @property
+    def text(self) -> str:
+        """The limit with its unit, empty for none."""
+        return f"{self.limit:g} {'%' if self.percentage else 'm/s'}" if self.limit else ""
+
+
+StackReport: TypeAlias = BehaviorTreeLog | CollisionMonitorState | SpeedLimit | CostmapPicture
 
 
 @fills_slots
@@ -155,6 +224,8 @@ class Decision:
     For viewers alone, recorded at most once a second: ``particles`` (n, 3) of x, y, yaw in the
     map frame, already thinned to a hundred or so, at the time of ``cloud`` if there is one; and a
     picture of a ``costmap``.
+
+    ``reports`` are what the system was asked to ``record`` (:mod:`daemon.model.stack_reports`).
     """
 
     command: Twist2 | None
@@ -167,6 +238,7 @@ class Decision:
     particles: Floats | None = None
     costmap: CostmapPicture | None = None
     latency: float | None = None
+    reports: tuple[StackReport, ...] = ()
 
 
 class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run ended)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import fields
@@ -11,6 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
+from daemon.model.stack_reports import (
+    REPORT_TOPICS,
+    decode_collision,
+    decode_costmap,
+    decode_speed_limit,
+    decode_tree_log,
+)
+from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, CostmapPicture, SpeedLimit
 from daemon.trace import layouts, messages
 from daemon.trace._mcap_reader import RECORD_STEPS, DamagedTraceError, McapContents
 from daemon.trace._model import (
@@ -121,15 +130,29 @@ def events(recording: McapContents) -> tuple[EventRecord, ...]:
 
 def plans(recording: McapContents) -> tuple[PlanRecord, ...]:
     """Decode ``/plan``, in the order of their times."""
-    records = []
-    for rows in recording.runs.get("/plan", []):
-        recording.spend(RECORD_STEPS * len(rows))
-        for time, row in zip(_times(rows), rows[:, HEADER.size :], strict=True):
-            try:
-                records.append(PlanRecord(time, decode_path(row.tobytes())))
-            except ValueError as error:
-                raise DamagedTraceError("a damaged message on /plan") from error
-    return tuple(sorted(records, key=lambda plan: plan.time))
+    found = _messages(recording, "/plan", lambda data, time: PlanRecord(time, decode_path(data)))
+    return tuple(sorted(found, key=lambda plan: plan.time))
+
+
+def reports(
+    recording: McapContents,
+) -> tuple[BehaviorTreeLog | CollisionMonitorState | SpeedLimit, ...]:
+    """Decode what a stack reported except costmaps, in the order of time."""
+    found: list[BehaviorTreeLog | CollisionMonitorState | SpeedLimit] = [
+        *_messages(recording, REPORT_TOPICS["behavior tree"][0], decode_tree_log),
+        *_messages(recording, REPORT_TOPICS["collision monitor"][0], decode_collision),
+        *_messages(recording, REPORT_TOPICS["speed limit"][0], decode_speed_limit),
+    ]
+    return tuple(sorted(found, key=lambda report: report.time))
+
+
+def costmaps(recording: McapContents) -> tuple[CostmapPicture, ...]:
+    """Decode the costmaps, in the order of time."""
+    found: list[CostmapPicture] = []
+    for topic, scope in messages.COSTMAPS.items():
+        read = functools.partial(decode_costmap, scope=scope, frames={"map": "map", "odom": "odom"})
+        found += _messages(recording, topic, read)
+    return tuple(sorted(found, key=lambda costmap: costmap.time))
 
 
 def number(text: str) -> float:
@@ -186,6 +209,21 @@ def _rare(
     for rows in recording.runs.get(topic, []):
         recording.spend(2 * RECORD_STEPS * len(rows))
         yield from zip(_times(rows), _decoded(rows, topic, read), strict=True)
+
+
+def _messages(
+    recording: McapContents, topic: str, read: Callable[[bytes, float], T]
+) -> Iterator[T]:
+    """Yield what ``read`` makes of the CDR and the time [s] of each message."""
+    for rows in recording.runs.get(topic, []):
+        recording.spend(2 * RECORD_STEPS * len(rows))
+        for time, row in zip(_times(rows), rows[:, HEADER.size :], strict=True):
+            try:
+                content = read(row.tobytes(), time)
+            except Exception as error:
+                # Whatever: damaged bytes are read with struct, numpy and by rosbags.
+                raise DamagedTraceError(f"a damaged message on {topic}") from error
+            yield content
 
 
 def _decoded(rows: ByteArray, topic: str, read: Callable[[Any], T]) -> Iterator[T]:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.model.spec import RunSpec
+from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, CostmapPicture, SpeedLimit
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import Diagnostic, InputError, Where
@@ -150,7 +151,8 @@ class Trace:
     ``ended`` is ``None`` and ``complete`` false for a trace that was cut (its writer died);
     everything up to ``valid_until`` [s] can still be judged. ``problems`` are faults that make the
     recording itself doubtful: a judge must not trust a trace that has any. ``scans`` are those of
-    every laser in the order of the robot's, ``None`` unless they were asked for.
+    every laser in the order of the robot's, ``None`` unless they were asked for; so are ``plans``
+    and ``costmaps``, empty unless asked for. ``reports`` of a stack are in the order of time.
     """
 
     path: Path
@@ -175,3 +177,5 @@ class Trace:
     scans: tuple[ScanTrack, ...] | None
     plans: tuple[PlanRecord, ...] = ()
     latency: LatencyTrack = field(default_factory=lambda: LatencyTrack(np.empty(0), np.empty(0)))
+    reports: tuple[BehaviorTreeLog | CollisionMonitorState | SpeedLimit, ...] = ()
+    costmaps: tuple[CostmapPicture, ...] = ()

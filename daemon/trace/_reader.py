@@ -42,13 +42,13 @@ _SCENE_LIMIT: Final = 64 << 20
 """Largest scene [bytes of JSON] that is unpacked from a file that may be anybody's."""
 
 
-def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace:
-    """Read a trace, with the scans of all lasers when ``scans`` is set, its plans with ``plans``.
+def read_trace(path: Path, *, scans: bool = False, views: bool = False) -> Trace:
+    """Read a trace, with ``scans`` of all lasers, and with plans and costmaps, its ``views``.
 
     Raises :class:`TraceError` when the file cannot be opened, is not a trace written by
     :class:`TraceWriter`, or is damaged before anything of it can be used.
     """
-    topics = messages.JUDGED | {"/plan"} if plans else messages.JUDGED
+    topics = messages.JUDGED | messages.VIEWS if views else messages.JUDGED
 
     def select(topic: str) -> bool:
         # The names of the lasers are only known afterwards.
@@ -141,6 +141,8 @@ def decode_trace(
         scans=_scans(recording, spec) if scans else None,
         plans=_decode.plans(recording),
         latency=_decode.track(recording, LatencyTrack, layouts.latency()),
+        reports=_decode.reports(recording),
+        costmaps=_decode.costmaps(recording),
     )
 
 

@@ -19,7 +19,24 @@ import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec
-from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
+from daemon.model.stack_reports import (
+    REPORT_TOPICS,
+    ReportName,
+    encode_collision,
+    encode_speed_limit,
+    encode_tree_log,
+)
+from daemon.model.sut import (
+    BehaviorTreeLog,
+    Cloud,
+    CollisionMonitorState,
+    CostmapPicture,
+    Estimate,
+    Odometry,
+    Progress,
+    SpeedLimit,
+    StackReport,
+)
 from daemon.trace import _statics, messages
 from daemon.trace._signals import SampledSignal, contact_signal, run_signals
 from daemon.trace._views import encode_costmap, encode_path, encode_poses, thin_plan
@@ -140,6 +157,24 @@ class Recorder(ABC):
     def costmap(self, picture: CostmapPicture) -> None:
         """Record a costmap."""
         self._message(messages.COSTMAP, picture.time, lambda now: encode_costmap(now, picture))
+
+    def report(self, report: StackReport) -> None:
+        """Record a report of a stack, which its file must ask for."""
+        match report:
+            case BehaviorTreeLog() as log:
+                self._report("behavior tree", log.time, lambda now: encode_tree_log(now, log))
+            case CollisionMonitorState() as state:
+                self._report("collision monitor", state.time, lambda _: encode_collision(state))
+            case SpeedLimit() as limit:
+                self._report("speed limit", limit.time, lambda now: encode_speed_limit(now, limit))
+            case CostmapPicture() as picture:
+                name: ReportName = "local costmap" if picture.scope == "local" else "global costmap"
+                self._report(name, picture.time, lambda now: encode_costmap(now, picture))
+
+    def _report(self, name: ReportName, time: float, encode: Callable[[int], bytes]) -> None:
+        if name not in self._spec.sut.recorded:
+            raise ValueError(f'its file does not ask to record "{name}"')
+        self._message(REPORT_TOPICS[name][0], time, encode)
 
     def progress(self, time: float, progress: Progress) -> None:
         """Record the state of the mission when it has changed, and the current waypoint."""

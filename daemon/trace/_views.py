@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from daemon.model.stack_reports import published_costs
 from daemon.model.sut import CostmapPicture
 from daemon.trace.layouts import stamps
 from grammars.model.geometry import Floats
@@ -123,7 +124,7 @@ def encode_costmap(now: int, picture: CostmapPicture) -> bytes:
         _ENCAPSULATION, *stamp, len(frame), frame, *stamp, picture.resolution, columns, rows,
         picture.x, picture.y, 0.0, 0.0, 0.0, 0.0, 1.0, cells.size,
     )  # fmt: skip
-    return head + cells.tobytes().translate(_cost_translation())
+    return head + published_costs()[cells].tobytes()
 
 
 @functools.cache
@@ -137,13 +138,3 @@ def _grid_head(frame: int) -> struct.Struct:
     # origin's doubles, which lie at multiples of eight.
     before = struct.calcsize(f"<iIi{text}iIfII")
     return struct.Struct(f"<4siIi{text}iIfII{-before % 8}x7dI")
-
-
-@functools.cache
-def _cost_translation() -> bytes:
-    """Return the published values of the costs 0 to 255, as bytes of two's complement."""
-    costs = np.arange(256)
-    # Its loop in integer arithmetic: 1 + (97 * (cost - 1)) / 251 for costs of 1 to 252.
-    table = (1 + 97 * (costs - 1) // 251).astype(np.int16)
-    table[[0, 253, 254, 255]] = 0, 99, 100, -1
-    return table.astype(np.int8).tobytes()

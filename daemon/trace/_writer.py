@@ -52,6 +52,10 @@ _WAITING_BYTES: Final = 8 << 20
 """Messages of one topic that wait for their chunk [bytes]; a system that talks without end must
 not fill memory. Those of the latest arrival's time go on waiting."""
 _PERIODS: Final = {topic.name: topic.period for topic in messages.TOPICS}
+_COSTMAPS: Final = frozenset(topic.name for topic in messages.TOPICS if topic.is_costmap_report)
+_MOST_COSTMAPS: Final = 64 << 20
+"""Bytes of a reported costmap in a trace, before they are compressed: one of a large building comes
+less often, or nobody could read the trace (see ``TOTAL_LIMIT`` of its reader)."""
 _LATEST: Final = 2.0**31
 """ROS 2 keeps seconds in an int32 [s]."""
 
@@ -70,7 +74,10 @@ class TraceWriter(Recorder):
     ) -> None:
         super().__init__(spec, scene)
         packed = _compress_scene(scene, spec.scene)
-        topics = messages.topics_of(spec.robot)
+        # Channels are numbered as they are declared: those that are not come last.
+        topics = sorted(
+            messages.topics_of(spec.robot), key=lambda topic: not topic.is_recorded(spec.sut)
+        )
         self._ids = {topic.name: number for number, topic in enumerate(topics, start=1)}
         self._records: dict[str, MessageRecords] = {}
         self._next = dict.fromkeys(self._ids, 0)
@@ -118,9 +125,13 @@ class TraceWriter(Recorder):
         now = self._at(time)
         if now < self._next[topic]:
             return
-        records = self._records_of(topic)
-        records.add(now, encode(now))
+        records, payload = self._records_of(topic), encode(now)
+        records.add(now, payload)
         if period := _PERIODS[topic]:
+            if topic in _COSTMAPS:
+                period = max(
+                    period, int(len(payload) * self._spec.limit * _SECOND / _MOST_COSTMAPS)
+                )
             self._next[topic] = now + period
         if records.size > _WAITING_BYTES:
             self._flush(now - _LATEST_ARRIVAL)
@@ -288,7 +299,7 @@ def _write_preamble(
 ) -> None:
     """Declare the topics and write the identity of the run, ahead of everything recorded."""
     for topic in messages.topics_of(spec.robot):
-        if topic.external and spec.sut.repeatable:
+        if not topic.is_recorded(spec.sut):
             continue
         qos = {"offered_qos_profiles": messages.latched_qos() if topic.latched else ""}
         container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)

@@ -12,6 +12,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from daemon.model import ros_messages as ros
+from daemon.model.spec import SutReference
+from daemon.model.stack_reports import COSTMAP as GRID
+from daemon.model.stack_reports import REPORT_TOPICS, ReportName
 from daemon.model.sut import Progress
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Laser, Robot
@@ -26,7 +29,7 @@ class Topic:
 
     ``external`` ones are only in traces of systems that live outside of the simulator. ``judged``
     ones are read by judges. A trace keeps one message in a ``period`` [ns], which is zero for
-    topics that keep all.
+    topics that keep all. ``report`` is the word by which a system is asked to record a topic.
     """
 
     name: str
@@ -35,6 +38,18 @@ class Topic:
     external: bool = False
     judged: bool = False
     period: int = 0
+    report: ReportName | None = None
+
+    def is_recorded(self, sut: SutReference) -> bool:
+        """Return whether a trace of a system has the topic."""
+        if self.report is not None:
+            return self.report in sut.recorded
+        return not (self.external and sut.repeatable)
+
+    @property
+    def is_costmap_report(self) -> bool:
+        """Whether it is a costmap that a system is asked to record."""
+        return self.report is not None and self.kind == GRID
 
 
 PARTICLES: Final = "/particlecloud"
@@ -43,7 +58,7 @@ COSTMAP: Final = "/move_base/local_costmap/costmap"
 _SECOND: Final = 1_000_000_000
 
 TOPICS: Final = (
-    Topic("/map", "nav_msgs/msg/OccupancyGrid", latched=True),
+    Topic("/map", GRID, latched=True),
     Topic("/footprint", "geometry_msgs/msg/PolygonStamped", latched=True),
     Topic("/scene", "visualization_msgs/msg/MarkerArray", latched=True),
     Topic("/tf_static", "tf2_msgs/msg/TFMessage", latched=True),
@@ -64,12 +79,18 @@ TOPICS: Final = (
     Topic("/mission/goal", "geometry_msgs/msg/PoseStamped", latched=True),
     Topic("/events", "rcl_interfaces/msg/Log", judged=True),
     Topic(PARTICLES, "geometry_msgs/msg/PoseArray", period=_SECOND),
-    Topic(COSTMAP, "nav_msgs/msg/OccupancyGrid", period=_SECOND),
+    Topic(COSTMAP, GRID, period=_SECOND),
     Topic("/sut/latency", "std_msgs/msg/Float64", external=True, judged=True),
+    *(
+        Topic(name, kind, external=True, report=report, judged=True)
+        if kind != GRID
+        else Topic(name, kind, external=True, report=report, period=_SECOND)
+        for report, (name, kind) in REPORT_TOPICS.items()
+    ),
 )
-"""Every topic a trace can have if the robot's only laser has no name, see :func:`topics_of`; the
-position plus one is its channel id in the file. External ones are last, so that the declarations
-of other traces do not depend on them."""
+"""Every topic a trace can have if the robot's only laser has no name, see :func:`topics_of`.
+Channel ids follow this order. External ones are last, so that the ids of others do not depend on
+them."""
 
 SCAN: Final = "/scan"
 
@@ -87,8 +108,7 @@ def is_scan(topic: str) -> bool:
 def topics_of(robot: Robot) -> tuple[Topic, ...]:
     """Return every topic the trace of a robot can have, a scan for each of its lasers.
 
-    The position plus one is the channel id in its file; see :data:`TOPICS`, which they are for a
-    robot whose only laser has no name.
+    They are :data:`TOPICS` for a robot whose only laser has no name, and in that order.
     """
     topics: list[Topic] = []
     for topic in TOPICS:
@@ -107,6 +127,14 @@ OUTPUT_PREFIX: Final = "output/"
 
 KINDS: Final = {topic.name: topic.kind for topic in TOPICS}
 JUDGED: Final = frozenset(topic.name for topic in TOPICS if topic.judged)
+COSTMAPS: Final[dict[str, Literal["local", "global"]]] = {
+    COSTMAP: "local",
+    REPORT_TOPICS["local costmap"][0]: "local",
+    REPORT_TOPICS["global costmap"][0]: "global",
+}
+"""Topics of costmaps and which of a stack's costmaps they are."""
+VIEWS: Final = frozenset({"/plan", *COSTMAPS})
+"""Topics that are read to be looked at, if asked for."""
 
 
 def warm_up() -> None:

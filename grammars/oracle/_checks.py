@@ -231,6 +231,12 @@ def _check_arguments(signal: Signal, declared: SignalDeclaration) -> None:
     if declared.relates:
         _check_relation(signal, declared)
         return
+    if declared.takes_node:
+        if len(given) != 1 or signal.object is None:
+            message = f"{signal.name} takes the name of a node of the behaviour tree"
+            hint = f"such as: {signal.name}(FollowPath)"
+            raise _MismatchError(signal.column, message, hint)
+        return
     if declared.takes_object and signal.object is not None:
         given = given[1:]
     if len(given) != len(declared.arguments) and (given or declared.required):

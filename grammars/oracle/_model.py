@@ -34,7 +34,7 @@ class Signal:
     """A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``.
 
     An object named as an argument, ``clearance(door_17)``, is a :class:`Signal` of that name; so is
-    the robot in ``distance(robot, door_17)``.
+    the robot in ``distance(robot, door_17)``, and a node in ``bt.node(Spin)``.
     """
 
     name: str

@@ -45,7 +45,9 @@ def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Di
     for signal in signals_of(oracle):
         if signal.name not in everywhere and signal.name not in known:
             found.append(_missing(oracle, signal, scene, known))
-        if signal.object is not None:
+        declared = SIGNALS.get(signal.name)
+        # The nodes of a tree are known to nobody but the stack.
+        if signal.object is not None and not (declared and declared.takes_node):
             things = _related_names(signal, scene)
             if signal.object.name not in things:
                 found.append(_missing(oracle, signal.object, scene, things, signal.name))

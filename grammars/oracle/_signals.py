@@ -147,6 +147,8 @@ class SignalDeclaration:
     ``arguments`` are the dimensions of its arguments, which may be left out altogether unless
     ``required``. A signal that ``takes_object`` may name a thing in the scene before them; one that
     ``relates`` the robot to things of some sorts always names both: ``distance(robot, door_17)``.
+    One that ``takes_node`` always names a node of a behaviour tree. ``report`` is the word of the
+    key ``record`` of a SUT file without which nothing is known of the signal.
     """
 
     name: str
@@ -156,12 +158,16 @@ class SignalDeclaration:
     takes_object: bool = False
     required: bool = False
     relates: tuple[Sort, ...] = ()
+    takes_node: bool = False
+    report: str = ""
 
     @property
     def unit(self) -> str:
         """SI unit, or ``bool``."""
         return "bool" if self.dimension is None else self.dimension.unit
 
+
+_TREE: Final = "behavior tree"
 
 _DECLARATIONS: Final = (
     SignalDeclaration("loc.error", LENGTH, "distance from estimated to true position"),
@@ -244,6 +250,21 @@ _DECLARATIONS: Final = (
         "latency",
         TIME,
         "wall time an external system took to answer, the longest since the previous sample",
+    ),
+    SignalDeclaration(
+        "bt.recoveries",
+        RATIO,
+        "recoveries of Nav2 begun so far: nodes of its behaviour tree called Spin, BackUp, Wait, "
+        "DriveOnHeading, AssistedTeleop (also with a suffix, Spin-2) or Clear...Costmap... that "
+        "left IDLE",
+        report=_TREE,
+    ),
+    SignalDeclaration(
+        "bt.node",
+        None,
+        "the node of Nav2's behaviour tree was RUNNING since the previous sample: bt.node(Spin)",
+        takes_node=True,
+        report=_TREE,
     ),
 )
 

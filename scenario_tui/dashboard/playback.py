@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -13,7 +14,9 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from daemon.model.live_view import scan_returns
+from daemon.model.live_view import blocked_points, scan_returns
+from daemon.model.stack_reports import StackState
+from daemon.model.sut import CostmapPicture
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import ScanTrack, Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
@@ -184,7 +187,35 @@ class Playback:
             self.contacts(time, window),
             self.spread(time),
             *self._clearances(count),
+            self._costmaps(time),
         )
+
+    def stack_line(self, time: float) -> str:
+        """Return what the stack reported of itself last until ``time``, empty without reports."""
+        state = StackState()
+        for report in itertools.takewhile(lambda one: one.time <= time + 1e-9, self.trace.reports):
+            state.take(report)
+        return state.line
+
+    def _costmaps(self, time: float) -> dict[str, Floats]:
+        """Return the cells of each costmap that block the robot (n, 2) [m], by its scope."""
+        latest = {c.scope: c for c in self.trace.costmaps if c.time <= time + 1e-9}
+        # Shown without being chosen only where somebody asked for it to be recorded.
+        first: dict[str, Floats] = {} if self.trace.spec.sut.recorded else {"": np.empty((0, 2))}
+        return first | {
+            scope: blocked_points(latest[scope], self._frame_pose(latest[scope]))
+            for scope in sorted(latest, reverse=True)
+        }
+
+    def _frame_pose(self, costmap: CostmapPicture) -> Pose2:
+        """Return the frame of a costmap in the map, as the stack localised itself then."""
+        if costmap.frame == "map":
+            return Pose2()
+        estimate, odometry = self.trace.estimate, self.trace.odometry
+        index = _last(estimate.time, costmap.time)
+        believed = self.trace.spec.mission.start if index < 0 else _pose_at(estimate, index)
+        taken = self.start if index < 0 else float(estimate.time[index])
+        return believed @ _pose_at(odometry, _last(odometry.time, taken, 0)).inverse()
 
     def _clearances(self, count: int) -> tuple[tuple[float, ...], float | None]:
         """Return the clearance at the first points of the trail and at the robot, and its limit."""
@@ -278,7 +309,7 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     """
     from daemon.judging.oracles import judge
 
-    trace = read_trace(path, scans=True, plans=True)
+    trace = read_trace(path, scans=True, views=True)
     if verdicts is None:
         verdicts = judge(trace, trace.spec.oracles)
     return Playback(trace, verdicts, outputs=read_outputs(path))
@@ -314,6 +345,8 @@ def render_frame(
 ) -> list[Text]:  # fmt: skip
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells."""
     verdicts = verdict_lines(playback.verdicts, time)
+    if stack := playback.stack_line(time):
+        verdicts.insert(0, Text(stack, style=QUIET))
     view = playback.view(time)
     # Drawn once to know what its legend has to say, and how many lines that takes.
     rows = max(3, height - _CHROME - len(verdicts) - 1)

@@ -189,6 +189,8 @@ def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
         return
     text.append(f"reached {seen.reached} of {count_noun(seen.waypoints, 'waypoint')}, ")
     text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
+    if seen.stack:
+        text.append(f"{seen.stack}\n", style=quiet_style(styles))
 
 
 def _verdicts(text: Text, result: RunResult, styles: Styles) -> None:

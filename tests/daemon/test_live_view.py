@@ -41,7 +41,7 @@ def test_returns_lie_where_the_laser_saw_something():
     ranges = np.full(181, np.inf)
     ranges[90] = 2.0  # straight ahead
     view.add_scan(Pose2(1.0, 2.0, np.pi / 2), ranges)
-    seen = from_centimetres(view.extend(BARE, None, None).returns)
+    seen = from_centimetres(view.extend(BARE, None, None, None).returns)
     assert seen == ((1.0, 4.5),)
 
 
@@ -51,20 +51,20 @@ def test_everything_is_thinned_and_contacts_are_told_once():
     view.contacts.append((1.0, 2.0))
     plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])
     belief = Estimate(1.0, Pose2(), np.diag([0.04, 0.01, 0.1]))
-    picture = view.extend(BARE, belief, plan)
+    picture = view.extend(BARE, belief, plan, None)
     assert len(picture.returns) <= 2 * MOST_RETURNS
     assert len(picture.plan) == 2 * MOST_PLAN_POINTS
     assert from_centimetres(picture.plan)[-1] == (50.0, 0.0)
     assert from_centimetres(picture.contacts) == ((1.0, 2.0),)
     assert picture.spread == (0.04, 0.0, 0.01)
-    assert view.extend(BARE, belief, plan).contacts == ()
+    assert view.extend(BARE, belief, plan, None).contacts == ()
     assert len(codec.to_json(LiveSnapshot("r" * 60, picture))) < 4000
 
 
 @pytest.mark.parametrize("variance", [1e200, np.inf, np.nan])
 def test_a_belief_that_cannot_be_told_leaves_the_rest_to_be_seen(variance):
     belief = Estimate(1.0, Pose2(), np.diag([variance, 0.01, 0.1]))
-    picture = LiveView((LASER,)).extend(BARE, belief, np.array([(1.0, 2.0)]))
+    picture = LiveView((LASER,)).extend(BARE, belief, np.array([(1.0, 2.0)]), None)
     live = LiveSnapshot("c.0", picture)
     assert read_snapshot(codec.to_json(live)) == live
     assert (picture.spread, picture.plan) == (None, (100, 200))
@@ -101,9 +101,9 @@ def test_returns_of_all_lasers_share_what_a_snapshot_takes():
     )
     view = LiveView((front, rear))
     view.add_scan(Pose2(), np.full(181, 3.0), "front")
-    assert 0 < len(view.extend(BARE, None, None).returns) <= MOST_RETURNS
+    assert 0 < len(view.extend(BARE, None, None, None).returns) <= MOST_RETURNS
     view.add_scan(Pose2(), np.full(181, 2.0), "rear")
-    seen = from_centimetres(view.extend(BARE, None, None).returns)
+    seen = from_centimetres(view.extend(BARE, None, None, None).returns)
     assert len(seen) <= MOST_RETURNS
     assert min(x for x, _ in seen) == -2.0
     assert max(x for x, _ in seen) == 3.5

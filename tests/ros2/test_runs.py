@@ -62,7 +62,7 @@ def drive(demo, tmp_path, ros2_python):
 
         result = execute(spec, demo.scenes[0], trace_path=path, on_progress=hear)
         output = read_outputs(path).get("stack.txt", "")
-        return Recorded(result, read_trace(path, plans=True), output, tuple(waited))
+        return Recorded(result, read_trace(path, views=True), output, tuple(waited))
 
     return run
 

@@ -38,6 +38,7 @@ from daemon.judging.oracles._series import (
     hold_last,
     recorded_signal,
     time_base_of,
+    tree_signal,
 )
 from daemon.model.verdicts import Evidence, MarginInterval
 from daemon.trace import Trace
@@ -234,6 +235,8 @@ class SignalSampler:
             return self._clearance(thing, arguments)
         if name == "distance":
             return self._distance(thing)
+        if name.startswith("bt."):
+            return SignalSeries(tree_signal(self.trace, name, thing, self.time_base.time))
         if name == "in":
             return inside_series(place_outline(self.trace.scene, thing), self.poses, thing)
         if name.startswith("contact"):

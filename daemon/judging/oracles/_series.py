@@ -7,13 +7,14 @@ interpolated between ground-truth samples, and held until the next one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from daemon.model.sut import TICK_RATE
+from daemon.model.sut import TICK_RATE, BehaviorTreeLog
 from daemon.trace import PoseTrack, Trace
 from grammars.model.geometry import Floats
 
@@ -21,6 +22,9 @@ ObjectIndices = npt.NDArray[np.int32]
 
 _ROUNDING: Final = 1e-9
 """Recorded nanoseconds are read as seconds [s]; times meant equal differ by less than this."""
+
+_TREE: Final = "behavior tree"
+"""Word of a behaviour tree in the key ``record``."""
 
 _TRUTH = {
     "pose.x": "x",
@@ -146,6 +150,36 @@ def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
     if name == "latency":
         return hold_longest(trace.latency.time, trace.latency.seconds, time)
     return hold_last(trace.cloud.time, trace.cloud_count.astype(np.float64), time)
+
+
+def tree_signal(trace: Trace, name: str, node: str, time: Floats) -> Floats:
+    """Return ``bt.recoveries`` or ``bt.node(node)`` at ``time`` (n,), NaN if no tree is recorded.
+
+    A node that ran between two samples, however short, counts at the later one.
+    """
+    if _TREE not in trace.spec.sut.recorded:
+        return np.full(len(time), np.nan)
+    logs = [report for report in trace.reports if isinstance(report, BehaviorTreeLog)]
+    changes = [(log.time, change) for log in logs for change in log.changes]
+    if name == "bt.recoveries":
+        begun = np.array([moment for moment, change in changes if change.starts_recovery])
+        return np.searchsorted(begun, time + _ROUNDING, side="right").astype(np.float64)
+    values = np.zeros(len(time))
+    since: dict[int, float] = {}
+    for moment, change in changes:
+        if change.node == node and change.current == "RUNNING":
+            since.setdefault(change.uid, moment)
+        elif change.node == node and change.uid in since:
+            _mark(values, time, since.pop(change.uid), moment)
+    for begin in since.values():
+        _mark(values, time, begin, math.inf)
+    return values
+
+
+def _mark(values: Floats, time: Floats, begin: float, end: float) -> None:
+    """Set the first sample that is not before ``begin`` to 1, and on to that for ``end``."""
+    first, last = np.searchsorted(time, np.array([begin, end]) - _ROUNDING)
+    values[first : last + 1] = 1.0
 
 
 class LocalisationSignals:

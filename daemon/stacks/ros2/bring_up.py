@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.model.sut import Briefing, Observation, SutEvent, SutFailure
+from daemon.model.sut import Briefing, Observation, StackReport, SutEvent, SutFailure
 from daemon.stacks.ros2 import placeholders, sensors
 from daemon.stacks.ros2.causes import (
     ABORTED,
@@ -62,8 +62,10 @@ class StackSession:
 
     def __init__(self, settings: Ros2Settings, process: StackProcess, link: RelayLink) -> None:
         self.settings, self.process, self.link = settings, process, link
-        self.telemetry = Telemetry(settings.topics, settings.frames)
+        self.telemetry = Telemetry(settings)
         self.zero = self.time = 0
+        # From before the run, the newest of each kind: a costmap may come with every tick.
+        self.reports: dict[tuple[type[StackReport], str], StackReport] = {}
         self.fault = ""
         """Why the stack is not what it was; empty while it is."""
         self.is_aborted = False
@@ -323,6 +325,8 @@ class BringUp:
             answer.messages, 0.0, self._first.odometry[-1], answer.dropped
         )
         self.events += heard.events
+        for report in heard.reports:
+            session.reports[type(report), getattr(report, "scope", "")] = report
 
     def _align(self) -> None:
         """Let the clock go on to a round number, quickly."""

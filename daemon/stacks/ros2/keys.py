@@ -24,8 +24,10 @@ from pydantic import (
 )
 from pydantic_core import PydanticUseDefault
 
+from daemon.model.stack_reports import REPORT_TOPICS, ReportName
 from daemon.model.sut import TICK_RATE
 from grammars.model.robot import LASER_NAME, Laser
+from grammars.text.diagnostics import did_you_mean
 from grammars.text.documents import ONE_OR_MORE, Duration, Ratio, RemovedKey, StrictModel
 
 HIGHEST_DOMAIN: Final = 101
@@ -161,6 +163,13 @@ def _laser_frames(value: Any) -> Any:
     return _by_laser(value, _frame)
 
 
+def _report(value: Any) -> Any:
+    if value not in REPORT_TOPICS:
+        hint = did_you_mean(str(value), REPORT_TOPICS)
+        raise ValueError(f'nothing called "{value}" can be recorded: {hint}')
+    return value
+
+
 _Name: TypeAlias = Annotated[str, AfterValidator(_absolute)]
 _Variable: TypeAlias = Annotated[str, AfterValidator(_variable)]
 _VariableText: TypeAlias = Annotated[str, AfterValidator(_no_nul)]
@@ -175,6 +184,7 @@ _LaserFrames: TypeAlias = Annotated[
     PlainValidator(_laser_frames, json_schema_input_type=_Frame | _NamesByLaser),
 ]
 _Names: TypeAlias = Annotated[tuple[_Name, ...], ONE_OR_MORE]
+_Report: TypeAlias = Annotated[ReportName, BeforeValidator(_report)]
 _Setups: TypeAlias = Annotated[
     tuple[Annotated[str, AfterValidator(_worker_path)], ...], ONE_OR_MORE
 ]
@@ -272,6 +282,16 @@ class Ros2Topics(_Section):
     """The stack's pose estimate, recorded."""
     particles: _Name = "particle_cloud"
     """The stack's particles, recorded."""
+    behavior_tree: _Name = Field(default="behavior_tree_log", alias="behavior-tree")
+    """The log of the stack's behaviour tree, recorded with "record"."""
+    global_costmap: _Name = Field(default="global_costmap/costmap", alias="global-costmap")
+    """The stack's global costmap, recorded with "record"."""
+    local_costmap: _Name = Field(default="local_costmap/costmap", alias="local-costmap")
+    """The stack's local costmap, recorded with "record"."""
+    collision_monitor: _Name = Field(default="collision_monitor_state", alias="collision-monitor")
+    """The state of the stack's collision monitor, recorded with "record"."""
+    speed_limit: _Name = Field(default="speed_limit", alias="speed-limit")
+    """The speed limit that the stack is to keep, recorded with "record"."""
 
 
 class Ros2Qos(_Section):
@@ -342,6 +362,9 @@ class Ros2Keys(StrictModel):
     """For "kind: ros2": the action they are sent to, when it is not called as Nav2 calls it."""
     ready: _Names = ()
     """For "kind: ros2": lifecycle nodes that must be active before the mission begins."""
+    record: tuple[_Report, ...] = ()
+    """For "kind: ros2": what is recorded besides plans, pose and particles: the log of the behavior
+    tree, costmaps, interventions of the collision monitor, the speed limit."""
     start_up: Duration = Field(default=60.0, alias="start-up", gt=0.0, le=3600.0)
     """For "kind: ros2": wall time until it must be ready."""
     attempts: int = Field(default=1, ge=1, le=3)

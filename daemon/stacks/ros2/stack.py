@@ -163,6 +163,8 @@ class _StackDrive:
             answer.messages, observation.time, self._odometry, answer.dropped
         )
         self._events += heard.events
+        heard.reports[:0] = session.reports.values()
+        session.reports.clear()
         # After the wait, in which a crash shows: it says more than what is missing because of it.
         self._check_stack(answer.inactive, observation.time)
         command, behind = _newest_command(answer, self._settings.topics.command, time)

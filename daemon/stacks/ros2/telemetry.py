@@ -7,15 +7,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 
-from daemon.model.sut import Cloud, Decision, Estimate, Odometry, Progress, SutEvent
+from daemon.model.sut import (
+    Cloud,
+    CostmapPicture,
+    Decision,
+    Estimate,
+    Odometry,
+    Progress,
+    StackReport,
+    SutEvent,
+)
 from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.keys import Ros2Frames, Ros2Topics
+from daemon.stacks.ros2.keys import Ros2Keys
 from daemon.stacks.ros2.link import ReceivedMessage
+from daemon.stacks.ros2.reports import read_report, report_topics
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 ROSOUT: Final = "/rosout"
@@ -43,6 +53,7 @@ class Heard:
     plan: Floats | None = None
     local_plan: Floats | None = None
     events: list[SutEvent] = field(default_factory=list)
+    reports: list[StackReport] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
 
     def decision(
@@ -64,6 +75,7 @@ class Heard:
             events=tuple(events),
             particles=self.particles,
             latency=latency,
+            reports=tuple(self.reports),
         )
 
 
@@ -94,8 +106,9 @@ class TransformTree:
 class Telemetry:
     """Reads what a stack says during one run."""
 
-    def __init__(self, topics: Ros2Topics, frames: Ros2Frames) -> None:
-        self._topics, self._frames = topics, frames
+    def __init__(self, settings: Ros2Keys) -> None:
+        self._topics, self._frames = settings.topics, settings.frames
+        self._reports = report_topics(settings)
         self._tree = TransformTree()
         self._covariance = np.zeros((3, 3))
         self._told: set[str] = set()
@@ -157,6 +170,12 @@ class Telemetry:
             heard.local_plan = self._read_path(message, heard)
         elif message.topic == topics.particles:
             self._read_particles(message.data, heard, now)
+        elif message.topic in self._reports:
+            report = read_report(self._reports[message.topic], message, now, self._frames)
+            if isinstance(report, CostmapPicture):
+                frame = self._frames.map if report.frame == "map" else self._frames.odom
+                report = replace(report, frame_pose=self._tree.find(frame, self._frames.map))
+            heard.reports.append(report)
         return False
 
     def _read_transforms(self, message: Any) -> bool:

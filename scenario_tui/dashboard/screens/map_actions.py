@@ -56,6 +56,14 @@ class MapActions(Screen[None]):
         followed = [top.follow() for top in self.query(TopView)]
         self.notify("following the robot" if any(followed) else "staying here")
 
+    def action_costmap(self) -> None:
+        """Show another costmap on the map, or none."""
+        names = [name for top in self.query(TopView) if (name := top.next_costmap()) is not None]
+        if not names:
+            self.notify("no costmap was recorded")
+        else:
+            self.notify(f"{names[0]} costmap" if names[0] else "no costmap")
+
     def action_pan(self, right: int, up: int) -> None:
         """Look to a side on the map."""
         panned = [top.pan(right, up) for top in self.query(TopView)]

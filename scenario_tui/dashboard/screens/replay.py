@@ -23,6 +23,7 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.text.formatting import QUIET
 from scenario_tui.text.run_text import verdict_lines
 
 
@@ -110,7 +111,10 @@ class ReplayScreen(StandaloneScreen):
         width = max(self.size.width - 2, 2)
         line = timeline_bar(playback, transport.time, width)
         self.query_one("#timeline", Static).update(line)
-        words = Text("\n").join(verdict_lines(playback.verdicts, transport.time))
+        lines = verdict_lines(playback.verdicts, transport.time)
+        if stack := playback.stack_line(transport.time):
+            lines.insert(0, Text(stack, style=QUIET))
+        words = Text("\n").join(lines)
         self.query_one("#verdicts", Static).update(words)
         self.query_one(TopView).show(playback.view(transport.time, window=window))
         self.query_one(TimelineView).move(transport.time)

@@ -272,6 +272,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if self.transport is not None and self._playback is not None:
             reached = self._playback.reached(self.transport.time)
             said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
+            if line := self._playback.stack_line(self.transport.time):
+                said.append(f"  {line}", style=QUIET)
         elif track is not None:
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
             said.append_text(live_text(track, silence, self.transport, self.key("end"), wide=wide))

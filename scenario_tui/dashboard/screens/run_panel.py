@@ -137,6 +137,7 @@ def heard_view(view: View, track: Track, time: float) -> View | None:
         plan=(),
         contacts=(),
         spread=None,
+        costmaps={},
     )
 
 
@@ -157,4 +158,5 @@ def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
         from_centimetres(seen.plan),
         tuple(track.flashes),
         seen.spread,
+        costmaps={"stack's": from_centimetres(seen.costmap)} if seen.costmap else {},
     )

@@ -133,6 +133,8 @@ def live_text(
     said.append(f"  {now.waiting or far}", style="default not bold")
     if worst := worst_text(now.margin, now.unit, now.oracle):
         said.append("  ").append_text(worst)
+    if now.stack:
+        said.append(f"  {now.stack}", style=QUIET)
     return said
 
 

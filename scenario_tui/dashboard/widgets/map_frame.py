@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -32,7 +32,7 @@ from scenario_tui.dashboard.widgets.still_map import EYE_HEIGHT, StillMap, still
 from scenario_tui.terminal.capabilities import Blocks
 from scenario_tui.text.formatting import keep_start
 from templates import plan_shapes
-from templates.plan_shapes import PlanShape, ShapeRole
+from templates.plan_shapes import PlanShape, Points, ShapeRole
 
 _DOT_GAP: Final = 3.0
 """Dots of the canvas from one dot of a plan to the next."""
@@ -56,7 +56,9 @@ class View:
     ``returns`` of the laser, the ``plan`` and ``contacts`` are those of this moment; all points in
     the map frame [m]. ``spread`` is how sure the estimate is of its position: xx, xy and yy of the
     covariance [m²]. ``clearances`` [m] belong to the points of the ``trail``, as many, NaN where
-    unknown, or there are none; ``limit`` [m] is the clearance an oracle asks for.
+    unknown, or there are none; ``limit`` [m] is the clearance an oracle asks for. ``costmaps`` are
+    the middles of their cells that block the robot, by name, the one shown unless another is
+    chosen first.
     """
 
     scene: Scene
@@ -73,6 +75,7 @@ class View:
     spread: tuple[float, float, float] | None = None
     clearances: tuple[float, ...] = ()
     limit: float | None = None
+    costmaps: Mapping[str, Points] = field(default_factory=dict, compare=False)
 
     @property
     def where(self) -> Pose2:
@@ -80,9 +83,14 @@ class View:
         return self.robot_pose or self.mission.start
 
 
-def shapes_of(view: View) -> Iterator[PlanShape]:
-    """Yield the shapes of what moves or changes in a run, those painted over others later."""
+def shapes_of(view: View, costmap: str | None = None) -> Iterator[PlanShape]:
+    """Yield the shapes of what moves or changes in a run, those painted over others later.
+
+    ``costmap`` is the name of the one to show, empty for none, ``None`` for the first.
+    """
     positions = dict(zip(view.scene.joint_names, view.joints, strict=True))
+    name = next(iter(view.costmaps), "") if costmap is None else costmap
+    yield PlanShape(ShapeRole.COSTMAP, "dots", (view.costmaps.get(name, ()),))
     yield PlanShape(ShapeRole.RETURN, "dots", (view.returns,))
     yield PlanShape(ShapeRole.PLAN, "line", (view.plan,))
     yield from plan_shapes.trail_shapes(view.trail, view.clearances, view.limit)
@@ -274,13 +282,16 @@ def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
 
 def draw_view(
     view: View, columns: int, rows: int, *, zoom: int = 1, middle: Point2 | None = None,
-    blocks: Blocks = "quadrants",
+    blocks: Blocks = "quadrants", costmap: str | None = None,
 ) -> MapFrame:  # fmt: skip
-    """Return the map of a view, when zoomed the part around ``middle`` [m], else the robot."""
+    """Return the map of a view, when zoomed the part around ``middle`` [m], else the robot.
+
+    ``costmap`` is that of :func:`shapes_of`.
+    """
     around = middle or (view.where.x, view.where.y)
     frame = MapFrame(
         still_map(view.scene, view.mission, columns, rows, zoom=zoom, middle=around, blocks=blocks)
     )
-    for shape in _joined(shapes_of(view)):
+    for shape in _joined(shapes_of(view, costmap)):
         frame.draw(shape)
     return frame

@@ -31,31 +31,34 @@ class Layer(IntEnum):
     """What a cell shows, and its style: of several layers in a cell the last one counts."""
 
     WALL = 0
-    LOW = 1
-    LIT = 2
-    RETURN = 3
-    PLAN = 4
-    SPACE_NAME = 5
-    DOOR_NAME = 6
-    TRAIL = 7
-    POST = 8
-    DOOR = 9
-    MOVER = 10
-    SPREAD = 11
-    NEAR = 12
-    TOUCHING = 13
-    REACHED = 14
-    WAYPOINT = 15
-    ESTIMATE = 16
-    ROBOT = 17
-    HEADING = 18
-    CONTACT = 19
-    SCALE = 20
+    COSTMAP = 1
+    LOW = 2
+    LIT = 3
+    RETURN = 4
+    PLAN = 5
+    SPACE_NAME = 6
+    DOOR_NAME = 7
+    TRAIL = 8
+    POST = 9
+    DOOR = 10
+    MOVER = 11
+    SPREAD = 12
+    NEAR = 13
+    TOUCHING = 14
+    REACHED = 15
+    WAYPOINT = 16
+    ESTIMATE = 17
+    ROBOT = 18
+    HEADING = 19
+    CONTACT = 20
+    SCALE = 21
 
 
 STYLES: Final = tuple(
     {
         Layer.WALL: Style(color=WALLS),
+        # Below what is low: walls are drawn as walls, whatever they cost.
+        Layer.COSTMAP: Style(color=UNSURE, dim=True),
         Layer.LOW: Style(color=WALLS, dim=True),
         # Bold: where there are no colours, what the laser sees of a wall is told from the rest.
         Layer.LIT: Style(color=FACT, bold=True),
@@ -83,6 +86,7 @@ STYLES: Final = tuple(
 LAYER_OF: Final = {
     ShapeRole.WALL: Layer.WALL,
     ShapeRole.LOW: Layer.LOW,
+    ShapeRole.COSTMAP: Layer.COSTMAP,
     ShapeRole.RETURN: Layer.RETURN,
     ShapeRole.PLAN: Layer.PLAN,
     ShapeRole.TRAIL: Layer.TRAIL,
@@ -114,6 +118,7 @@ _SIGNS: Final = (
     (Layer.CONTACT, CONTACT, "contact"),
     (Layer.PLAN, "⠄⠄", "plan"),
     (Layer.RETURN, "⠒⠒", "laser"),
+    (Layer.COSTMAP, "⠿⠿", "blocked in the costmap"),
     (Layer.DOOR, "⠒⠒", "door"),
     (Layer.MOVER, "⠶", "mover"),
 )

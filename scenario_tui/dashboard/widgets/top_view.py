@@ -41,6 +41,7 @@ class TopView(CellView):
         self._middle: Point2 | None = None
         self._follows = True
         self._names: dict[MapName, Place] = {}
+        self._costmap: str | None = None
 
     @property
     def view(self) -> View | None:
@@ -75,6 +76,17 @@ class TopView(CellView):
             self._middle = None
         self.redraw()
         return self._follows
+
+    def next_costmap(self) -> str | None:
+        """Show the next costmap, after the last none; return its name, ``None`` without any."""
+        costmaps = self._view.costmaps if self._view is not None else {}
+        names = list(dict.fromkeys([*costmaps, ""]))
+        if len(names) == 1:
+            return None
+        shown = names.index(self._costmap) if self._costmap in names else 0
+        self._costmap = names[(shown + 1) % len(names)]
+        self.redraw()
+        return self._costmap
 
     def pan(self, right: int, up: int) -> bool:
         """Look further to one side of the screen; return whether there is anything to pan."""
@@ -129,8 +141,9 @@ class TopView(CellView):
             return None
         self._keep_up(view)
         frame = draw_view(
-            view, columns, rows, zoom=self._zoom, middle=self._middle, blocks=self.blocks
-        )
+            view, columns, rows, zoom=self._zoom, middle=self._middle, blocks=self.blocks,
+            costmap=self._costmap,
+        )  # fmt: skip
         # What was there once stays in the legend: a map that changes its height with every contact
         # could not be watched.
         self.signs = MapSigns(self.signs.layers | frame.layers, view.limit)

@@ -120,6 +120,8 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
         ("like: nav2\nreuse: yes\n",
          "mine.yaml:3:1: reuse: a stack belongs to one run\n    remove this line"),
         ("like: nav2\nqos: null\n", "mine.yaml:3:1: qos: null takes an inherited value away"),
+        ("like: nav2\nrecord: [behaviour tree]\n",
+         'mine.yaml:3:10: record: nothing called "behaviour tree" can be recorded: did you'),
         ("kind: pilot\nlaunch: x\nready: [a]\n", "mine.yaml:3:1: launch: only kind ros2 has this"),
         ("kind: ros2\nlaunch: x\nros: folder\n", "mine.yaml:4:1: ros: only kind ros reads ROS"),
         ("kind: ros2\ncontainer: {engine: podman}\n", 'mine.yaml:3:13: key "image" is missing'),
@@ -179,6 +181,26 @@ def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder):
     found = [d for d in examine(path)[1] if "cycles of 0.07 s" in d.message]
     assert {d.severity for d in found} == {Severity.WARNING}
     assert any("the laser of robot" in d.message for d in found)
+
+
+@pytest.mark.parametrize(
+    ("sut", "expected"),
+    [
+        ("nav2", "bt.recoveries is unknown of nav2, which does not record it"),
+        ("pilot", "warning: bt.recoveries is unknown of pilot: the oracle is inconclusive there"),
+    ],
+)
+def test_an_oracle_about_what_is_not_recorded_is_refused_or_warned_of(folder, sut, expected):
+    path = folder / "campaign.yaml"
+    (folder / "tree.oracles.yaml").write_text("recoveries: always(bt.recoveries <= 2)\n")
+    text = CAMPAIGN.format(repeats="").replace("[pilot, nav2]", f"[{sut}]")
+    path.write_text(text.replace("navigation", "tree").replace("[reached]", "[recoveries]"))
+    (found,) = [d for d in examine(path)[1] if "bt.recoveries" in d.message]
+    assert f"tree.oracles.yaml:1:20: {expected}" in str(found)
+    if sut == "nav2":
+        assert found.hint == "write record: [behavior tree] in its file"
+        (folder / "nav2.yaml").write_text(f"{BASE}record: [behavior tree]\n")
+        assert not [d for d in examine(path)[1] if "bt.recoveries" in d.message]
 
 
 def test_every_key_is_documented_with_its_default():

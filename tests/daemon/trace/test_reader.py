@@ -308,7 +308,7 @@ def test_a_trace_rewritten_by_other_tools_reads_the_same(recorded, tmp_path, opt
 
 def test_plans_come_back_when_they_are_asked_for(recorded):
     assert read_trace(recorded).plans == ()
-    plans = read_trace(recorded, plans=True).plans
+    plans = read_trace(recorded, views=True).plans
     assert [plan.time for plan in plans] == [0.0, *(float(t) for t in range(2, 13, 2))]
     for half, plan in enumerate(plans):
         np.testing.assert_array_equal(plan.points, [(0.0, 1.0), (2.0, 3.0), (half, 5.0)])
@@ -328,7 +328,7 @@ def usable(path, data):
     """Read damaged bytes: a trace, or nothing but a :class:`TraceError`."""
     path.write_bytes(data)
     try:
-        return read_trace(path, scans=True, plans=True)
+        return read_trace(path, scans=True, views=True)
     except TraceError as error:
         assert str(path) in str(error)
         return None

@@ -348,8 +348,16 @@ def test_what_is_long_or_deep_but_no_more_than_allowed_is_read():
 
 def test_every_declared_signal_can_be_used():
     for name, kind in SIGNALS.items():
-        signal = f"{name}(robot, door-17)" if kind.relates else name
+        arguments = "(robot, door-17)" if kind.relates else "(Spin)" if kind.takes_node else ""
+        signal = name + arguments
         parse(f"never({signal})" if kind.dimension is None else f"max({signal})")
+
+
+@pytest.mark.parametrize("arguments", ["", "(1 m)", "(Spin, Wait)", "(Spin(Wait))"])
+def test_a_node_of_a_behaviour_tree_is_named(arguments):
+    found = refusal(f"never(bt.node{arguments})")
+    assert "takes the name of a node of the behaviour tree" in found.message
+    assert found.hint == "such as: bt.node(FollowPath)"
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from daemon.judging.oracles import SignalSampler
+from daemon.model.spec import SutReference
+from daemon.model.sut import BehaviorTreeLog, TreeChange
 from daemon.model.verdicts import Outcome
 from daemon.trace import CommandTrack, ContactRecord, LatencyTrack, ProgressRecord
 from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
@@ -27,6 +29,23 @@ def value(trace, text):
     return found
 
 
+def with_tree(trace, *ticks):
+    """A trace that recorded a behaviour tree: each tick a time and its changes, as text."""
+    changes = [
+        (
+            time,
+            [
+                TreeChange(node, int(uid), *way.split(">"))
+                for node, uid, way in map(str.split, tick)
+            ],
+        )
+        for time, *tick in ticks
+    ]
+    reports = tuple(BehaviorTreeLog(time, tuple(tick)) for time, tick in changes)
+    sut = SutReference("nav2", "ros2", {"record": ["behavior tree"]})
+    return replace(trace, spec=replace(trace.spec, sut=sut), reports=reports)
+
+
 def full():
     """A trace in which everything was recorded."""
     time = times(10.0)
@@ -36,7 +55,7 @@ def full():
         ContactRecord(4.0, "wall-north", "robot", (1.5, 0.2), (0.0, 1.0), 0.009),
     )
     estimate = track(time[2:], motion.x[2:], 0.2)
-    return make_trace(
+    trace = make_trace(
         motion,
         estimate=estimate,
         cloud=estimate,
@@ -45,6 +64,7 @@ def full():
         command=CommandTrack(time[10:12], np.array([0.4, 0.6]), np.zeros(2), np.array([0.1, -0.2])),
         latency=LatencyTrack(time[20:], np.full(len(time) - 20, 0.012)),
     )
+    return with_tree(trace)
 
 
 ALONE = [name for name, declared in SIGNALS.items() if not declared.relates]
@@ -54,9 +74,48 @@ ALONE = [name for name, declared in SIGNALS.items() if not declared.relates]
 @pytest.mark.parametrize("name", [*ALONE, *object_signals(CORRIDOR)])
 def test_every_signal_of_the_registry_is_sampled(name):
     trace = full()
-    found = SignalSampler(trace).sample(Signal(name))
+    arguments = (Signal("Spin"),) if name == "bt.node" else ()
+    found = SignalSampler(trace).sample(Signal(name, arguments))
     assert found.values.shape == trace.ground_truth.time.shape
     assert np.isfinite(found.values).any()
+
+
+def test_recoveries_are_counted_when_their_nodes_leave_idle():
+    trace = with_tree(
+        still_trace(),
+        (2.0, "Spin 1 IDLE>RUNNING", "Spin-2 7 IDLE>RUNNING", "RecoveryActions 3 IDLE>RUNNING"),
+        (3.0, "Spin 1 RUNNING>FAILURE", "Spin 1 FAILURE>IDLE"),
+        # A service that answers within a tick is never RUNNING.
+        (4.0, "ClearLocalCostmap-Subtree 4 IDLE>SUCCESS", "WaitForDoor 5 IDLE>RUNNING"),
+        (5.0, "Spin 1 IDLE>RUNNING", "Wait 6 RUNNING>SUCCESS"),
+    )
+    assert value(trace, "final(bt.recoveries)") == 4
+    assert value(cut(trace, 4.5), "max(bt.recoveries) >= 3") == 3
+
+
+def test_a_node_runs_until_its_last_one_of_that_name_does_not():
+    trace = with_tree(
+        still_trace(),
+        (1.0, "FollowPath 1 IDLE>RUNNING", "FollowPath 2 IDLE>RUNNING"),
+        (2.0, "FollowPath 1 RUNNING>IDLE"),
+        (3.0, "FollowPath 2 RUNNING>SUCCESS"),
+    )
+    assert value(trace, "time(bt.node(FollowPath))") == pytest.approx(2.0, abs=0.06)
+    assert value(trace, "time(bt.node(Spin))") == 0.0
+
+
+def test_a_node_that_ran_between_two_samples_ran():
+    tick = (2.01, "Wait 1 IDLE>RUNNING", "Wait 1 RUNNING>SUCCESS")
+    trace = with_tree(still_trace(), tick)
+    assert verdict(trace, "count(bt.node(Wait)) <= 0").outcome is Outcome.FAIL
+
+
+def test_without_a_recorded_tree_nothing_is_known_of_it():
+    assert verdict(still_trace(), "always(bt.recoveries <= 2)").outcome is Outcome.INCONCLUSIVE
+
+
+def still_trace():
+    return make_trace(along(times(10.0)))
 
 
 def test_clearance_to_a_named_object_is_that_to_nothing_else():

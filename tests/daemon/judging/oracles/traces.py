@@ -161,7 +161,7 @@ def cut(trace, at):
         return trace
     tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans", "latency")
     changes = {name: _cut_track(getattr(trace, name), at) for name in tracks}
-    for name in ("contacts", "progress", "events"):
+    for name in ("contacts", "progress", "events", "reports"):
         records = getattr(trace, name)
         changes[name] = tuple(r for r in records if r.time <= at + 1e-9)
     return replace(

@@ -65,7 +65,7 @@ def test_it_drives_through_a_doorway_whatever_frames_its_costmaps_are_in(tmp_pat
     result, trace = run(tmp_path, room(*DOORWAY), ACROSS, parameters)
     assert (result.outcome, result.ended) == (Outcome.PASS, "finished")
     assert trace.contacts == ()
-    plan = read_trace(tmp_path / "run.mcap", plans=True).plans[0]
+    plan = read_trace(tmp_path / "run.mcap", views=True).plans[0]
     assert np.hypot(*(plan.points[-1] - (5.0, 2.0))) < 0.2, "recorded in map"
 
 

@@ -2,25 +2,41 @@
 
 import math
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from daemon.model import ros_messages as ros
-from daemon.model.sut import Odometry
+from daemon.model.stack_reports import (
+    REPORT_TOPICS,
+    encode_collision,
+    encode_speed_limit,
+    encode_tree_log,
+)
+from daemon.model.sut import (
+    BehaviorTreeLog,
+    CollisionMonitorState,
+    CostmapPicture,
+    Odometry,
+    SpeedLimit,
+    TreeChange,
+)
 from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.keys import Ros2Frames
+from daemon.stacks.ros2.endpoints import link_setup
 from daemon.stacks.ros2.link import ReceivedMessage
 from daemon.stacks.ros2.settings import read_settings
 from daemon.stacks.ros2.telemetry import LOG, PARTICLES, PATH, POSE, ROSOUT, Telemetry
 from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Laser
 
-TOPICS = read_settings({"launch": "true"}).topics
+SETTINGS = read_settings({"launch": "true"})
+TOPICS = SETTINGS.topics
 ODOMETRY = Odometry(1.0, Pose2(1.0, 0.0, 0.0), Twist2())
 
 
 def telemetry():
-    return Telemetry(TOPICS, Ros2Frames())
+    return Telemetry(SETTINGS)
 
 
 def transform(parent, child, x, y, yaw):
@@ -185,3 +201,76 @@ def test_a_command_that_is_no_velocity_is_refused():
     kind = "geometry_msgs/msg/Twist"
     with pytest.raises(ValueError, match="no velocity"):
         sensors.read_command(ros.serialize(ros.twist(math.nan, 0.0, 0.0), kind), kind)
+
+
+LASER = Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
+REPORTING = read_settings(
+    {
+        "launch": "true",
+        "namespace": "shop",
+        "topics": {"speed-limit": "/limit"},
+        "record": list(REPORT_TOPICS),
+    }
+)
+
+
+def grid(frame, width=2):
+    return ros.make(
+        sensors.GRID,
+        header=ros.header(ros.time(0), frame),
+        info=ros.make(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=ros.time(0), resolution=0.5, width=width, height=1,
+            origin=ros.pose(-1.0, 2.0, 0.0, 1.0),
+        ),
+        data=np.array([100, -1], np.int8),
+    )  # fmt: skip
+
+
+def test_what_is_asked_for_is_subscribed_and_read():
+    wanted = {topic.name: topic for topic in link_setup(REPORTING, (LASER,)).subscribe}
+    assert wanted["/shop/behavior_tree_log"].keep == "all"
+    assert wanted["/shop/local_costmap/costmap"].qos == "latched"
+    log = BehaviorTreeLog(0.0, (TreeChange("Spin", 3, "IDLE", "RUNNING"),))
+    stop = CollisionMonitorState(0.0, "stop", "PolygonStop")
+    limit = SpeedLimit(0.0, 0.5, False)
+    costmap = ros.serialize(grid("odom"), sensors.GRID)
+    heard = Telemetry(REPORTING).read(
+        (
+            transform("map", "odom", 2.0, 3.0, math.pi / 2),
+            ReceivedMessage("/shop/behavior_tree_log", "", encode_tree_log(0, log)),
+            ReceivedMessage("/shop/collision_monitor_state", "", encode_collision(stop)),
+            ReceivedMessage("/limit", "", encode_speed_limit(0, limit)),
+            ReceivedMessage("/shop/local_costmap/costmap", "", costmap),
+        ),
+        4.0,
+        ODOMETRY,
+    )
+    *others, picture = heard.reports
+    assert others == [replace(report, time=4.0) for report in (log, stop, limit)]
+    assert isinstance(picture, CostmapPicture)
+    assert (picture.time, picture.scope, picture.frame) == (4.0, "local", "odom")
+    assert (picture.x, picture.y, picture.cells.tolist()) == (-1.0, 2.0, [[254, 255]])
+    assert picture.frame_pose == Pose2(2.0, 3.0, pytest.approx(math.pi / 2))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (ros.serialize(grid("world"), sensors.GRID), "it is in frame 'world', not in map or odom"),
+        (ros.serialize(grid("map", width=3), sensors.GRID), "more or fewer than it says"),
+        (b"\0\1\0\0\xff", "a damaged nav_msgs/msg/OccupancyGrid"),
+    ],
+)
+def test_a_costmap_that_cannot_be_placed_is_told_once(data, words):
+    message = ReceivedMessage("/shop/global_costmap/costmap", sensors.GRID, data)
+    heard = Telemetry(REPORTING).read((message, message), 1.0, ODOMETRY)
+    (told,) = heard.events
+    assert told.text.startswith("/shop/global_costmap/costmap cannot be read: ")
+    assert words in told.text
+    assert heard.reports == []
+
+
+def test_what_is_not_asked_for_is_not_subscribed():
+    names = {topic.name for topic in link_setup(SETTINGS, (LASER,)).subscribe}
+    assert not names & {"/behavior_tree_log", "/global_costmap/costmap", "/speed_limit"}
