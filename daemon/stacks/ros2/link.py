@@ -123,7 +123,7 @@ class CycleAnswer:
     ``messages``. ``heard``: anything at all came from the stack. ``server``: the action server is
     in the graph (looked at now and then, so up to a second old). ``dropped`` names the topics with
     too many messages for one cycle; the oldest are lost. ``inactive``: the nodes of the setup that
-    were active and no longer are, with their state as in :class:`Readiness` (checked once a
+    were active and no longer are, with their state as in :class:`Readiness` (checked twice a
     second).
     """
 

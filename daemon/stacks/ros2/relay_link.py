@@ -34,6 +34,7 @@ from grammars.text.documents import plain_message
 
 _SILENCE: Final = 30.0
 """Seconds of wall clock after which a relay that says or reads nothing hangs."""
+_REMEDY: Final = "take the relay of this installation (scenario sut relay prints it)"
 _UNCLEAR: Final = "an answer of the relay cannot be understood"
 _LARGEST: Final = 256 << 20
 """Bytes of the largest answer that is read."""
@@ -93,7 +94,7 @@ class RelayLink:
         return cls(listener, address, nonce)
 
     def accept(self, timeout: float = 0.1) -> bool:
-        """Return whether the relay has said hello, waiting ``timeout`` [s] at most.
+        """Wait ``timeout`` [s] at most for the relay; return whether it is there.
 
         Raises:
             LinkLost: it ended, cannot do its work, or something else than a relay came.
@@ -113,7 +114,7 @@ class RelayLink:
             raise self._lost("the relay has ended before it said anything") from None
         except (OSError, ValueError, RecursionError) as error:
             raise self._lost(
-                f"something that is not the relay of this version connected ({error})"
+                f"something that is not the relay of this version connected ({error}): {_REMEDY}"
             ) from None
         self._welcome(hello)
         return True
@@ -182,8 +183,7 @@ class RelayLink:
         if hello.get("version") != relay.VERSION:
             raise self._lost(
                 f"the relay speaks version {hello.get('version')} of its protocol and this is"
-                f" version {relay.VERSION}: take the relay that comes with this installation"
-                " (scenario sut relay prints it)"
+                f" version {relay.VERSION}: {_REMEDY}"
             )
         if "problem" in hello:
             raise self._lost(str(hello["problem"]))
@@ -196,7 +196,7 @@ class RelayLink:
         blob: bytes = b"",
         patience: float = _SILENCE,
     ) -> _Answer:
-        """Return what ``read`` makes of an answer that takes ``patience`` [s] at most."""
+        """Send a request, wait ``patience`` [s] at most, return the answer as ``read`` reads it."""
         if self._peer is None or self._identity is None:
             raise LinkLost("the connection to the stack is closed")
         try:
@@ -221,7 +221,7 @@ class RelayLink:
         raise self._lost(str(head["refused"]))
 
     def _lost(self, text: str) -> LinkLost:
-        """Close the connection: after the first thing that is wrong nothing else is believed."""
+        """Close the connection; its state is unknown after the first fault."""
         self.close()
         return LinkLost(text[:4096])
 
