@@ -14,8 +14,8 @@ from typing import Final, Literal, Protocol
 
 import numpy as np
 
-from daemon.judging.oracles import judge_so_far, least_margin
-from daemon.judging.running import RunningJudge
+from daemon.judging.live import judge_running, least_margin
+from daemon.judging.oracles import judge_so_far
 from daemon.model.deadline import OutOfTime, interruptible
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.spec import Snapshot
@@ -50,7 +50,6 @@ class WatchedRun:
         self, trace: TraceWriter, on_progress: ProgressCallback, receiver: JudgementReceiver
     ) -> None:
         self._trace, self._on_progress, self._receiver = trace, on_progress, receiver
-        self._judge = RunningJudge()
         self._failed = False
         self._now = 0.0
         # When the next judgement of a kind may begin; none is due later that was never made.
@@ -102,7 +101,7 @@ class WatchedRun:
         try:
             with interruptible("the judging of a run that is watched"):
                 trace = self._trace.so_far(ended, note)
-                judgement = self._judge.judge(trace) if wanted == "everything" else None
+                judgement = judge_running(trace) if wanted == "everything" else None
                 found = judgement.verdicts if judgement else judge_so_far(trace, trace.spec.oracles)
                 self._least = least_margin(found)
         except (Exception, OutOfTime) as error:

@@ -50,21 +50,6 @@ class LiveSignal:
 
 
 @dataclass(frozen=True, slots=True)
-class ProvisionalVerdict:
-    """What an oracle says of a run so far.
-
-    ``verdict`` is that of the run if it ended now. ``final`` says that nothing that can still
-    happen changes its outcome (a contact is not undone, a waypoint stays reached); what is neither
-    final nor against the run yet is ``open``: the oracle waits for something, and to call it a
-    failure would be wrong.
-    """
-
-    verdict: Verdict
-    final: bool = False
-    open: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class LogLine:
     """A line of the log of a run, at a moment of simulated time [s]; ``level`` as in ROS."""
 
@@ -87,6 +72,8 @@ class DoorMotion:
 class LiveJudgement:
     """A running run, judged up to ``time`` [s].
 
+    ``verdicts`` are those of the run if it ended now; a failure that what is still to come may mend
+    is ``inconclusive`` instead: to call it a failure would be wrong.
     ``reached`` are the moments waypoints were done; of ``doors`` the last thousand motions are
     told. ``log`` is the end of the log, in the order of time; ``log_before`` counts the lines
     before it that are left out.
@@ -95,7 +82,7 @@ class LiveJudgement:
     run: str
     time: Moment
     signals: tuple[LiveSignal, ...]
-    verdicts: tuple[ProvisionalVerdict, ...]
+    verdicts: tuple[Verdict, ...]
     doors: Annotated[tuple[DoorMotion, ...], Field(max_length=_MOST_ENTRIES)]
     reached: Annotated[tuple[Moment, ...], Field(max_length=MOST_WAYPOINTS)]
     log: Annotated[tuple[LogLine, ...], Field(max_length=_MOST_ENTRIES)]

@@ -140,9 +140,8 @@ def _numbers(values: Sequence[float | None]) -> Floats:
 
 
 def decided_moments(judgement: LiveJudgement) -> list[FailureMoment]:
-    """Return when oracles were decided against for good, by time."""
-    final = [one.verdict for one in judgement.verdicts if one.final]
-    failed = [verdict for verdict in final if verdict.outcome is Outcome.FAIL]
+    """Return when the run failed by its oracles so far, by time."""
+    failed = [verdict for verdict in judgement.verdicts if verdict.outcome is Outcome.FAIL]
     moments = [
         FailureMoment(v.evidence.time, v.oracle) for v in failed if v.evidence.time is not None
     ]

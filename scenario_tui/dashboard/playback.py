@@ -53,8 +53,8 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
     A trace that cannot be trusted has no signals, only doors and mission.
     """
     # What judges takes 70 MB to load: see playback_process.
+    from daemon.judging.live import door_motions, reached_moments, sample_run_signals
     from daemon.judging.oracles import SignalSampler, trace_problems
-    from daemon.judging.run_signals import door_motions, reached_moments, sample_run_signals
 
     way = trace.ground_truth.time
     start, end = (float(way[0]), float(way[-1])) if len(way) else (0.0, 0.0)

@@ -134,7 +134,7 @@ def _load() -> None:
     """Load what reads traces and samples their signals: somebody is about to open a run."""
     import_module("scenario_tui.dashboard.playback")
     import_module("daemon.judging.oracles")
-    import_module("daemon.judging.run_signals")
+    import_module("daemon.judging.live")
 
 
 def _answer(questions: IO[bytes], answers: IO[bytes]) -> None:

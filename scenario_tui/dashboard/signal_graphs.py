@@ -9,7 +9,7 @@ import numpy as np
 from rich.style import Style
 from rich.text import Text
 
-from daemon.judging.run_signals import reached_moments
+from daemon.judging.live import reached_moments
 from daemon.trace import Trace
 from grammars.oracle import ComparedLimit
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip, limits_of, with_limits

@@ -39,20 +39,29 @@ VERDICT_LINES: Final = 3
 """Lines for verdicts: the worst of them, and how the others are."""
 
 
+_SO_FAR: Final = {
+    Outcome.PASS: "passing so far",
+    Outcome.INCONCLUSIVE: "undecided so far",
+    Outcome.MEASURE: "so far",
+}
+
+
 def by_severity(verdicts: Iterable[Verdict]) -> list[Verdict]:
     """Return verdicts, what people must look at first."""
     return sorted(verdicts, key=lambda v: SEVERITY.index(v.outcome))
 
 
 def verdict_text(
-    verdict: Verdict, styles: Styles = DASHBOARD_STYLES, *, so_far: str = "", style: str = ""
+    verdict: Verdict, styles: Styles = DASHBOARD_STYLES, *, so_far: bool = False
 ) -> Text:
     """Return a verdict in a few lines: margin, bar, evidence.
 
-    That of a run that goes on is called ``so_far``, in a ``style`` of its own.
+    ``so_far`` says that the run goes on.
     """
-    text, style = Text(), style or styles[verdict.outcome]
-    text.append(f"{so_far or glyph_word(verdict.outcome)}  ", style=style)
+    text, style = Text(), styles[verdict.outcome]
+    so_far = so_far and verdict.outcome in _SO_FAR
+    word = f"{GLYPHS[verdict.outcome]} {_SO_FAR[verdict.outcome]}" if so_far else ""
+    text.append(f"{word or glyph_word(verdict.outcome)}  ", style=style)
     text.append(verdict.oracle, style="bold")
     text.append(f"  {_value(verdict)}")
     first, *rest = (*_evidence_lines(verdict), "")
@@ -66,6 +75,15 @@ def verdict_text(
     for line in filter(None, rest):
         text.append(f"\n    {line}", style=quiet_style(styles))
     return text
+
+
+def worst_text(value: float | None, unit: str, oracle: str) -> Text:
+    """Return the least margin so far and whose it is: ``+0.11 m clear``; nothing when unknown."""
+    if value is None or not oracle:
+        return Text()
+    word = "fail" if value < 0.0 else "pass"
+    glyph = f"{GLYPHS['fail']} " if value < 0.0 else ""
+    return Text.assemble((f"{glyph}{margin(value, unit)}", DASHBOARD_STYLES[word]), f" {oracle}")
 
 
 def _value(verdict: Verdict) -> str:

@@ -20,6 +20,7 @@ from daemon.model.live_view import (
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.sut import Estimate
+from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser
@@ -143,12 +144,11 @@ def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(tmp_path, mo
     assert len(judged.found) == len(seen) + 1
     assert [one.time for one in judged.found[:-1]] == pytest.approx([s.time for s in seen])
     last = judged.found[-1]
-    assert tuple(one.verdict for one in last.verdicts) == watched.verdicts
-    assert all(one.final for one in last.verdicts)
+    assert last.verdicts == watched.verdicts
     outcomes = {verdict.oracle: verdict.outcome for verdict in watched.verdicts}
     for judgement in judged.found:
         for one in judgement.verdicts:
-            assert not one.final or one.verdict.outcome is outcomes[one.verdict.oracle]
+            assert one.outcome is not Outcome.FAIL or outcomes[one.oracle] is Outcome.FAIL
     assert seen[0].margin is None
     assert seen[-1].margin is not None
     assert seen[-1].oracle in outcomes
@@ -171,7 +171,7 @@ def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path):
 
 
 def test_a_judge_that_fails_fails_alone(tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr("daemon.judging.running.sample_run_signals", lambda sampler: 1 / 0)
+    monkeypatch.setattr("daemon.judging.live.sample_run_signals", lambda sampler: 1 / 0)
     campaign = expand(load_campaign(CAMPAIGN))
     spec = replace(campaign.specs[0], limit=3.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)
@@ -193,7 +193,7 @@ def test_judges_that_draw_leave_the_same_chance_to_the_run(tmp_path, monkeypatch
         np.random.rand()
         return ()
 
-    monkeypatch.setattr("daemon.judging.running.sample_run_signals", draw)
+    monkeypatch.setattr("daemon.judging.live.sample_run_signals", draw)
     campaign = expand(load_campaign(CAMPAIGN))
     spec = replace(campaign.specs[0], limit=1.0)
     scene = next(s for s in campaign.scenes if s.digest == spec.scene)

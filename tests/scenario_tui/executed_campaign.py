@@ -13,8 +13,7 @@ from pathlib import Path
 
 from daemon.batch.errors import Refused
 from daemon.campaign import expand, load_campaign
-from daemon.judging.oracles import judge_so_far, least_margin
-from daemon.judging.running import RunningJudge
+from daemon.judging.live import judge_running, least_margin
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import FilePart
 from daemon.model.run_state import RunState
@@ -125,8 +124,8 @@ def _execute_until(spec, scene, end, folder):
             loop.begin()
             loop.advance(round(end * TICK_RATE))
             recorded = trace.so_far()
-            judgement = RunningJudge().judge(recorded)
-            least = least_margin(judge_so_far(recorded, spec.oracles))
+            judgement = judge_running(recorded)
+            least = least_margin(judgement.verdicts)
         finally:
             loop.close()
     assert least is not None

@@ -14,7 +14,6 @@ from daemon.model.live_judgement import (
     LiveJudgement,
     LiveSignal,
     LogLine,
-    ProvisionalVerdict,
 )
 from daemon.model.messages import (
     Count,
@@ -215,17 +214,13 @@ def make_judgement(index=7, time=60.0, *, contact=False):
     )
     clear = Verdict("clear", "always(clearance >= 0.05 m)", Outcome.PASS, 0.06, 0.06, "m",
                     Evidence(nearest, 0.11, 0.05, "door-1"))  # fmt: skip
-    reached = Verdict("reached", "reach every waypoint within 20 min", Outcome.FAIL, -1.0, -1.0,
-                      "s", Evidence(note="1 of 3 waypoints reached"))  # fmt: skip
+    reached = Verdict("reached", "reach every waypoint within 20 min", Outcome.INCONCLUSIVE, -1.0,
+                      None, "s", Evidence(note="1 of 3 waypoints reached"))  # fmt: skip
     touch = Verdict("no-contact", "robot never touches anything", Outcome.PASS, 1.0, 1.0, "")
     if contact:
         touch = replace(touch, outcome=Outcome.FAIL, lower=-1.0, upper=-1.0,
                         evidence=Evidence(nearest, object="door-1"))  # fmt: skip
-    verdicts = (
-        ProvisionalVerdict(reached, open=True),
-        ProvisionalVerdict(touch, final=contact),
-        ProvisionalVerdict(clear),
-    )
+    verdicts = (reached, touch, clear)
     log = [LogLine(t, "pilot", f"at {t:.0f} s") for t in along[::6]]
     if contact:
         log.append(LogLine(nearest, "contact", "robot touches door-1/leaf"))

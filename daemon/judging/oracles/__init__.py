@@ -9,17 +9,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from daemon.judging.oracles._judge import judge, overall_outcome, warm_up
+    from daemon.judging.oracles._judge import judge, judge_so_far, overall_outcome, warm_up
     from daemon.judging.oracles._leading import judge_leading
     from daemon.judging.oracles._leading_kind import leading_kind, oracle_scale
     from daemon.judging.oracles._obstacles import ObstaclePolygons
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
-    from daemon.judging.oracles._provisional import judge_so_far, least_margin
-    from daemon.judging.oracles._sampler import SignalSampler
+    from daemon.judging.oracles._sampler import DOOR_CLEARANCE, SignalSampler
     from daemon.judging.oracles._series import quantile_index
     from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
+    "DOOR_CLEARANCE",
     "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
@@ -27,7 +27,6 @@ __all__ = [
     "judge_leading",
     "judge_so_far",
     "leading_kind",
-    "least_margin",
     "oracle_scale",
     "oracle_timeline",
     "overall_outcome",
@@ -37,13 +36,12 @@ __all__ = [
 ]
 
 _MODULES: Final = {
+    "DOOR_CLEARANCE": "_sampler",
     "ObstaclePolygons": "_obstacles",
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",
     "judge_leading": "_leading",
-    "judge_so_far": "_provisional",
     "leading_kind": "_leading_kind",
-    "least_margin": "_provisional",
     "oracle_scale": "_leading_kind",
     "oracle_timeline": "_oracle_timeline",
     "quantile_index": "_series",

@@ -57,9 +57,32 @@ def judge(
     return tuple(
         _error_verdict(oracle, f"invalid trace: {'; '.join(problems)}")
         if sampler is None
-        else judge_one(oracle, sampler)
+        else _judge_one(oracle, sampler)
         for oracle in oracles
     )
+
+
+def judge_so_far(
+    trace: Trace, oracles: Sequence[OracleText], *, sampler: SignalSampler | None = None
+) -> tuple[Verdict, ...]:
+    """Judge a run that goes on by each oracle, in order, as if it ended now.
+
+    A failure that what is still to come may mend is ``inconclusive`` instead. With a ``sampler`` of
+    that trace, signals it has sampled already cost nothing. Nothing is raised.
+    """
+    if trace.complete or trace_problems(trace):
+        return judge(trace, oracles, sampler=sampler)
+    sampler = sampler or SignalSampler(trace)
+    ended = sampler.with_trace(replace(trace, complete=True, ended="limit"))
+    return tuple(_judge_so_far(oracle, sampler, ended) for oracle in oracles)
+
+
+def _judge_so_far(oracle: OracleText, sampler: SignalSampler, ended: SignalSampler) -> Verdict:
+    verdict = _judge_one(oracle, ended)
+    fails = verdict.outcome is Outcome.FAIL
+    if fails and _judge_one(oracle, sampler).outcome is not Outcome.FAIL:
+        return replace(verdict, outcome=Outcome.INCONCLUSIVE, upper=None)
+    return verdict
 
 
 def overall_outcome(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
@@ -72,7 +95,7 @@ def overall_outcome(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
     return combine(verdicts, valid=valid)
 
 
-def judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
+def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
     try:
         oracle = bind_oracle(written, sampler.trace)
         interval = _evaluate(oracle, sampler)

@@ -10,7 +10,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -57,6 +57,9 @@ from grammars.oracle import (
     obstacle_names,
 )
 from grammars.text.plugins import explain_plugin_error
+
+DOOR_CLEARANCE: Final = "clearance(doors)"
+"""Name of a signal that no oracle can read: the least ``clearance`` of any object that moves."""
 
 T = TypeVar("T")
 
@@ -223,6 +226,9 @@ class SignalSampler:
         return self._progress([float(p.current) for p in self.trace.progress])
 
     def _compute(self, name: str, thing: str, arguments: tuple[float, ...]) -> SignalSeries:
+        if name == DOOR_CLEARANCE:
+            movers = (item.name for item in self.trace.scene.objects)
+            return self._footprint_clearance(obstacles_named(self.obstacles, *movers))
         if name not in SIGNALS:
             if name in custom_signal_names():
                 return sample_plugin_signal(name, self, arguments)
@@ -266,11 +272,6 @@ class SignalSampler:
     def _footprint_clearance(self, obstacles: ObstaclePolygons) -> SignalSeries:
         centre, half = footprint_box(self.trace.spec.robot.footprint)
         return box_clearance_series(obstacles, self.poses, centre=centre, half=half)
-
-    def object_clearance(self) -> SignalSeries:
-        """Return the clearance of all objects, the least of ``clearance`` of each; kept nowhere."""
-        names = (item.name for item in self.trace.scene.objects)
-        return self._footprint_clearance(obstacles_named(self.obstacles, *names))
 
     def _distance(self, thing: str) -> SignalSeries:
         footprint = self.trace.spec.robot.footprint

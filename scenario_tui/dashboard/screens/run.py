@@ -210,7 +210,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if result is not None:
             self.query_one(VerdictList).show(result.verdicts)
         elif so_far:
-            self.query_one(VerdictList).show_so_far(so_far)
+            self.query_one(VerdictList).show(so_far, so_far=True)
         else:
             snapshot = track.snapshot if track else None
             self.query_one("#run-text", Static).update(run_text(detail, snapshot))

@@ -29,7 +29,7 @@ from scenario_tui.dashboard.signal_strips import (
 )
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.text.formatting import QUIET, UNSURE, duration
-from scenario_tui.text.provisional_text import worst_text
+from scenario_tui.text.run_text import worst_text
 
 if TYPE_CHECKING:
     from grammars.oracle import ComparedLimit
@@ -53,7 +53,7 @@ class UnfinishedRun:
 
     @property
     def moments(self) -> Sequence[FailureMoment]:
-        """When its oracles were decided against for good, until now."""
+        """When it failed by its oracles so far."""
         return decided_moments(self._judgement) if self._judgement is not None else ()
 
     def hear(self, detail: RunDetail, track: Track | None) -> None:

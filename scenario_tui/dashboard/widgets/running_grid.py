@@ -23,7 +23,7 @@ from scenario_tui.text.formatting import (
     keep_end,
     run_label,
 )
-from scenario_tui.text.provisional_text import worst_text
+from scenario_tui.text.run_text import worst_text
 
 if TYPE_CHECKING:
     from daemon.model.spec import Snapshot

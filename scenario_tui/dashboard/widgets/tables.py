@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from rich.cells import cell_len
 from rich.text import Text
@@ -13,13 +13,9 @@ from textual.message import Message
 from textual.widgets import DataTable, OptionList
 from textual.widgets.option_list import Option
 
+from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.dashboard.widgets.static_text import same_text
-from scenario_tui.text.provisional_text import by_urgency, provisional_text
 from scenario_tui.text.run_text import by_severity, verdict_text
-
-if TYPE_CHECKING:
-    from daemon.model.live_judgement import ProvisionalVerdict
-    from daemon.model.verdicts import Verdict
 
 Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""
@@ -293,20 +289,18 @@ class VerdictList(OptionList, inherit_bindings=False):
         self._verdicts: tuple[Verdict, ...] = ()
         self._texts: tuple[Text, ...] = ()
 
-    def show(self, verdicts: Sequence[Verdict]) -> None:
-        """Show other verdicts; the first of them is chosen, unless one of that oracle was."""
+    def show(self, verdicts: Sequence[Verdict], *, so_far: bool = False) -> None:
+        """Show other verdicts, ``so_far`` if the run goes on.
+
+        The first of them is chosen, unless one of that oracle was.
+        """
         ordered = by_severity(verdicts)
-        self._fill(ordered, [verdict_text(verdict) for verdict in ordered])
-
-    def show_so_far(self, provisional: Sequence[ProvisionalVerdict]) -> None:
-        """Show what oracles say of a run that goes on."""
-        ordered = by_urgency(provisional)
-        self._fill([one.verdict for one in ordered], [provisional_text(one) for one in ordered])
-
-    def _fill(self, verdicts: Sequence[Verdict], texts: Sequence[Text]) -> None:
+        if so_far:  # an undecided oracle waits for something: there is nothing to look at yet
+            ordered.sort(key=lambda verdict: verdict.outcome is Outcome.INCONCLUSIVE)
+        texts = [verdict_text(verdict, so_far=so_far) for verdict in ordered]
         before, shown, chosen = self._verdicts, self._texts, self.chosen()
-        self._verdicts, self._texts = tuple(verdicts), tuple(texts)
-        names = [verdict.oracle for verdict in verdicts]
+        self._verdicts, self._texts = tuple(ordered), tuple(texts)
+        names = [verdict.oracle for verdict in ordered]
         if names == [verdict.oracle for verdict in before]:
             # In place: a list filled anew every second would jump under the cursor.
             for place, (text, previous) in enumerate(zip(texts, shown, strict=True)):

@@ -12,7 +12,6 @@ from daemon.model.live_judgement import (
     LiveJudgement,
     LiveSignal,
     LogLine,
-    ProvisionalVerdict,
     pack_judgement,
     unpack_judgement,
 )
@@ -31,7 +30,7 @@ JUDGEMENT = LiveJudgement(
     "c.0",
     2.0,
     (LiveSignal("speed", "m/s", 0.0, 2.0, (0.0, None), (1e30, None), (0.5,), ((0.0, 1.0),)),),
-    (ProvisionalVerdict(VERDICT),),
+    (VERDICT,),
     (DoorMotion(1.0, "door", opens=True),),
     (1.5,),
     (LogLine(1.0, "sut", "hello"),),
@@ -80,7 +79,7 @@ def test_a_snapshot_that_no_run_tells_is_refused(path, value):
     [
         ("time", FAR), ("log_before", -1), ("log_before", 10**400), ("reached", [FAR]),
         ("reached", [1.0] * (MOST_WAYPOINTS + 1)), ("doors.0.time", -FAR), ("log.0.time", FAR),
-        ("verdicts.0.verdict.evidence.time", FAR), ("signals.0.start", -FAR),
+        ("verdicts.0.evidence.time", FAR), ("signals.0.start", -FAR),
         ("signals.0.start", 5.0), ("signals.0.end", FAR), ("signals.0.low", [0.0]),
         ("signals.0.low", [0.0, -FAR]), ("signals.0.high", [FAR, 0.0]),
         ("signals.0.limits", [FAR]), ("signals.0.limits", [0.0] * 5000),
@@ -94,7 +93,7 @@ def test_a_judgement_that_no_run_is_told_by_is_refused(path, value):
 
 
 def test_a_judgement_that_is_too_long_says_so():
-    many = replace(JUDGEMENT, verdicts=JUDGEMENT.verdicts * 5000)
+    many = replace(JUDGEMENT, verdicts=JUDGEMENT.verdicts * 9000)
     told = unpack_judgement(pack_judgement(many))
     assert (told.run, told.time, told.signals, told.verdicts) == ("c.0", 2.0, (), ())
-    assert told.log[-1].text.startswith("5000 verdicts and their signals are too long")
+    assert told.log[-1].text.startswith("9000 verdicts and their signals are too long")

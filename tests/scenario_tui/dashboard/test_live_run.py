@@ -67,7 +67,7 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map():
         await look_at(pilot)
         for words in (
             "✓ passing so far  clear  +0.06 m", "nearest at 27.0 s, door-1",
-            "… waiting  reached", "so far 1 of 3 waypoints reached",
+            "? undecided so far  reached  −1 s", "1 of 3 waypoints reached",
             "clearance", "limit 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
         ):  # fmt: skip
             assert words in shown(pilot)
@@ -145,7 +145,7 @@ async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on():
     async with opened(fake) as pilot:
         await look_at(pilot)
         lines = screen_text(pilot)
-        assert lines[3].startswith(" ✗ fail  no-contact")  # above what passes, and what waits
+        assert lines[3].startswith(" ✗ fail  no-contact")  # above what passes
         assert "27.00 s  contact    robot touches" in shown(pilot)
 
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.judging.oracles import SignalSampler, oracle_timeline
-from daemon.judging.run_signals import DOOR_CLEARANCE
+from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, oracle_timeline
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import OracleText
 from scenario_tui.dashboard.playback import open_playback
