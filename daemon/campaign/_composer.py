@@ -220,8 +220,9 @@ class _LeftOutParts:
                 return LegBegins(leg - sum(number < leg - 1 for number in gone)), ()
             case WaypointReached(waypoint=name):
                 numbers = [i for i, w in enumerate(mission.waypoints) if w.id == name]
-                remains = any(number not in gone for number in numbers)
-                return event if remains else None, [gone[n] for n in numbers if n in gone]
+                causes = [gone[number] for number in numbers if number in gone]
+                # The pre-flight reports a waypoint that no mission has.
+                return None if causes and len(causes) == len(numbers) else event, causes
             case JointActs(joints=joints, act=act):
                 there = tuple(joint for joint in joints if _object_of(joint) not in self.objects)
                 causes = [self.objects[_object_of(j)] for j in joints if j not in there]
@@ -240,8 +241,8 @@ def _find_parts(without: Sequence[LayerReference], whole: RemainingWorld) -> _Le
     subjects = {name for b in whole.behaviours[0] for name in _subjects(b)}
     for part in without:
         if waypoint := _WAYPOINT.fullmatch(part.name):
-            number = int(waypoint["name"]) if waypoint["name"].isdecimal() else 0
             try:
+                number = int(waypoint["name"]) if waypoint["name"].isdecimal() else 0
                 leg = leg_number(Leg(number, "" if number else waypoint["name"]), whole.mission)
             except ValueError as error:
                 problems.append(Diagnostic(part.where, str(error)))

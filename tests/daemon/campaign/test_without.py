@@ -8,6 +8,7 @@ import pytest
 
 from daemon.campaign import Composer, LayerLibrary, campaign_text, expand, load_campaign
 from grammars.text.diagnostics import InputError
+from tests.daemon.campaign.findings import findings_of
 
 CAMPAIGN = """\
 campaign: tiny
@@ -113,6 +114,16 @@ def test_nothing_waits_for_what_is_left_out(folder):
     assert [b.joint for b in cells(folder, layers, less)["less"].behaviours[0]] == [
         "kitchen_door.hinge"
     ]
+
+
+def test_a_behaviour_that_waits_for_no_waypoint_of_the_mission_is_left_to_the_pre_flight(folder):
+    waiting = folder / "waiting.scenery"
+    waiting.write_text(WAITING.replace("leg 3 begins", 'waypoint "attic" is reached'))
+    (folder / "tiny.yaml").write_text(
+        f"{CAMPAIGN}    behaviours: waiting\n    without: waypoint 1\n"
+    )
+    (found,) = findings_of(folder / "tiny.yaml")
+    assert "attic" in found.message
 
 
 def test_parts_that_are_not_there_are_named_with_what_is_meant(folder):
