@@ -170,15 +170,10 @@ def resolve_scenario(
 
 
 def bases_of(name: str, text: CampaignFile) -> Iterator[str]:
-    """Yield the scenarios of the file that one is like, directly or through others.
-
-    At most one more than may be in a row: what is made of many scenarios takes no longer for each.
-    """
-    seen = {name}
+    """Yield the scenarios that one is like, directly or through others."""
     base = text.scenarios[name].like
-    while base in text.scenarios and base not in seen and len(seen) <= MOST_LIKE + 1:
+    while base is not None:
         yield base
-        seen.add(base)
         base = text.scenarios[base].like
 
 
