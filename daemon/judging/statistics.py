@@ -2,8 +2,8 @@
 
 Rates come from counts by the exact interval of Clopper and Pearson (Biometrika 26, 1934): its
 bounds are quantiles of beta distributions; it covers at least as often as it says, for any number
-of runs, which is what a test of a robot with five repeats needs. Everything is a line of a
-definition, held by tests to ``scipy.stats``.
+of runs, which is what a test of a robot with five repeats needs. The beta and t distributions are
+those of scipy, which is loaded when first needed: few commands ask for an interval.
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeVar
-
-from daemon.judging._quantiles import beta_quantile, t_probability, t_quantile
 
 Key = TypeVar("Key", bound=tuple[Any, ...])
 
@@ -32,7 +30,7 @@ def at_least(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
     _check(passed, n)
     if passed == 0:
         return 0.0
-    return beta_quantile(passed, n - passed + 1, 1.0 - confidence)
+    return _beta_quantile(passed, n - passed + 1, 1.0 - confidence)
 
 
 def at_most(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
@@ -57,7 +55,7 @@ def chance_correlation(n: int, groups: int = 2, confidence: float = CONFIDENCE) 
     between = max(groups, 2) - 1
     if n - between <= 1:
         return 1.0
-    return math.sqrt(beta_quantile(0.5 * between, 0.5 * (n - between - 1), confidence))
+    return math.sqrt(_beta_quantile(0.5 * between, 0.5 * (n - between - 1), confidence))
 
 
 def runs_needed(passed: int, n: int, rate: float, confidence: float = CONFIDENCE) -> int | None:
@@ -91,6 +89,25 @@ def cut_percentage(rate: float) -> str:
     """Return a lower bound such as ``54.9 %``, cut and not rounded: no more than was shown."""
     # The 1e-9 give back what binary floats took: 0.549 * 1000 is 549.0 or a last bit less.
     return f"{int(rate * 1000 + 1e-9) / 10:g} %"
+
+
+def _beta_quantile(a: float, b: float, q: float) -> float:
+    from scipy.special import betaincinv
+
+    return float(betaincinv(a, b, q))
+
+
+def _t_quantile(q: float, freedom: float) -> float:
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, q))
+
+
+def _t_probability(t: float, freedom: float) -> float:
+    """Return how probable a value of at most ``t`` is, by Student's t distribution."""
+    from scipy.special import stdtr
+
+    return float(stdtr(freedom, t))
 
 
 def _check(passed: int, n: int) -> None:
@@ -133,20 +150,20 @@ class MeanDifference:
         """Return the one-sided p value for "the mean difference is above ``limit``"."""
         if self.error == 0.0:
             return 0.0 if self.mean > limit else 1.0
-        return t_probability((limit - self.mean) / self.error, self.freedom)
+        return _t_probability((limit - self.mean) / self.error, self.freedom)
 
     def p_below(self, limit: float) -> float:
         """Return the one-sided p value for "the mean difference is below ``limit``"."""
         if self.error == 0.0:
             return 0.0 if self.mean < limit else 1.0
-        return t_probability((self.mean - limit) / self.error, self.freedom)
+        return _t_probability((self.mean - limit) / self.error, self.freedom)
 
     @property
     def p_different(self) -> float:
         """Return the two-sided p value for "there is a difference"."""
         if self.error == 0.0:
             return 1.0 if self.mean == 0.0 else 0.0
-        return 2.0 * t_probability(-abs(self.mean / self.error), self.freedom)
+        return 2.0 * _t_probability(-abs(self.mean / self.error), self.freedom)
 
 
 def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> MeanInterval:
@@ -158,7 +175,7 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Me
     if n == 1:
         return MeanInterval(1, mean, None, None, None)
     std = _deviation(values)
-    half = t_quantile(0.5 * (1.0 + confidence), n - 1) * std / math.sqrt(n)
+    half = _t_quantile(0.5 * (1.0 + confidence), n - 1) * std / math.sqrt(n)
     return MeanInterval(n, mean, std, mean - half, mean + half)
 
 
@@ -220,7 +237,7 @@ def _difference(
     confidence: float,
     method: Literal["paired", "welch"],
 ) -> MeanDifference:
-    half = t_quantile(confidence, freedom) * error
+    half = _t_quantile(confidence, freedom) * error
     return MeanDifference(n, mean, mean - half, mean + half, error, freedom, method)
 
 
