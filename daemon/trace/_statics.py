@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
-from daemon.trace.layouts import IntArray
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
 from grammars.model.kinematics import cos_sin, link_tracks
 from grammars.model.mission import Mission
@@ -45,7 +44,9 @@ class MovingLinks:
     """
 
     names: tuple[str, ...]
-    _hinged: _HingedLinks
+    _hinges: Floats
+    """A row for each object with one joint, a hinge, as most doors are: the column of its position,
+    the index of its link, its x, y, yaw, and the hinge's x, y in it."""
     _others: tuple[tuple[SceneObject, int, int], ...]
 
     @classmethod
@@ -55,7 +56,7 @@ class MovingLinks:
         Raises :class:`ValueError` when the joints of an object form no tree.
         """
         names: list[str] = []
-        hinged: list[tuple[SceneObject, int, int]] = []
+        hinges: list[tuple[float, ...]] = []
         others: list[tuple[SceneObject, int, int]] = []
         column = 0
         for item in scene.objects:
@@ -63,11 +64,14 @@ class MovingLinks:
                 # With no rows: it computes nothing but raises for joints that form no tree.
                 link_tracks(item, np.empty((0, len(item.joints))))
                 # The parent of an only joint, the world or a post, is where the object is.
-                simple = len(item.joints) == 1 and item.joints[0].kind != "prismatic"
-                (hinged if simple else others).append((item, column, len(names)))
+                if len(item.joints) == 1 and item.joints[0].kind != "prismatic":
+                    pose = (item.pose.x, item.pose.y, item.pose.yaw)
+                    hinges.append((column, len(names), *pose, *item.joints[0].anchor))
+                else:
+                    others.append((item, column, len(names)))
                 names += (f"{item.name}/{link}" for link in _moving(item))
             column += len(item.joints)
-        return cls(tuple(names), _HingedLinks.of(hinged), tuple(others))
+        return cls(tuple(names), np.array(hinges, np.float64).reshape(-1, 7), tuple(others))
 
     def poses(self, positions: Floats) -> Floats:
         """Return the world poses (n, links, 4) as x, y, qz, qw for joint positions (n, k).
@@ -75,73 +79,41 @@ class MovingLinks:
         ``qz`` and ``qw`` are the quaternion of the yaw.
         """
         out = np.empty((len(positions), len(self.names), 4))
-        self._hinged.place(positions, out)
+        if len(self._hinges) and len(positions):
+            self._swing(positions, out)
         for item, column, index in self._others:
-            self._place(item, positions[:, column : column + len(item.joints)], out[:, index:])
+            own = positions[:, column : column + len(item.joints)]
+            new = _changes(own).any(axis=1)
+            tracks = link_tracks(item, own[new])
+            latest = np.cumsum(new) - 1
+            for place, link in enumerate(_moving(item), start=index):
+                track = tracks[link]
+                qw, qz = cos_sin(track[:, 2] / 2)
+                out[:, place] = np.column_stack((track[:, 0], track[:, 1], qz, qw))[latest]
         return out
 
-    @staticmethod
-    def _place(item: SceneObject, positions: Floats, out: Floats) -> None:
-        new = _changes(positions).any(axis=1)
-        tracks = link_tracks(item, positions[new])
-        latest = np.cumsum(new) - 1
-        for index, link in enumerate(_moving(item)):
-            track = tracks[link]
-            qw, qz = cos_sin(track[:, 2] / 2)
-            out[:, index] = np.column_stack((track[:, 0], track[:, 1], qz, qw))[latest]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _HingedLinks:
-    """The links of objects with one joint, a hinge: most doors, placed all at once.
-
-    ``columns`` (m,) are those of their positions, ``indices`` (m,) those of their poses. The
-    object's pose ``x, y, yaw`` with the ``cosine`` and ``sine`` of that, and the hinge at
-    ``anchor_x, anchor_y`` in it, are (m,) too.
-    """
-
-    columns: IntArray
-    indices: IntArray
-    x: Floats
-    y: Floats
-    yaw: Floats
-    cosine: Floats
-    sine: Floats
-    anchor_x: Floats
-    anchor_y: Floats
-
-    @classmethod
-    def of(cls, items: Sequence[tuple[SceneObject, int, int]]) -> _HingedLinks:
-        """Collect from objects, the column of each's position and the index of its link."""
-        rows = [(i.pose.x, i.pose.y, i.pose.yaw, *i.joints[0].anchor) for i, _, _ in items]
-        x, y, yaw, anchor_x, anchor_y = np.array(rows, np.float64).reshape(-1, 5).T.copy()
-        columns = np.array([column for _, column, _ in items], np.int64)
-        indices = np.array([index for _, _, index in items], np.int64)
-        return cls(columns, indices, x, y, yaw, *cos_sin(yaw), anchor_x, anchor_y)
-
-    def place(self, positions: Floats, out: Floats) -> None:
-        """Write x, y, qz, qw into ``out`` (n, links, 4) for joint positions (n, k).
+    def _swing(self, positions: Floats, out: Floats) -> None:
+        """Write the poses of hinged links, all at once.
 
         The same sums in the same order as :func:`grammars.model.kinematics.link_tracks`, whose
         last bit is recorded.
         """
-        if not len(self.columns) or not len(positions):
-            return
-        angles = positions[:, self.columns]
+        columns, indices = self._hinges[:, :2].T.astype(np.int64)
+        angles = positions[:, columns]
         # Doors rest most of the time: only what differs from the row above is computed.
         new = _changes(angles)
         angle, which = angles[new], np.nonzero(new)[1]
+        x, y, yaw, ax, ay = self._hinges[which, 2:].T
+        cosine, sine = (each[which] for each in cos_sin(self._hinges[:, 4]))
         c, s = cos_sin(angle)
-        ax, ay = self.anchor_x[which], self.anchor_y[which]
-        x, y = ax - c * ax + s * ay, ay - s * ax - c * ay
-        cosine, sine = self.cosine[which], self.sine[which]
+        along, across = ax - c * ax + s * ay, ay - s * ax - c * ay
         poses = np.empty((len(angle), 4))
-        poses[:, 0] = self.x[which] + cosine * x - sine * y
-        poses[:, 1] = self.y[which] + sine * x + cosine * y
-        poses[:, 3], poses[:, 2] = cos_sin((self.yaw[which] + angle) / 2)
+        poses[:, 0] = x + cosine * along - sine * across
+        poses[:, 1] = y + sine * along + cosine * across
+        poses[:, 3], poses[:, 2] = cos_sin((yaw + angle) / 2)
         latest = np.zeros(angles.shape, np.int64)
         latest[new] = np.arange(len(angle))
-        out[:, self.indices] = poses[np.maximum.accumulate(latest, axis=0)]
+        out[:, indices] = poses[np.maximum.accumulate(latest, axis=0)]
 
 
 def _changes(positions: Floats) -> npt.NDArray[np.bool_]:
