@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.keys import OWN_PREFIX
 from grammars.text.files import private_folder
 
 OWN_DOMAINS: Final = range(1, 102)
@@ -27,7 +28,6 @@ OWN_DOMAINS: Final = range(1, 102)
 documentation, "The ROS_DOMAIN_ID"); 0 is everybody's who has chosen none."""
 _OURS: Final = ("PYTHONSAFEPATH", "PYTHONHOME", "__PYVENV_LAUNCHER__")
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_OWN_PREFIX: Final = "SCENARIO_"
 _LONGEST_SOCKET: Final = 103
 """Bytes of a socket's path: systems take 103 or 107."""
 _SPARE: Final = 60
@@ -101,7 +101,7 @@ def without_ours(
     ``#!/usr/bin/env python3`` and the relay must find the Python of the stack's ROS, not the one
     of a virtual environment that we are installed in.
     """
-    kept = {name: value for name, value in environ.items() if not name.startswith(_OWN_PREFIX)}
+    kept = {name: value for name, value in environ.items() if not name.startswith(OWN_PREFIX)}
     for name in _OURS:
         kept.pop(name, None)
     for name in _THREADS:

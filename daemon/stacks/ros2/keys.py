@@ -7,7 +7,6 @@ which other kinds have too, is not among them.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -36,7 +35,7 @@ TICK: Final = 1.0 / TICK_RATE
 """A period is a multiple of this [s]."""
 _ROUNDING: Final = 1e-6
 OWN_PREFIX: Final = "SCENARIO_"
-"""Environment variables of this prefix say to the relay where the run is."""
+"""Prefix of environment variables that tell the relay where the run is."""
 
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"
 _ROS_NAME: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
@@ -132,7 +131,7 @@ def _domain(value: Any) -> Any:
 
 def _period(value: float) -> float:
     ticks = value / TICK
-    if abs(ticks - round(ticks)) > _ROUNDING or not math.isfinite(ticks):
+    if abs(ticks - round(ticks)) > _ROUNDING:
         raise ValueError(f"{value:g} s is not a multiple of {TICK:g} s, the step of the simulation")
     return value
 
