@@ -188,7 +188,7 @@ class _SearchReader:
     def _leads(self, oracle: Oracle, severity: Severity) -> bool:
         """Return whether a search can follow an oracle, after saying why not and what to do."""
         # What judges is loaded by campaigns that have a search.
-        from daemon.judging.oracles import leading_kind
+        from daemon.judging.leading_kind import leading_kind
 
         where = self._at("minimise")
         try:
@@ -318,6 +318,6 @@ def _least_sum(inequality: Inequality, parameters: Sequence[SearchParameter]) ->
 
 
 def _scales(oracles: Sequence[Oracle], robot: Robot) -> tuple[OracleScale, ...]:
-    from daemon.judging.oracles import oracle_scale
+    from daemon.judging.leading_kind import oracle_scale
 
     return tuple(oracle_scale(oracle, robot) for oracle in oracles)

@@ -26,14 +26,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from daemon.judging.oracles._judge import bind_oracle, judge, written_oracle
-from daemon.judging.oracles._leading_kind import (
+from daemon.judging.leading_kind import (
     clause_scale,
     has_unlike_units,
     leading_unit,
     predicate_scale,
     predicate_unit,
 )
+from daemon.judging.oracles._judge import bind_oracle, judge, written_oracle
 from daemon.judging.oracles._leading_signals import leading_flag, leading_quantity
 from daemon.judging.oracles._operators import (
     judge_statistic,

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from daemon.judging.oracles import judge_leading, leading_kind, oracle_scale
-from daemon.judging.oracles._leading_kind import LEADING_FLAGS
+from daemon.judging.leading_kind import LEADING_FLAGS, leading_kind, oracle_scale
+from daemon.judging.oracles import judge_leading
 from daemon.model.spec import OracleText
 from grammars.oracle import CustomOracle, CustomSignal, parse_oracle
 from grammars.text import plugins
 from grammars.text.diagnostics import Where
 from tests.daemon.judging.oracles.traces import ROBOT, along, make_trace, times
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "oracles.md"
 
 busy = CustomSignal(lambda trace, time: time > 5.0, "bool")
@@ -120,7 +120,7 @@ def test_margins_are_compared_by_their_limits(text, scale, unit):
 
 
 def test_a_check_loads_nothing_that_judges():
-    code = "import sys; from daemon.judging.oracles import leading_kind, oracle_scale; " \
+    code = "import sys; from daemon.judging.leading_kind import leading_kind, oracle_scale; " \
            "sys.exit('numba' in sys.modules or 'shapely' in sys.modules)"  # fmt: skip
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
