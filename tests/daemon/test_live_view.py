@@ -11,6 +11,7 @@ import pytest
 from daemon.batch.client import read_snapshot
 from daemon.campaign import expand, load_campaign
 from daemon.model.live_view import (
+    MOST_BLOCKED,
     MOST_PLAN_POINTS,
     MOST_RETURNS,
     LiveView,
@@ -19,7 +20,7 @@ from daemon.model.live_view import (
 )
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
-from daemon.model.sut import Estimate
+from daemon.model.sut import CostmapPicture, Estimate
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.model.geometry import Pose2
@@ -52,7 +53,12 @@ def test_everything_is_thinned_and_contacts_are_told_once():
     view.contacts.append((1.0, 2.0))
     plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])
     belief = Estimate(1.0, Pose2(), np.diag([0.04, 0.01, 0.1]))
-    picture = view.extend(BARE, belief, plan, None)
+    cells = np.full((60, 60), 254, np.uint8)
+    costmap = CostmapPicture(1.0, "odom", 0.05, 40.0, 40.0, cells, frame_pose=Pose2(1.0, 0.0))
+    line = replace(BARE, stack="x" * 120)
+    picture = view.extend(line, belief, plan, costmap)
+    assert len(picture.costmap) == 2 * MOST_BLOCKED
+    assert from_centimetres(picture.costmap)[0] == (41.02, 40.02)
     assert len(picture.returns) <= 2 * MOST_RETURNS
     assert len(picture.plan) == 2 * MOST_PLAN_POINTS
     assert from_centimetres(picture.plan)[-1] == (50.0, 0.0)

@@ -161,7 +161,9 @@ class MapFrame:
     def _mark(self, shape: PlanShape, layer: Layer, dots: Floats) -> None:
         sign = _GLYPHS.get(shape.role)
         if sign is None:
-            self.canvas.points(dots, layer)
+            # Cells hardly wider than a dot would leave gaps.
+            for off in _THICK if shape.role is ShapeRole.COSTMAP else _THICK[:1]:
+                self.canvas.points(dots + np.array(off), layer)
             return
         for x, y in dots.tolist():
             self._glyph(x, y, sign, layer)
