@@ -30,7 +30,7 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
 from daemon.campaign._searches import LEAST_CONFIRMED
 from daemon.campaign._sut_files import SutFile
@@ -76,6 +76,7 @@ __all__ = [
     "read_confirm",
     "read_stop",
     "repeat_seed",
+    "required",
     "run_spec",
     "with_overrides",
 ]

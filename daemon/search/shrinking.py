@@ -122,7 +122,7 @@ class _SearchExecutor:
         spec = dataclasses.replace(
             candidate.spec, scenario=points.case.task.scenario_of(number), repeat=0
         )
-        note = left_out(Candidate(self.case.spec, self.case.scene), candidate)
+        note = left_out(Candidate(self.case.spec, self.case.cell.scene), candidate)
         proposal = Proposal(
             points.position, number, 0, "shrink", "shrink", True, self.failure.point, note
         )

@@ -14,7 +14,6 @@ from daemon.analysis.blame._case import (
     load_case,
 )
 from daemon.analysis.blame._elements import Blame, Element, NoFailureError, Without, sut_differences
-from daemon.analysis.blame._layer_text import behaviour_sentences
 from daemon.analysis.blame._runner import (
     SLOTS,
     BudgetSpentError,
@@ -52,7 +51,6 @@ __all__ = [
     "NoFailureError",
     "RunCase",
     "Without",
-    "behaviour_sentences",
     "case_of",
     "ddmin",
     "execute_candidates",

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from daemon.analysis.blame._elements import (
-    Element,
-    RemainingParts,
-    SutDifferences,
-    adapt_behaviours,
-    sut_differences,
-)
+from daemon.analysis.blame._elements import Element, SutDifferences, sut_differences
 from daemon.analysis.rejudge import find_traces
 from daemon.analysis.report import open_ledger, read_campaign_note
 from daemon.batch.errors import Refused
@@ -22,19 +15,18 @@ from daemon.batch.paths import StatePaths
 from daemon.campaign import (
     Campaign,
     CampaignCell,
+    Composer,
     LayerLibrary,
     LayerReference,
+    ResolvedScenario,
     expand,
     load_campaign,
-    repeat_seed,
+    noise_seed,
 )
 from daemon.model.spec import OracleText, RunSpec
 from daemon.trace import read_spec
-from grammars.model.behaviour import Behaviour, Walk
-from grammars.model.movers import is_mover
+from grammars.model.behaviour import Walk
 from grammars.model.scene import Scene
-from grammars.scenery import SceneryLayer, configure
-from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 
@@ -124,12 +116,16 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioLayer:
-    """A scenery layer of the scenario as its file has it, and what the campaign says about it."""
+    """A scenery layer that a scenario names, and what the campaign says about its parameters."""
 
     element: Element
     reference: LayerReference
-    plain: SceneryLayer
     overrides: tuple[tuple[Element, str, object], ...]
+
+    def of(self, kept: Collection[Element]) -> LayerReference:
+        """Return the reference with the overrides that are kept."""
+        values = {key: value for element, key, value in self.overrides if element in kept}
+        return replace(self.reference, overrides=values)
 
 
 @dataclass(slots=True)
@@ -137,19 +133,18 @@ class RunCase:
     """A run of a campaign with everything it is made of.
 
     ``layers`` are in the order of the scenario, objects before behaviours. The elements of a kind
-    are in the order in which the campaign adds them.
+    are in the order in which the campaign adds them. The scenario itself is without ``left_out``.
     """
 
     campaign: Campaign
     cell: CampaignCell
     folder: Path
     spec: RunSpec
-    scene: Scene
     layers: tuple[ScenarioLayer, ...]
     settings: SutDifferences
-    _worlds: dict[frozenset[Element], tuple[Scene, tuple[Behaviour, ...]]] = field(
-        default_factory=dict
-    )
+    _composer: Composer
+    left_out: frozenset[Element] = frozenset()
+    _worlds: dict[frozenset[Element], CampaignCell] = field(default_factory=dict)
 
     @property
     def added(self) -> tuple[Element, ...]:
@@ -160,80 +155,64 @@ class RunCase:
 
     def parts(self, added: Collection[Element]) -> tuple[Element, ...]:
         """Return the single things in a run of the elements ``added``."""
-        scene, behaviours = self._world(added)
-        waypoints = self.spec.mission.waypoints
-        return (
-            *(Element("object", thing.name) for thing in scene.objects),
-            *(Element("waypoint", waypoint.id, i) for i, waypoint in enumerate(waypoints)),
-            *(Element("behaviour", behaviour_subject(behaviour)) for behaviour in behaviours),
-        )
+        return tuple(p for p in _parts(self._world(added)) if p not in self.left_out)
 
-    def candidate(self, kept: Collection[Element], oracle: OracleText) -> Candidate:
+    def scenario(self, kept: Collection[Element]) -> ResolvedScenario:
+        """Return the scenario of ``kept`` alone: their layers, without all other single things.
+
+        Raises :class:`InputError` when they make no world: a layer speaks of objects that another
+        one places.
+        """
+        world = self._world(kept)
+        missing = [part for part in _parts(world) if part not in kept]
+        objects = {part.name for part in missing if part.kind == "object"}
+        # What an object does is left out with it.
+        missing = [
+            part
+            for part in missing
+            if part.kind != "behaviour" or part.name.partition(".")[0] not in objects
+        ]
+        ids = [waypoint.id for waypoint in world.mission.waypoints]
+        names = (_name_in_file(part, ids) for part in missing)
+        without = tuple(LayerReference(name, {}, world.scenario.where) for name in names)
+        return replace(world.scenario, without=without)
+
+    def candidate(
+        self, kept: Collection[Element], oracle: OracleText, repeat: int | None = None
+    ) -> Candidate:
         """Return the run that is made of ``kept``, judged by ``oracle`` alone.
 
-        Raises :class:`InputError` or ``ValueError`` when they make no run: a layer speaks of
-        objects that another one places, no waypoint is left.
+        It is that of another ``repeat``, if one is given. Raises ``ValueError``, and
+        :class:`InputError` as :meth:`scenario` does, when they make no run: no waypoint is left.
         """
-        scene, behaviours = self._world(kept)
-        scene = scene_with_objects(scene, {e.name for e in kept if e.kind == "object"})
-        indices = [e.index for e in kept if e.kind == "waypoint"]
-        mission = self.spec.mission
-        waypoints = tuple(w for i, w in enumerate(mission.waypoints) if i in indices)
-        if not waypoints:
-            raise ValueError("no waypoint is left")
-        names = {e.name for e in kept if e.kind == "behaviour"}
-        surviving = RemainingParts(frozenset(scene.joint_names), tuple(sorted(indices)), waypoints)
-        spec = dataclasses.replace(
+        number = self.spec.repeat if repeat is None else repeat
+        cell = self._composer.cell(self._world(kept), self.scenario(kept), number)
+        spec = replace(
             self.spec,
-            scene=scene.digest,
-            mission=dataclasses.replace(mission, waypoints=waypoints),
-            behaviours=adapt_behaviours(
-                (b for b in behaviours if behaviour_subject(b) in names), surviving
-            ),
+            scene=cell.scene.digest,
+            mission=cell.mission,
+            behaviours=cell.behaviours[0],
             sut=self.settings.sut(kept),
             oracles=(oracle,),
+            repeat=number,
+            seed=noise_seed(self.campaign.seed, number),
         )
-        return Candidate(spec, scene)
+        return Candidate(spec, cell.scene)
 
-    def _world(self, kept: Collection[Element]) -> tuple[Scene, tuple[Behaviour, ...]]:
-        """Return the scene of the kept layers with everything in it, and what its joints do."""
-        # Most candidates differ in single things only: what they are made of is compiled once.
+    def _world(self, kept: Collection[Element]) -> CampaignCell:
+        """Return the cell of the kept layers with everything that they place."""
+        # Most candidates differ in single things only: what they are made of is composed once.
         key = frozenset(e for e in kept if e.kind in ("objects", "behaviours", "override"))
         if key not in self._worlds:
-            self._worlds[key] = self._composed(key)
+            used = [layer for layer in self.layers if layer.element in key]
+            scenario = replace(
+                self.cell.scenario,
+                objects=tuple(one.of(key) for one in used if one.element.kind == "objects"),
+                behaviours=tuple(one.of(key) for one in used if one.element.kind == "behaviours"),
+                without=(),
+            )
+            self._worlds[key] = self._composer.cell(self.cell, scenario, self.spec.repeat)
         return self._worlds[key]
-
-    def _composed(self, kept: frozenset[Element]) -> tuple[Scene, tuple[Behaviour, ...]]:
-        used = [layer for layer in self.layers if layer.element in kept]
-        layers = [_configured(layer, kept) for layer in used]
-        objects = [
-            layer for layer, use in zip(layers, used, strict=True) if use.element.kind == "objects"
-        ]
-        scene = compile_scene(self.cell.plan, objects)
-        # The draws of the run itself, so that random doors move as they did.
-        draw = self.spec.repeat if self.cell.scenario.chance == "per repeat" else 0
-        seed = repeat_seed(self.campaign.seed, draw)
-        found = resolve_behaviours(scene, layers, seed=seed, limit=self.spec.limit)
-        return scene, found.behaviours
-
-
-def _configured(layer: ScenarioLayer, kept: Collection[Element]) -> SceneryLayer:
-    wanted = {key: value for element, key, value in layer.overrides if element in kept}
-    return configure(layer.plain, wanted, layer.reference.where)
-
-
-def behaviour_subject(behaviour: Behaviour) -> str:
-    """Return what people call a behaviour: its joint, or the mover that walks."""
-    return behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
-
-
-def scene_with_objects(scene: Scene, names: Collection[str]) -> Scene:
-    """Return ``scene`` as if only the objects of these names had been put into it."""
-    objects = tuple(thing for thing in scene.objects if thing.name in names)
-    # As the compiler has it: only scenes with movers keep the frames their routes refer to. Else
-    # the scene would have another digest than the same one compiled from the saved campaign.
-    frames = scene.frames if any(is_mover(thing.joints) for thing in objects) else ()
-    return dataclasses.replace(scene, objects=objects, frames=frames)
 
 
 def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
@@ -256,15 +235,42 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
 def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path) -> RunCase:
     """Take a run apart that a scenario of a campaign in ``folder`` specifies."""
     library = LayerLibrary(folder)
+    composer = Composer(library, campaign.seed)
+    scenario = cell.scenario
+    whole = composer.cell(cell, replace(scenario, without=()), spec.repeat)
+    remaining = composer.cell(cell, scenario, spec.repeat)
     return RunCase(
         campaign=campaign,
         cell=cell,
         folder=folder,
         spec=spec,
-        scene=cell.scene,
-        layers=_layers(cell, library),
+        layers=_layers(scenario, library),
         settings=sut_differences(cell, spec.sut, library),
+        _composer=composer,
+        left_out=frozenset(_parts(whole)) - frozenset(_parts(whole, remaining)),
     )
+
+
+def _parts(whole: CampaignCell, remaining: CampaignCell | None = None) -> tuple[Element, ...]:
+    """Return the single things of a cell, or those of them that remain in another one."""
+    cell = remaining or whole
+    # By identity: a place that is visited twice is two waypoints.
+    left = {id(waypoint) for waypoint in cell.mission.waypoints}
+    waypoints = enumerate(whole.mission.waypoints)
+    subjects = (b.object if isinstance(b, Walk) else b.joint for b in cell.behaviours[0])
+    return (
+        *(Element("object", thing.name) for thing in cell.scene.objects),
+        *(Element("waypoint", one.id, i) for i, one in waypoints if id(one) in left),
+        *(Element("behaviour", subject) for subject in subjects),
+    )
+
+
+def _name_in_file(part: Element, waypoints: Sequence[str]) -> str:
+    """Return a part as ``without`` in a campaign names it; ``waypoints`` are the ids of all."""
+    if part.kind == "waypoint":
+        is_name = waypoints.count(part.name) == 1 and not part.name.isdecimal()
+        return f"waypoint {part.name if is_name else part.index + 1}"
+    return f"behaviour of {part.name}" if part.kind == "behaviour" else part.name
 
 
 def _find_cell(campaign: Campaign, scenario: str) -> CampaignCell:
@@ -285,16 +291,15 @@ def _find_sut(campaign: Campaign, cell: CampaignCell, name: str) -> str:
     raise InputError(Diagnostic(Where(campaign.file), message, did_you_mean(name, names)))
 
 
-def _layers(cell: CampaignCell, library: LayerLibrary) -> tuple[ScenarioLayer, ...]:
-    scenario = cell.scenario
+def _layers(scenario: ResolvedScenario, library: LayerLibrary) -> tuple[ScenarioLayer, ...]:
     found = []
     for index, reference in enumerate((*scenario.objects, *scenario.behaviours)):
         objects = index < len(scenario.objects)
-        plain = library.scenery(reference)
+        name = library.scenery(reference).name
         overrides = tuple(
-            (Element("override", f"{plain.name}: {key} {value}", index), key, value)
+            (Element("override", f"{name}: {key} {value}", index), key, value)
             for key, value in reference.overrides.items()
         )
-        element = Element("objects" if objects else "behaviours", plain.name, index)
-        found.append(ScenarioLayer(element, reference, plain, overrides))
+        element = Element("objects" if objects else "behaviours", name, index)
+        found.append(ScenarioLayer(element, reference, overrides))
     return tuple(found)

@@ -1,13 +1,12 @@
 """What a failing run has that it could do without, and what blame found, as values.
 
-Also the parameters in which a system under test differs from the one it is like, and what becomes
-of behaviours that wait for something when parts of a run are taken away.
+Also the parameters in which a system under test differs from the one it is like.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
@@ -23,16 +22,6 @@ from daemon.campaign import (
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Verdict
 from daemon.stacks.registry import check_parameters, stack_kind
-from grammars.model.behaviour import (
-    Behaviour,
-    Event,
-    JointActs,
-    LegBegins,
-    Reaction,
-    Walk,
-    WaypointReached,
-)
-from grammars.model.mission import Waypoint
 from grammars.text.diagnostics import Where
 
 ElementKind: TypeAlias = Literal[
@@ -211,43 +200,3 @@ def _parameter_element(group: ParameterValues, index: int) -> Element:
     name = "/".join(paths[0][-min(shared, _DEEP) :])
     told = shown if len(shown) <= _LONG else f"{shown[: _LONG - 1]}…"
     return Element("parameter", f"{name}: {told}", index, name)
-
-
-@dataclass(frozen=True, slots=True)
-class RemainingParts:
-    """Joints and waypoints that are left; ``indices`` are the waypoints' places in the whole."""
-
-    joints: frozenset[str]
-    indices: tuple[int, ...]
-    waypoints: tuple[Waypoint, ...]
-
-
-def adapt_behaviours(
-    behaviours: Iterable[Behaviour], left: RemainingParts
-) -> tuple[Behaviour, ...]:
-    """Return behaviours of the joints that are left, legs numbered anew.
-
-    Raises ``ValueError`` for one that waits for what is not there any more: its run would be
-    another one, not a smaller one.
-    """
-    return tuple(_adapt_behaviour(b, left) for b in behaviours if b.joint in left.joints)
-
-
-def _adapt_behaviour(behaviour: Behaviour, left: RemainingParts) -> Behaviour:
-    if not isinstance(behaviour, Reaction | Walk) or behaviour.event is None:
-        return behaviour
-    event = _adapt_event(behaviour.event, left)
-    if event is None:
-        raise ValueError(f"{behaviour.joint} waits for what is not there")
-    return dataclasses.replace(behaviour, event=event)
-
-
-def _adapt_event(event: Event, left: RemainingParts) -> Event | None:
-    match event:
-        case LegBegins(leg=leg):
-            return LegBegins(left.indices.index(leg - 1) + 1) if leg - 1 in left.indices else None
-        case WaypointReached(waypoint=name):
-            return event if any(w.id == name for w in left.waypoints) else None
-        case JointActs(joints=joints, act=act):
-            there = tuple(joint for joint in joints if joint in left.joints)
-            return JointActs(there, act) if there else None

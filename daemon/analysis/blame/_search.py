@@ -264,7 +264,7 @@ def _reproduce_failure(
     if oracle and oracle not in names:
         hint = did_you_mean(oracle, names)
         raise NoFailureError(f'{case.spec.label} has no oracle "{oracle}", {hint}')
-    endings = runner.judge_all(Candidate(case.spec, case.scene))
+    endings = runner.judge_all(Candidate(case.spec, case.cell.scene))
     whole = (*case.added, *case.parts(case.added))
     for one, ended in zip(case.spec.oracles, endings, strict=True):
         if ended.word == "fail" and oracle in ("", one.name):

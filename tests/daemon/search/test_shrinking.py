@@ -124,7 +124,7 @@ def test_what_was_left_out_is_told(case):
     whole = case.run_case((1.5,), 0)
     everything = (*whole.added, *whole.parts(whole.added))
     oracle = whole.spec.oracles[1]
-    full = Candidate(whole.spec, whole.scene)
+    full = Candidate(whole.spec, whole.cell.scene)
     assert left_out(full, whole.candidate(everything, oracle)) == "with all of it"
     fewer = [e for e in everything if e.name not in ("kitchen", "home")]
     assert left_out(full, whole.candidate(fewer, oracle)) == (

@@ -36,7 +36,7 @@ def test_a_case_put_together_again_is_the_run_itself(folder):
     whole = (*case.added, *case.parts(case.added))
     (first, _) = case.spec.oracles
     again = case.candidate(whole, first)
-    assert (again.scene, again.spec.behaviours) == (case.scene, case.spec.behaviours)
+    assert (again.scene, again.spec.behaviours) == (case.cell.scene, case.spec.behaviours)
     assert (again.spec.seed, again.spec.repeat) == (case.spec.seed, 1)
     assert again.spec.oracles == (first,)
 
