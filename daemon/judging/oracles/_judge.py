@@ -9,9 +9,10 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from daemon import trace
+from daemon.judging.oracles._obstacles import DigestedScene
 from daemon.judging.oracles._operators import (
     judge_amount,
     judge_reached,
@@ -25,7 +26,6 @@ from daemon.model.spec import OracleText
 from daemon.model.verdicts import Evidence, MarginInterval, Outcome, Verdict, combine, join_notes
 from daemon.trace import Trace
 from grammars.model.mission import Mission
-from grammars.model.scene import Scene
 from grammars.oracle import (
     Amount,
     CustomCall,
@@ -131,26 +131,17 @@ def bind_oracle(written: OracleText, trace: Trace) -> Oracle:
 
     Raises :class:`InputError`.
     """
-    place = _SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
-    return _bind(written.name, written.text, place)
-
-
-@dataclass(frozen=True, slots=True)
-class _SceneAndMission:
-    """Where a run was: equal when the ``digest`` of the scene and the mission are."""
-
-    digest: str
-    mission: Mission
-    scene: Scene = field(compare=False)
+    building = DigestedScene(trace.spec.scene, trace.scene)
+    return _bind(written.name, written.text, building, trace.spec.mission)
 
 
 # Once for the thousands of runs that an oracle judges in one building.
 @functools.lru_cache(maxsize=1024)
-def _bind(name: str, text: str, place: _SceneAndMission) -> Oracle:
+def _bind(name: str, text: str, building: DigestedScene, mission: Mission) -> Oracle:
     oracle = _parse(name, text)
-    found = check_references(oracle, place.scene, place.mission)
-    if found:
-        raise InputError(found)
+    problems = check_references(oracle, building.scene, mission)
+    if problems:
+        raise InputError(problems)
     return oracle
 
 

@@ -107,9 +107,8 @@ def footprint_box(footprint: Ring) -> tuple[Point2, Point2]:
 
 def obstacles_of(trace: Trace, time: Floats) -> ObstaclePolygons:
     """Collect what the robot's body can hit: solids and links that overlap its height."""
-    shapes = _obstacle_shapes(
-        _SceneAtHeight(trace.spec.scene, trace.spec.robot.height, trace.scene)
-    )
+    building = DigestedScene(trace.spec.scene, trace.scene)
+    shapes = _obstacle_shapes(building, trace.spec.robot.height)
     tracks: list[Floats] = []
     for item, links in shapes.moving:
         poses = link_tracks(item, joint_positions(trace, item, time))
@@ -134,11 +133,10 @@ def _side_by_side(tracks: list[Floats], count: int) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class _SceneAtHeight:
-    """A scene for robots of one height; equal when the ``digest`` of the scene is."""
+class DigestedScene:
+    """A scene as a key: equal when its ``digest`` is; the hash of its polygons would take long."""
 
     digest: str
-    height: float
     scene: Scene = field(compare=False)
 
 
@@ -150,11 +148,10 @@ class _ObstacleShapes:
     moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
 
 
-# By digest and height instead of by the scene itself, whose hash would be that of all its polygons.
 @functools.lru_cache(maxsize=16)
-def _obstacle_shapes(building: _SceneAtHeight) -> _ObstacleShapes:
-    """Collect the polygons once for all traces in the same building."""
-    scene, height = building.scene, building.height
+def _obstacle_shapes(building: DigestedScene, height: float) -> _ObstacleShapes:
+    """Collect the polygons once for all traces of robots of one height in the same building."""
+    scene = building.scene
     rings, names, frames = _fixed_rings(scene, height)
     moving: list[tuple[SceneObject, tuple[str, ...]]] = []
     count = 0

@@ -13,8 +13,6 @@ import numpy as np
 from daemon.judging.oracles._judge import bind_oracle
 from daemon.judging.oracles._operators import true_stretches
 from daemon.judging.oracles._predicate import (
-    PredicateSeries,
-    SampleMask,
     evaluate_predicate,
     evaluate_quantity,
     margin_of,
@@ -67,42 +65,28 @@ def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeli
 
 
 def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
-    window = window_of(oracle, sampler)
-
-    def where(found: PredicateSeries, wrong: SampleMask) -> tuple[Stretch, ...]:
-        return _time_stretches(
-            sampler, scope_of(oracle, sampler, window, found.margin).allowed & wrong
-        )
-
     match oracle.judgement:
         case Temporal(operator=operator, predicate=predicate) if operator != "eventually":
-            found = evaluate_predicate(predicate, sampler, negated=operator == "never")
-            return where(found, found.margin < 0.0)
+            values = evaluate_predicate(predicate, sampler, negated=operator == "never").margin
+            wrong = values < 0.0
         case Until(operator=operator, predicate=predicate, release=release):
-            found = evaluate_predicate(predicate, sampler, negated=operator == "never")
+            values = evaluate_predicate(predicate, sampler, negated=operator == "never").margin
             # Once released, always released: what comes afterwards is no violation.
             released = np.logical_or.accumulate(evaluate_predicate(release, sampler).margin >= 0.0)
-            return where(found, (found.margin < 0.0) & ~released)
+            wrong = (values < 0.0) & ~released
         case Amount(predicate=predicate, limit=limit) if limit is not None:
-            found = evaluate_predicate(predicate, sampler)
-            holds = found.margin >= 0.0
-            return where(found, ~holds if limit.operator in (">=", ">") else holds)
+            values = evaluate_predicate(predicate, sampler).margin
+            wrong = values < 0.0 if limit.operator in (">=", ">") else values >= 0.0
         case Statistic(operator="max" | "min", signal=signal, limit=limit) if limit is not None:
             values = evaluate_quantity(signal, sampler).values
             limits = np.full(len(values), limit.number.value)
             wrong = margin_of(limit.operator, values, limits) < 0.0
-            return _time_stretches(
-                sampler, scope_of(oracle, sampler, window, values).allowed & wrong
-            )
         case _:
             return ()
-
-
-def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch, ...]:
-    """Return stretches of time; a sample counts until the next one."""
+    allowed = scope_of(oracle, sampler, window_of(oracle, sampler), values).allowed
     # As in judging: what was seen holds until the next sample, the last one until the end.
     ends = np.append(sampler.time_base.time[1:], sampler.time_base.end)
     return tuple(
         (float(sampler.time_base.time[part.start]), float(ends[part.stop - 1]))
-        for part in true_stretches(wrong)
+        for part in true_stretches(allowed & wrong)
     )
