@@ -21,6 +21,7 @@ from daemon.stacks.ros2.link import (
     TopicSetup,
 )
 from daemon.stacks.ros2.pace import about_parameters, about_speed
+from daemon.stacks.ros2.reports import report_subscriptions, report_topics
 from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import closest
@@ -76,6 +77,7 @@ class _Checkup:
         yield from self._command()
         yield self._action()
         yield from self._transforms()
+        yield from self._recorded()
         yield from about_parameters(self._settings, self._inspection, self._concerned())
         yield about_speed(self._inspection)
 
@@ -267,6 +269,38 @@ class _Checkup:
             text = "nobody publishes it, and transforms: none keeps it from being published here"
             yield CheckLine(subject, "missing", text, "write transforms: odom")
 
+    def _recorded(self) -> Iterator[CheckLine]:
+        """Yield whether each report that ``record`` names is published in a form that is heard."""
+        reports = report_topics(self._settings)
+        for topic in report_subscriptions(self._settings):
+            ends = self._ends(topic.name, "publisher")
+            obstacles = [(end, self._unrecorded(topic, end)) for end in ends]
+            heard = [end for end, reason in obstacles if not reason]
+            if heard:
+                yield self._line(topic, "ok", f"published by {_names(heard)}; it is recorded")
+            elif not ends:
+                text = "nobody publishes it: there is nothing to record"
+                others = {
+                    end.topic
+                    for end in self._graph.endpoints
+                    if end.role == "publisher" and end.kind == topic.kind
+                }
+                key = reports[topic.name].replace(" ", "-")
+                where = [f"topics: {{{key}: {other}}}" for other in sorted(others - {*reports})]
+                hint = f"write {' or '.join(where)}" if where else ""
+                yield self._line(topic, "warning", text, hint)
+            for end, reason in obstacles:
+                if reason:
+                    yield self._line(topic, "warning", f"not recorded from {end.node}: {reason}")
+
+    def _unrecorded(self, topic: TopicSetup, end: GraphEndpoint) -> str:
+        """Return why messages of a publisher do not arrive, empty when they do."""
+        if end.kind != topic.kind:
+            return f"it publishes {end.kind}"
+        if self._lenient or (end.reliable and (end.transient_local or topic.qos != "latched")):
+            return ""
+        return f"its publisher is not {'reliable' if not end.reliable else 'transient local'}"
+
     def _concerned(self) -> frozenset[str]:
         """Return the nodes that a run has to do with."""
         topics = {CLOCK.name, self._setup.command, *(topic.name for topic in self._setup.publish)}
@@ -302,7 +336,7 @@ class _Checkup:
         return {name.removesuffix(ending) for name in services if name.endswith(ending)}
 
     def _line(self, topic: TopicSetup, state: CheckState, text: str, hint: str = "") -> CheckLine:
-        own = topic.name != self._setup.command
+        own = topic is CLOCK or topic in self._setup.publish
         return CheckLine(
             topic.name, state, text, hint, topic.kind, topic.qos if own else "",
             len(self._ends(topic.name, "publisher")), len(self._ends(topic.name, "subscription")),

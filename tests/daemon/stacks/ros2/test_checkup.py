@@ -106,6 +106,28 @@ def test_a_sound_stack_has_a_line_for_everything_and_nothing_against_it():
     assert scan.text == "heard by /amcl, /local_costmap/local_costmap"
 
 
+TREE, GRID = "nav2_msgs/msg/BehaviorTreeLog", "nav_msgs/msg/OccupancyGrid"
+
+
+@pytest.mark.parametrize(
+    ("ends", "state", "text", "hint"),
+    [
+        ([], "warning", "nobody publishes it: there is nothing to record", ""),
+        ([mouth("/costs", GRID, "/costs")], "warning", "nobody publishes it: there is nothing to "
+         "record", "write topics: {local-costmap: /costs}"),
+        ([mouth("/local_costmap/costmap", GRID, "/costs")], "warning",
+         "not recorded from /costs: its publisher is not transient local", ""),
+        ([mouth("/local_costmap/costmap", TREE, "/costs")], "warning",
+         f"not recorded from /costs: it publishes {TREE}", ""),
+        ([replace(mouth("/local_costmap/costmap", GRID, "/costs"), transient_local=True)], "ok",
+         "published by /costs; it is recorded", ""),
+    ],
+)  # fmt: skip
+def test_a_report_that_cannot_be_recorded_is_a_warning(ends, state, text, hint):
+    line = line_of("/local_costmap/costmap", besides(*ends), record=["local costmap"])
+    assert (line.state, line.text, line.hint, line.qos) == (state, text, hint, "")
+
+
 def test_a_stack_that_hears_no_scan_is_told_where_it_listens_instead():
     seen = besides(ear("/robile/scan_front", SCAN, "/amcl"), seen=without("/scan"))
     line = only(seen)
