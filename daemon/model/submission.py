@@ -7,6 +7,7 @@ A run is a *cell* (everything that is the same for all repeats of a scenario wit
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Final, NamedTuple
@@ -50,7 +51,8 @@ class CampaignOrigin:
     commit: str = ""
     branch: str = ""
     changed: bool | None = None
-    path: str = ""
+    # Left out where it is empty: ids of campaigns are digests of all the rest.
+    path: Annotated[str, Field(exclude_if=operator.not_)] = ""
 
 
 @dataclass(frozen=True, slots=True)

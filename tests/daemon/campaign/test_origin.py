@@ -6,6 +6,8 @@ import subprocess
 import pytest
 
 from daemon.campaign import campaign_origin, load_campaign
+from daemon.model.submission import CampaignOrigin
+from grammars.text import codec
 
 GIT = shutil.which("git")
 
@@ -74,3 +76,8 @@ def test_the_repository_of_a_hook_is_not_that_of_the_campaign(folder, monkeypatc
     for name in ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY"):
         monkeypatch.setenv(name, str(other))
     assert origin(folder) == whole
+
+
+def test_a_campaign_that_has_no_path_keeps_the_digest_it_had_before_paths_were_kept():
+    assert b"path" not in codec.to_json(CampaignOrigin())
+    assert b'"path":"/there.yaml"' in codec.to_json(CampaignOrigin(path="/there.yaml"))
