@@ -238,9 +238,9 @@ class _Ears:
 class _Participant:
     """A context with one node: publishers and raw subscriptions.
 
-    Subscriptions are read without an executor of rclpy. One in a thread of its own made cycles of
-    1.4 ms out of 0.9 ms and added 0.6 ms to the measured latency of an answer (Kilted and Jazzy,
-    two cores).
+    Subscriptions are read without an executor of rclpy. One in a thread of its own took twice the
+    CPU time (1.0 ms a cycle) and added 0.5 to 0.9 ms to the measured latency of an answer (medians,
+    Kilted and Jazzy, two loaded cores).
     """
 
     def __init__(self, ros: SimpleNamespace, name: str, closing: ExitStack) -> None:
