@@ -128,7 +128,8 @@ def isolating_variables(folder: Path, home: Path | None) -> dict[str, str]:
 
     ``home`` is the user's: packages that were installed with ``pip install --user`` stay in sight.
     """
-    places = {"HOME": folder / "home", "ROS_HOME": folder / "ros", "ROS_LOG_DIR": folder / "log"}
+    names = {"HOME": "home", "ROS_HOME": "ros", "ROS_LOG_DIR": "log", "TMPDIR": "tmp"}
+    places = {variable: folder / name for variable, name in names.items()}
     for place in places.values():
         place.mkdir(mode=0o700, exist_ok=True)
     variables = {name: str(place) for name, place in places.items()}

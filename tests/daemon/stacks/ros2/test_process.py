@@ -408,6 +408,7 @@ def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
     expected = {
         "FROM_SETUP=yes",
         f"HOME={stack.folder}/home",
+        f"TMPDIR={stack.folder}/tmp",
         "ROS_LOG_DIR=/chosen",
         f"DOMAIN=no. {domain}",
         f"ROS_DOMAIN_ID={domain}",
