@@ -60,5 +60,8 @@ def read_run_log(path: Path) -> tuple[LogLine, ...]:
 
     trace = read_trace(path)
     end = trace.ended or "cut off: the recording has no end"
-    last = LogLine(trace.valid_until, "run", f"{end}{f', {trace.note}' if trace.note else ''}")
-    return (*run_log(trace), last)
+    lines = run_log(trace)
+    # The reason of a system that cannot go on is an event, too.
+    note = "" if any(line.text == trace.note for line in lines) else trace.note
+    last = LogLine(trace.valid_until, "run", f"{end}{f', {note}' if note else ''}")
+    return (*lines, last)

@@ -226,6 +226,21 @@ class CellVerdict(_ExpectedVerdict):
     state: str = "done"
 
 
+def group_errors(oracles: Iterable[CellVerdict]) -> list[tuple[CellVerdict, ...]]:
+    """Return oracles in groups: those of a cell whose worst run ended in the same error share one.
+
+    Each other oracle is a group of its own; the order is that of the first of each group.
+    """
+    groups: dict[tuple[str, ...], list[CellVerdict]] = {}
+    for oracle in oracles:
+        worst = None if oracle.worst is None else oracle.worst.verdict
+        key: tuple[str, ...] = (oracle.scenario, oracle.sut, oracle.oracle)
+        if worst is not None and worst.outcome is Outcome.ERROR:
+            key = (oracle.scenario, oracle.sut, oracle.statement, worst.evidence.note_text)
+        groups.setdefault(key, []).append(oracle)
+    return [tuple(group) for group in groups.values()]
+
+
 @dataclass(frozen=True, slots=True)
 class CellMeasure:
     """A measured quantity over all repeats of a cell: ``values[i]`` is that of ``repeats[i]``.

@@ -256,8 +256,8 @@ class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run end
     def __init__(
         self, reason: str, *, printed: Sequence[str] = (), events: Sequence[SutEvent] = ()
     ) -> None:
-        first = f"{reason}; the stack printed:" if printed else reason
-        super().__init__("\n".join([first, *(f"  {line}" for line in printed)]))
+        lines = [reason, *(["the stack printed:"] if printed else ()), *(f"  {p}" for p in printed)]
+        super().__init__("\n".join(lines))
         self.reason, self.printed, self.events = reason, tuple(printed), tuple(events)
 
 

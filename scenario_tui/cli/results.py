@@ -140,7 +140,7 @@ def _headline(results: CampaignResults, took: float | None) -> Text:
 
 
 def _print_list(console: Console, title: str, lines: list[Text]) -> None:
-    console.print(Text(f"{len(lines):,} {title}:", style="bold"))
+    console.print(Text(f"{title}:", style="bold"))
     for line in lines[:LISTED]:
         console.print(line, soft_wrap=True)
     if len(lines) > LISTED:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -18,6 +18,7 @@ from daemon.model.assessments import (
     ComparisonVerdict,
     ExpectationStatus,
     UnexpectedVerdict,
+    group_errors,
 )
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, moments_in_tenths
@@ -155,13 +156,14 @@ def unexpected_text(found: UnexpectedVerdict, styles: Styles) -> Text:
     return text
 
 
-def undecided_text(oracle: CellVerdict, styles: Styles) -> Text:
-    """Return what could not be decided and why."""
+def undecided_text(oracles: Sequence[CellVerdict], styles: Styles) -> Text:
+    """Return what could not be decided and why; the oracles share it."""
+    oracle = oracles[0]
     worst = oracle.worst.verdict if oracle.worst else None
     note = worst.evidence.note_text if worst and worst.outcome is not Outcome.PASS else ""
-    # The first line says what happened; the stack's last lines below it are shown with the run.
+    # The first line says what happened; what the stack printed is shown with the run.
     note = note.partition("\n")[0]
-    said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
+    said = f"{oracle.sut} {oracle.scenario} {', '.join(one.oracle for one in oracles)}"
     return _attention_line(str(oracle.verdict), said, [oracle.statement, note], styles)
 
 
@@ -175,19 +177,19 @@ def repeatability_text(results: CampaignResults) -> str:
 
 def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str, list[Text]]]:
     """Return what is to be looked at, as titles with lines; empty lists are left out."""
+    surprises, undecided = results.assessment.surprises, results.undecided
+    lost, differing = results.lost_runs, results.nondeterministic_runs
     groups = (
-        ("unexpected", [unexpected_text(found, styles) for found in results.assessment.surprises]),
-        ("undecided", [undecided_text(found, styles) for found in results.undecided]),
-        ("not executed", [_lost_run_text(row, styles) for row in results.lost_runs]),
+        (surprises, "unexpected", [unexpected_text(found, styles) for found in surprises]),
+        (undecided, "undecided", [undecided_text(o, styles) for o in group_errors(undecided)]),
+        (lost, "not executed", [_lost_run_text(row, styles) for row in lost]),
         (
+            differing,
             "not reproducible",
-            [
-                _attention_line(run_word(r), run_label(r), [r.reason], styles)
-                for r in results.nondeterministic_runs
-            ],
+            [_attention_line(run_word(r), run_label(r), [r.reason], styles) for r in differing],
         ),
     )
-    return [(title, lines) for title, lines in groups if lines]
+    return [(f"{len(found):,} {title}", lines) for found, title, lines in groups if found]
 
 
 def _lost_run_text(row: RunRow, styles: Styles) -> Text:
@@ -266,7 +268,7 @@ def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
     """Return comparisons, what is known, and what is to be looked at."""
     text = Text()
     for title, lines in attention_lists(results, DASHBOARD_STYLES):
-        text.append(f"\n{len(lines):,} {title}\n", style="bold")
+        text.append(f"\n{title}\n", style="bold")
         for line in lines:
             text.append_text(line).append("\n")
     if results.assessment.comparisons:

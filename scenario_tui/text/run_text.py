@@ -128,7 +128,7 @@ def evidence_parts(verdict: Verdict) -> list[str]:
 
 
 def _first_line(note: str) -> str:
-    # Below it a stack's last lines may stand, which are shown once, with the run.
+    # Below it may stand what a stack printed, which is shown once, with the run.
     return note.partition("\n")[0]
 
 

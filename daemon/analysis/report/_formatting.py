@@ -64,7 +64,8 @@ def verdict_details(verdict: Verdict) -> str:
     if verdict.unit == "" or verdict.margin is None:
         parts = []
     parts.append("" if seen.time is None else f"at {seen.time:.1f} s")
-    parts.extend((seen.object, seen.note_text))
+    # What a stack printed stands below the first line, and in the list of runs.
+    parts.extend((seen.object, seen.note_text.partition("\n")[0]))
     return ", ".join(part for part in parts if part)
 
 

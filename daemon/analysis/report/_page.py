@@ -44,6 +44,7 @@ from daemon.model.assessments import (
     CellVerdict,
     ExpectationStatus,
     ReferenceComparison,
+    group_errors,
     state_of,
 )
 from daemon.model.run_state import UNFINISHED_STATES
@@ -67,9 +68,13 @@ class Headline:
 
 @dataclass(frozen=True, slots=True)
 class ReportFinding:
-    """An oracle of a cell worth a closer look: its repeats, what to type, the deciding moment."""
+    """An oracle of a cell worth a closer look: its repeats, what to type, the deciding moment.
+
+    ``names`` are those of all oracles that an error left without a verdict, this one among them.
+    """
 
     oracle: CellVerdict
+    names: str
     text: str
     runs: tuple[tuple[str, str, str], ...]
     commands: tuple[tuple[str, str], ...]
@@ -257,17 +262,19 @@ def _findings(
 ) -> tuple[ReportFinding, ...]:
     moments = {(f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment" and f.svg}
     return tuple(
-        _finding(o, data, commands, moments.get((o.scenario, o.sut, o.oracle)))
-        for o in notable_verdicts(data)
+        _finding(group, data, commands, moments.get((o.scenario, o.sut, o.oracle)))
+        for group in group_errors(notable_verdicts(data))
+        for o in group[:1]
     )
 
 
 def _finding(
-    oracle: CellVerdict,
+    oracles: Sequence[CellVerdict],
     data: ReportData,
     commands: Sequence[SuggestedCommand],
     moment: ReportFigure | None,
 ) -> ReportFinding:
+    oracle, names = oracles[0], ", ".join(one.oracle for one in oracles)
     here = [
         run.record
         for run in data.runs
@@ -279,7 +286,7 @@ def _finding(
     shown = next((r for r in here if oracle.worst and r.id == oracle.worst.run), None)
     picture = None if moment is None else _as_markup(moment)
     if shown is None:
-        return ReportFinding(oracle, text, runs, (), picture)
+        return ReportFinding(oracle, names, text, runs, (), picture)
     # A folder of traces has no ids that commands would know, but the names of its files.
     name = shown.trace and _place(shown.trace, data.input)
     name = shown.id if data.input.id else name or shown.id
@@ -289,7 +296,7 @@ def _finding(
         for c in commands
         if failed or not c.failing
     )
-    return ReportFinding(oracle, text, runs, typed, picture)
+    return ReportFinding(oracle, names, text, runs, typed, picture)
 
 
 def _grouped(measures: Sequence[RunMeasure]) -> list[tuple[RunMeasure, ...]]:

@@ -11,11 +11,13 @@ from daemon.model.assessments import (
     Expectation,
     ExpectedVerdict,
     RepeatPolicy,
+    group_errors,
 )
 from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
-from daemon.model.verdicts import Outcome, Verdict
-from scenario_tui.text.assessment_text import cell_notes
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.text.assessment_text import cell_notes, undecided_text
+from scenario_tui.text.formatting import TERMINAL_STYLES
 from scenario_tui.text.results import conclude
 from scenario_tui.text.run_text import run_text
 from tests.run_rows import run_result, run_row
@@ -99,6 +101,22 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
 )
 def test_the_conclusion_is_about_what_was_judged(records, finished, words):
     assert conclude(judged(*records), finished=finished).glyph_text == words
+
+
+def test_an_error_is_told_once_and_not_for_each_oracle():
+    error = Evidence(note="amcl died with exit code -9\nthe stack printed:\n  [ERROR] bye")
+    verdicts = (
+        Verdict("reached", "", Outcome.ERROR, None, None, "m", error),
+        Verdict("in-time", "", Outcome.PASS, 0.1, 0.1, "s"),
+        Verdict("buffer", "", Outcome.ERROR, None, None, "m", error),
+    )
+    row = run_row(result=run_result(*verdicts, outcome=Outcome.ERROR))
+    (cell,) = assess(AssessmentRules(), (row,)).cells
+    alone, together = sorted(group_errors(cell.oracles), key=len)
+    assert [oracle.oracle for oracle in alone] == ["in-time"]
+    said = undecided_text(together, TERMINAL_STYLES).plain
+    assert "pilot S1 reached, buffer  " in said
+    assert said.endswith("  amcl died with exit code -9")
 
 
 @pytest.mark.parametrize(

@@ -288,7 +288,7 @@ def test_a_start_ends_at_once_with_its_cause(machine, briefing, printed, reason)
 def test_a_start_that_takes_too_long_names_a_cause_that_is_known(machine, briefing):
     line = "[amcl-2] [ERROR] [1.0] [amcl]: Could not load library: x.so"
     _, (_, waiting) = coming_up_in_vain(machine, briefing, line, **{"start-up": "0.2 s"})
-    with pytest.raises(SutFailure, match=r"amcl is inactive; amcl cannot load the library x\.so;"):
+    with pytest.raises(SutFailure, match=r"amcl is inactive; amcl cannot load the library x\.so\n"):
         list(waiting)
 
 
