@@ -1,4 +1,4 @@
-"""What is known of a leading margin before anything runs: its unit, its scale, whether it leads.
+"""Leading margins before anything runs: their unit, their scale, and whether they lead.
 
 A *leading margin* is a signed margin that goes down towards the failure also where the verdict's
 margin is flat (:mod:`daemon.judging.oracles._leading`). Signals that are true or false lead where
@@ -46,7 +46,7 @@ _ARRIVES: Final = "reached(mission, 0.25 m)"
 
 @dataclass(frozen=True, slots=True)
 class LeadingKind:
-    """Whether an oracle's leading margin leads anywhere, and its ``unit``.
+    """Usefulness of an oracle's leading margin to a search, and its ``unit``.
 
     What is not ``led`` has a ``reason`` and a ``better`` oracle to search with.
     """
@@ -129,7 +129,7 @@ def predicate_unit(predicate: Expression) -> str:
 
 
 def has_unlike_units(predicate: Expression) -> bool:
-    """Whether the clauses of a predicate are measured in different units."""
+    """Return whether the clauses of a predicate are measured in different units."""
     return len({_clause_unit(clause) for clause in clauses_of(predicate)}) > 1
 
 

@@ -131,7 +131,7 @@ class MeanInterval:
 
 @dataclass(frozen=True, slots=True)
 class MeanDifference:
-    """How much larger the first of two samples is.
+    """Difference of the means of two samples, the first minus the second.
 
     ``low`` and ``high`` are one-sided bounds, each of its own: the mean difference is shown to be
     at least ``low``, or at most ``high``. ``n`` counts pairs, or the smaller sample; ``error`` is

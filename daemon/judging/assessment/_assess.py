@@ -81,7 +81,7 @@ def _cell(
     left_out = left.left_out + right.left_out
     note = _left_out_text(comparison, left_out, compared)
     verdict, note = _verdict(comparison, difference, note, differences)
-    wanted, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
+    expected, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
     failed, passed = int(verdict is Outcome.FAIL), int(verdict is Outcome.PASS)
     mean = sum(differences) / len(differences) if differences else None
     return ComparisonVerdict(
@@ -99,8 +99,8 @@ def _cell(
         method=difference.method if difference else "",
         verdict=verdict,
         note=note,
-        expected=wanted,
-        status=expectation_status(wanted, verdict, passed=passed, failed=failed, n=1),
+        expected=expected,
+        status=expectation_status(expected, verdict, passed=passed, failed=failed, n=1),
         why=why,
         state=state_of(r.state for r in compared),
         interval=(both.low, both.high) if both else None,
@@ -133,14 +133,14 @@ def _value(comparison: ScenarioComparison, record: RunRow) -> float | None:
 
 
 def mission_completed(record: RunRow) -> bool:
-    """Whether the mission was ended: only then the time it took says anything about a delay."""
+    """Return whether the mission was ended: only then its time says anything about a delay."""
     arrived = all(v.outcome is Outcome.PASS for v in record.verdicts if _asks_for_arrival(v.text))
     return record.ended == "finished" and arrived
 
 
 @functools.lru_cache(maxsize=256)
 def _asks_for_arrival(text: str) -> bool:
-    """Whether an oracle asks for all waypoints, whatever else it asks for."""
+    """Return whether an oracle judges by ``reached``."""
     # The parser of the language takes long to load, and few campaigns compare delays.
     from grammars.oracle import Reached, parse_oracle
 
@@ -227,14 +227,14 @@ def undecided_cells(
     Not those with a run that has no result (what is broken is not repeated), nor oracles of which
     nothing is expected or that some repeat could not judge.
     """
-    found = []
+    undecided = []
     for group in group_by_cell(records).values():
         if any(record.outcome is None for record in group):
             continue
         cell = _assess_cell(group, declared)
         if any(_can_be_decided(oracle) for oracle in cell.oracles):
-            found.append((cell.scenario, cell.sut))
-    return tuple(found)
+            undecided.append((cell.scenario, cell.sut))
+    return tuple(undecided)
 
 
 def _can_be_decided(oracle: CellVerdict) -> bool:
@@ -243,10 +243,10 @@ def _can_be_decided(oracle: CellVerdict) -> bool:
 
 
 def _assess_cell(records: Sequence[RunRow], declared: AssessmentRules) -> CellAssessment:
-    found = [v for r in records for v in trusted_verdicts(r)]
+    verdicts = [v for r in records for v in trusted_verdicts(r)]
     # A trace that cannot be trusted gives errors for measures too; they are no oracles for that.
-    measures = {v.oracle for v in found if v.outcome is Outcome.MEASURE}
-    names = dict.fromkeys(v.oracle for v in found if v.oracle not in measures)
+    measures = {v.oracle for v in verdicts if v.outcome is Outcome.MEASURE}
+    names = dict.fromkeys(v.oracle for v in verdicts if v.oracle not in measures)
     oracles = tuple(cell_verdict(name, records, declared) for name in names)
     return CellAssessment(
         scenario=records[0].scenario,
@@ -267,7 +267,7 @@ def _worst_outcome(oracles: Sequence[CellVerdict], records: Sequence[RunRow]) ->
 
 
 def _broken(record: RunRow) -> bool:
-    """Whether a run was not executed, or not so that it can be judged."""
+    """Return whether a run was lost or cannot be judged."""
     return record.state == "lost" or record.outcome is Outcome.ERROR
 
 
@@ -285,16 +285,16 @@ def _exit_code(records: Sequence[RunRow], statuses: Collection[ExpectationStatus
 
 def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRow]) -> UnexpectedVerdict:
     """Return what contradicts: the worst run, or the first that passes where it should not."""
-    shown = oracle.worst
-    run, repeat, verdict = (shown.run, shown.repeat, shown.verdict) if shown else ("", None, None)
-    said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
+    worst = oracle.worst
+    run, repeat, verdict = (worst.run, worst.repeat, worst.verdict) if worst else ("", None, None)
+    subject = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
     if oracle.expected != "pass":
         # It should have failed: the worst run is what was wanted, a passing one is the surprise.
         first = next((pair for pair in _passing_runs(oracle, records)), None)
         run, repeat, verdict = first if first else (run, repeat, verdict)
-        text = f"{said}  passes {oracle.passed} of {oracle.n}, expected {oracle.expected}"
+        text = f"{subject}  passes {oracle.passed} of {oracle.n}, expected {oracle.expected}"
     else:
-        text = f"{said}  {evidence_text(verdict)}" if verdict else said
+        text = f"{subject}  {evidence_text(verdict)}" if verdict else subject
         if oracle.failed < oracle.n:
             text += f"  ({oracle.failed} of {oracle.n} fail)"
     return UnexpectedVerdict(
@@ -322,10 +322,10 @@ def _passing_runs(
 
 def evidence_text(verdict: Verdict) -> str:
     """Return a verdict's margin and evidence: ``-0.012 m  t=41.3 s  door_17``."""
-    seen = verdict.evidence
+    evidence = verdict.evidence
     parts = ["" if verdict.margin is None else _quantity(verdict.margin, verdict.unit)]
-    parts.append("" if seen.time is None else f"t={seen.time:.1f} s")
-    parts.extend((seen.object, seen.note))
+    parts.append("" if evidence.time is None else f"t={evidence.time:.1f} s")
+    parts.extend((evidence.object, evidence.note))
     return "  ".join(part for part in parts if part)
 
 

@@ -56,7 +56,7 @@ class VerdictChange:
 
     @property
     def worse(self) -> bool:
-        """Whether it fails now and did not."""
+        """True if it fails now and did not before."""
         return self.after is Outcome.FAIL and self.before not in (None, Outcome.FAIL)
 
 
@@ -90,7 +90,7 @@ class QuantityChange:
 
 @dataclass(frozen=True, slots=True)
 class CampaignDifference:
-    """What differs between two campaigns; cells, (scenario, SUT), that only one has are named.
+    """Differences between two campaigns, and the cells, (scenario, SUT), that only one has.
 
     Of campaigns that go on what has finished is compared; ``unfinished_before`` and
     ``unfinished_after`` are how many of their runs wait or run.
@@ -108,7 +108,7 @@ class CampaignDifference:
 
     @property
     def regressed(self) -> bool:
-        """Whether a verdict or a quantity got worse."""
+        """True if a verdict or a quantity got worse."""
         return any(v.worse for v in self.verdicts) or any(s.worse for s in self.shifts)
 
 
@@ -172,9 +172,9 @@ def _verdicts(
         )
 
 
-def _is_open(found: CellVerdict | None, records: Sequence[RunRow]) -> bool:
-    """Whether runs that go on may still decide what an oracle says of a cell."""
-    undecided = found is None or found.verdict is Outcome.INCONCLUSIVE
+def _is_open(verdict: CellVerdict | None, records: Sequence[RunRow]) -> bool:
+    """Return whether runs that go on may still decide an oracle of a cell."""
+    undecided = verdict is None or verdict.verdict is Outcome.INCONCLUSIVE
     return undecided and any(not record.settled for record in records)
 
 
@@ -201,16 +201,16 @@ def _quantity_changes(
 
 
 def _quantities(records: Iterable[RunRow]) -> dict[str, tuple[QuantityKind, str]]:
-    found: dict[str, tuple[QuantityKind, str]] = {}
+    quantities: dict[str, tuple[QuantityKind, str]] = {}
     for record in records:
         for verdict in record.verdicts:
             # An error says neither what an oracle is nor in which unit.
             if verdict.outcome is Outcome.ERROR:
                 continue
             kind: QuantityKind = "measure" if verdict.outcome is Outcome.MEASURE else "margin"
-            found.setdefault(verdict.oracle, (kind, verdict.unit))
-    found.setdefault(DURATION, ("duration", "s"))
-    return found
+            quantities.setdefault(verdict.oracle, (kind, verdict.unit))
+    quantities.setdefault(DURATION, ("duration", "s"))
+    return quantities
 
 
 def _values(
@@ -227,10 +227,10 @@ def _values(
 def _margin(record: RunRow, name: str) -> float | None:
     # An inconclusive margin is a bound, not a value; means of bounds say nothing.
     decided = (Outcome.PASS, Outcome.FAIL)
-    found = (
+    margins = (
         v.margin for v in trusted_verdicts(record) if v.oracle == name and v.outcome in decided
     )
-    return next(found, None)
+    return next(margins, None)
 
 
 def _test_change(

@@ -52,7 +52,7 @@ def base_name(scenario: str) -> str:
 
 
 def expectation_matches(expectation: Expectation, scenario: str, oracle: str, sut: str) -> bool:
-    """Whether an expectation is about an oracle of a scenario with a system under test.
+    """Return whether an expectation is about an oracle of a scenario with a system under test.
 
     A pattern that matches a scenario matches its variants.
     """
@@ -76,18 +76,18 @@ def expected_verdict(
 
 
 def expectation_status(
-    wanted: ExpectedVerdict, verdict: Outcome, *, passed: int, failed: int, n: int
+    expected: ExpectedVerdict, verdict: Outcome, *, passed: int, failed: int, n: int
 ) -> ExpectationStatus:
     """Compare what came out of ``n`` repeats with what was expected.
 
     ``pass`` is about the verdict, which follows the policy; ``fail`` and ``mixed`` are about single
     repeats: what is known to be broken must not pass by chance either.
     """
-    if wanted == "any":
+    if expected == "any":
         return ExpectationStatus.MET
-    if wanted == "pass":
+    if expected == "pass":
         met, contradicted = verdict is Outcome.PASS, verdict is Outcome.FAIL
-    elif wanted == "fail":
+    elif expected == "fail":
         met, contradicted = failed == n > 0, passed > 0
     else:
         met, contradicted = failed > 0, passed == n > 0
@@ -125,10 +125,10 @@ def cell_measures(records: Sequence[RunRow]) -> tuple[CellMeasure, ...]:
 
 
 def _cell_measure(name: str, unit: str, records: Sequence[RunRow]) -> CellMeasure | None:
-    found = [(r.repeat, value) for r in records if (value := measured_value(r, name)) is not None]
-    if not found:
+    pairs = [(r.repeat, value) for r in records if (value := measured_value(r, name)) is not None]
+    if not pairs:
         return None
-    repeats, values = zip(*found, strict=True)
+    repeats, values = zip(*pairs, strict=True)
     interval = mean_interval(values)
     return CellMeasure(
         scenario=records[0].scenario,
@@ -158,14 +158,14 @@ def _distrust(verdict: Verdict, note: str) -> Verdict:
 
 def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules) -> CellVerdict:
     """Return what the oracle ``name`` says about the repeats of one cell."""
-    found = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
-    verdicts = [v for _, v in found]
+    pairs = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
+    verdicts = [v for _, v in pairs]
     counts, n = Counter(v.outcome for v in verdicts), len(records)
     passed, failed = counts[Outcome.PASS], counts[Outcome.FAIL]
     policy = declared.policy
     verdict = _policy_verdict(policy, verdicts, n)
     scenario, sut = records[0].scenario, records[0].sut
-    wanted, why = expected_verdict(declared.expectations, scenario, name, sut)
+    expected, why = expected_verdict(declared.expectations, scenario, name, sut)
     confidence = confidence_of(policy)
     needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
     waiting = sum(not record.settled for record in records)
@@ -183,16 +183,16 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
         errors=counts[Outcome.ERROR],
         missing=n - len(verdicts),
         n=n,
-        # As if what was not judged had failed for the lower bound, and passed for the upper one.
+        # As if what was not pairs had failed for the lower bound, and passed for the upper one.
         low=proportion_interval(passed, n)[0],
         high=proportion_interval(n - failed, n)[1],
         at_least=at_least(passed, n, confidence),
         needed=needed,
         statement=statement,
-        worst=_worst_run(found),
+        worst=_worst_run(pairs),
         verdict=verdict,
-        expected=wanted,
-        status=expectation_status(wanted, verdict, passed=passed, failed=failed, n=n),
+        expected=expected,
+        status=expectation_status(expected, verdict, passed=passed, failed=failed, n=n),
         why=why,
         state=state_of(record.state for record in records),
     )
@@ -210,15 +210,15 @@ def confidence_of(policy: RepeatPolicy) -> float:
 def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
     counts = Counter(v.outcome for v in verdicts)
     if policy.rule == "all":
-        found = [outcome for outcome in BY_GRAVITY[:3] if counts[outcome]]
-        if found and found[0] is not Outcome.INCONCLUSIVE:
-            return found[0]
+        gravest = [outcome for outcome in BY_GRAVITY[:3] if counts[outcome]]
+        if gravest and gravest[0] is not Outcome.INCONCLUSIVE:
+            return gravest[0]
         return Outcome.PASS if counts[Outcome.PASS] == n else Outcome.INCONCLUSIVE
-    # A rate or a mean that is shown is shown whatever the broken repeats would have been; they
-    # matter only where nothing is shown.
-    shown = _rate(policy, counts, n) if policy.rule == "rate" else _mean(policy, verdicts, n)
-    undecided = shown is Outcome.INCONCLUSIVE
-    return Outcome.ERROR if undecided and counts[Outcome.ERROR] else shown
+    # What the sound repeats show holds whatever the broken ones would have been: those matter only
+    # if nothing is shown.
+    outcome = _rate(policy, counts, n) if policy.rule == "rate" else _mean(policy, verdicts, n)
+    undecided = outcome is Outcome.INCONCLUSIVE
+    return Outcome.ERROR if undecided and counts[Outcome.ERROR] else outcome
 
 
 def _rate(policy: RepeatPolicy, counts: Counter[Outcome], n: int) -> Outcome:
@@ -268,10 +268,10 @@ def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: i
     return f"{text} ({looks} looks)" if looks > 1 else text
 
 
-def _worst_run(found: Sequence[tuple[RunRow, Verdict]]) -> WorstRun | None:
-    if not found:
+def _worst_run(pairs: Sequence[tuple[RunRow, Verdict]]) -> WorstRun | None:
+    if not pairs:
         return None
-    record, verdict = min(found, key=lambda pair: _severity(pair[1]))
+    record, verdict = min(pairs, key=lambda pair: _severity(pair[1]))
     return WorstRun(record.id, record.repeat, verdict)
 
 

@@ -1,4 +1,4 @@
-"""Where the robot is in relation to things and places: distances between outlines, being inside.
+"""The robot in relation to things and places: distances between outlines, being inside.
 
 Distances are Euclidean, between the robot's footprint and filled outlines, and 0 where they meet.
 :mod:`daemon.judging.oracles._clearance` measures along the sides of a box, and goes on below 0.

@@ -176,10 +176,10 @@ def _lead(oracle: Oracle, verdict: Verdict, sampler: SignalSampler) -> _Lead | N
     return None
 
 
-def _decisive(found: MarginInterval) -> _Lead:
+def _decisive(interval: MarginInterval) -> _Lead:
     """Return the bound of an interval that is known."""
-    margin = found.upper if math.isinf(found.lower) else found.lower
-    return _Lead(margin, found.evidence)
+    margin = interval.upper if math.isinf(interval.lower) else interval.lower
+    return _Lead(margin, interval.evidence)
 
 
 def _clause_lead(predicate: Expression, sampler: SignalSampler) -> ClauseLead:

@@ -43,9 +43,9 @@ def leading_quantity(expression: Expression, sampler: SignalSampler) -> SignalSe
     """
     match expression:
         case Function(name="-", operand=operand):
-            found = leading_quantity(operand, sampler)
-            if found is not None:
-                return SignalSeries(-found.values, found.objects, found.names, found.note)
+            signal = leading_quantity(operand, sampler)
+            if signal is not None:
+                return SignalSeries(-signal.values, signal.objects, signal.names, signal.note)
         case Signal(name="contact.depth"):
             return _contact(_thing(expression), sampler)
         case Signal(name="distance"):
@@ -116,6 +116,6 @@ def _refine(near: SignalSeries, thing: str, sampler: SignalSampler) -> SignalSer
 
 
 def _is_box(footprint: Ring) -> bool:
-    """Whether a footprint is the box around it."""
+    """Return whether a footprint is the box around it."""
     _, (hx, hy) = footprint_box(footprint)
     return abs(Polygon(footprint).area - 4.0 * hx * hy) < 1e-9

@@ -1,4 +1,4 @@
-"""What a robot can hit: filled convex polygons of everything that overlaps it in height.
+"""Obstacles of a robot: filled convex polygons of everything that overlaps it in height.
 
 Joints and links of objects are placed over the whole trace at once.
 """
@@ -171,21 +171,21 @@ def _obstacle_shapes(building: DigestedScene, height: float) -> _ObstacleShapes:
 def obstacles_named(obstacles: ObstaclePolygons, *names: str) -> ObstaclePolygons:
     """Return the polygons of solids, objects (with all their links) or links."""
     owned = {owner: any(belongs_to(owner, name) for name in names) for owner in obstacles.names}
-    kept = [i for i, owner in enumerate(obstacles.names) if owned[owner]]
+    indices = [i for i, owner in enumerate(obstacles.names) if owned[owner]]
     offsets = obstacles.offsets
-    parts = [obstacles.corners[offsets[i] : offsets[i + 1]] for i in kept]
+    parts = [obstacles.corners[offsets[i] : offsets[i + 1]] for i in indices]
     return ObstaclePolygons(
         np.concatenate(parts) if parts else np.empty((0, 2)),
         np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64),
-        obstacles.frame[kept],
-        obstacles.circle[kept],
+        obstacles.frame[indices],
+        obstacles.circle[indices],
         obstacles.tracks,
-        tuple(obstacles.names[i] for i in kept),
+        tuple(obstacles.names[i] for i in indices),
     )
 
 
 def belongs_to(owner: str, name: str) -> bool:
-    """Whether the polygon or contact of ``owner`` is one of the thing called ``name``."""
+    """Return whether the polygon or contact of ``owner`` is one of the thing called ``name``."""
     return owner == name or owner.startswith(f"{name}.")
 
 

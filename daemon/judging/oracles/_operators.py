@@ -50,23 +50,23 @@ def judge_temporal(
 ) -> MarginInterval:
     """Judge ``always``, ``never`` or ``eventually``, or return the margin that leads."""
     time_base, negated = sampler.time_base, judgement.operator == "never"
-    found = evaluate_predicate(judgement.predicate, sampler, negated=negated, lead=lead)
+    series = evaluate_predicate(judgement.predicate, sampler, negated=negated, lead=lead)
     window, closed, in_time = _window_within(oracle, judgement, sampler)
-    scope = scope_of(oracle, sampler, window, found.margin)
+    scope = scope_of(oracle, sampler, window, series.margin)
     allowed = scope.allowed & in_time
     if not allowed.any():
         return unknown_margin(scope.reason)
     eventually = judgement.operator == "eventually"
-    margin = np.where(allowed, found.margin, -math.inf if eventually else math.inf)
+    margin = np.where(allowed, series.margin, -math.inf if eventually else math.inf)
     # The decisive moment: of what must always hold the worst one, of what must once hold the best.
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
-    first = _first_note(time_base, allowed & ((found.margin >= 0.0) == eventually), index)
-    evidence = _evidence_at_sample(found, time_base, index, first, scope.note, window.cut)
+    first = _first_note(time_base, allowed & ((series.margin >= 0.0) == eventually), index)
+    evidence = _evidence_at_sample(series, time_base, index, first, scope.note, window.cut)
     flat = lead is None and not unit_of_margin(judgement.predicate)
     if flat and (worst >= 0.0) != eventually:
         # True or false, and nothing happened: no moment of the run is more telling than another.
-        evidence = Evidence(note=join_notes(*found.notes, scope.note, window.cut))
+        evidence = Evidence(note=join_notes(*series.notes, scope.note, window.cut))
     # What is still to come can only make the best better, and the worst worse.
     if eventually:
         return MarginInterval(worst, worst if closed else math.inf, evidence)
@@ -76,13 +76,13 @@ def judge_temporal(
 def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> MarginInterval:
     """Judge or measure ``fraction``, ``time``, ``longest`` or ``count``."""
     time_base, limit = sampler.time_base, judgement.limit
-    found = evaluate_predicate(judgement.predicate, sampler)
+    series = evaluate_predicate(judgement.predicate, sampler)
     window = window_of(oracle, sampler)
-    scope = scope_of(oracle, sampler, window, found.margin)
+    scope = scope_of(oracle, sampler, window, series.margin)
     if not scope.allowed.any():
         return unknown_margin(scope.reason, measured=limit is None)
     allowed = scope.allowed
-    holds = allowed & (found.margin >= 0.0)
+    holds = allowed & (series.margin >= 0.0)
     value, low, high = _amount(judgement.operator, time_base, window, allowed, holds)
     if math.isnan(value):
         return unknown_margin("no time has passed", measured=limit is None)
@@ -90,12 +90,12 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
     # does not hold, of "at most" (and of a mere measure) where it does.
     wants_more = limit is not None and limit.operator in (">=", ">")
     stretch = _longest(time_base, allowed & ~holds if wants_more else holds)
-    note = join_notes(*found.notes, scope.note, window.cut)
+    note = join_notes(*series.notes, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if stretch is not None:
-        inside = found.margin[stretch]
+        inside = series.margin[stretch]
         index = stretch.start + int(inside.argmin() if wants_more else inside.argmax())
-        clause = found.clauses[found.decided[index]]
+        clause = series.clauses[series.decided[index]]
         evidence = Evidence(
             float(time_base.time[stretch.start]), value, None, clause.value.object_at(index), note
         )
@@ -207,14 +207,14 @@ def _first_note(time_base: TimeBase, samples: SampleMask, decisive: int) -> str:
 
 
 def _evidence_at_sample(
-    found: PredicateSeries, time_base: TimeBase, index: int, *notes: str
+    series: PredicateSeries, time_base: TimeBase, index: int, *notes: str
 ) -> Evidence:
     """Return the evidence for a predicate at sample ``index``: of the clause that decided there."""
-    clause = found.clauses[found.decided[index]]
+    clause = series.clauses[series.decided[index]]
     value = float(clause.value.values[index])
     limit = None if clause.limit is None else float(clause.limit[index])
-    decided = f"decided by {clause.text}" if len(found.clauses) > 1 else ""
-    note = join_notes(decided, *found.notes, *notes)
+    decided = f"decided by {clause.text}" if len(series.clauses) > 1 else ""
+    note = join_notes(decided, *series.notes, *notes)
     return Evidence(float(time_base.time[index]), value, limit, clause.value.object_at(index), note)
 
 

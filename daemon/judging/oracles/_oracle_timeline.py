@@ -1,4 +1,4 @@
-"""How a run went by one oracle over time: what it reads, its limits, when it did not hold.
+"""The course of a run by one oracle: its signals, its limits, the times it did not hold.
 
 For drawing only. A verdict sums up a run; its course says at which moments the run spoke against
 it, also where a limit on the sum (80 % of the time, say) let that pass.
