@@ -284,9 +284,9 @@ class _Checkup:
                     end.topic
                     for end in self._graph.endpoints
                     if end.role == "publisher" and end.kind == topic.kind
-                }
+                } - {*reports, self._settings.topics.map}
                 key = reports[topic.name].replace(" ", "-")
-                where = [f"topics: {{{key}: {other}}}" for other in sorted(others - {*reports})]
+                where = [f"topics: {{{key}: {other}}}" for other in sorted(others)]
                 hint = f"write {' or '.join(where)}" if where else ""
                 yield self._line(topic, "warning", text, hint)
             for end, reason in obstacles:

@@ -113,8 +113,9 @@ TREE, GRID = "nav2_msgs/msg/BehaviorTreeLog", "nav_msgs/msg/OccupancyGrid"
     ("ends", "state", "text", "hint"),
     [
         ([], "warning", "nobody publishes it: there is nothing to record", ""),
-        ([mouth("/costs", GRID, "/costs")], "warning", "nobody publishes it: there is nothing to "
-         "record", "write topics: {local-costmap: /costs}"),
+        ([mouth("/costs", GRID, "/costs"), mouth("/map", GRID, "/map_server")], "warning",
+         "nobody publishes it: there is nothing to record",
+         "write topics: {local-costmap: /costs}"),
         ([mouth("/local_costmap/costmap", GRID, "/costs")], "warning",
          "not recorded from /costs: its publisher is not transient local", ""),
         ([mouth("/local_costmap/costmap", TREE, "/costs")], "warning",
