@@ -179,65 +179,33 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Me
     return MeanInterval(n, mean, std, mean - half, mean + half)
 
 
-def paired_difference(
-    left: Sequence[float], right: Sequence[float], confidence: float = CONFIDENCE
-) -> MeanDifference:
-    """Return left minus right, pair by pair; raises ``ValueError`` for less than two pairs."""
-    differences = [a - b for a, b in zip(left, right, strict=True)]
-    n = len(differences)
-    if n < 2:
-        raise ValueError("less than two pairs say nothing about how they vary")
-    error = _deviation(differences) / math.sqrt(n)
-    return _difference(n, math.fsum(differences) / n, error, n - 1.0, confidence, "paired")
-
-
-def welch_difference(
-    left: Sequence[float], right: Sequence[float], confidence: float = CONFIDENCE
-) -> MeanDifference:
-    """Return the mean of left minus that of right, for samples that have no pairs.
-
-    The degrees of freedom are those of Welch and Satterthwaite; the variances may differ. Raises
-    ``ValueError`` for less than two values on a side.
-    """
-    if min(len(left), len(right)) < 2:
-        raise ValueError("less than two values on a side say nothing about how they vary")
-    a, b = (_deviation(side) ** 2 / len(side) for side in (left, right))
-    spread = a + b
-    freedom = 1.0
-    if spread > 0.0:
-        # As shares, because squares of tiny variances would underflow.
-        p, q = a / spread, b / spread
-        freedom = 1.0 / (p * p / (len(left) - 1) + q * q / (len(right) - 1))
-    mean = math.fsum(left) / len(left) - math.fsum(right) / len(right)
-    n = min(len(left), len(right))
-    return _difference(n, mean, math.sqrt(spread), freedom, confidence, "welch")
-
-
 def mean_difference(
     left: Mapping[Key, float], right: Mapping[Key, float], confidence: float = CONFIDENCE
 ) -> MeanDifference | None:
-    """Return left minus right, by pairs where there are keys in common, else of the means.
+    """Return left minus right, by pairs if there are keys in common, otherwise of the means.
 
     ``None`` for less than two pairs or values: then nothing is known of how they vary. A single
-    pair is no reason to throw away that it is one.
+    pair is no reason to throw away that it is one. Without pairs the degrees of freedom are those
+    of Welch and Satterthwaite; the variances may differ.
     """
     pairs = sorted(left.keys() & right.keys())
-    if len(pairs) > 1:
-        return paired_difference([left[k] for k in pairs], [right[k] for k in pairs], confidence)
-    if not pairs and min(len(left), len(right)) > 1:
-        return welch_difference(tuple(left.values()), tuple(right.values()), confidence)
-    return None
-
-
-def _difference(
-    n: int,
-    mean: float,
-    error: float,
-    freedom: float,
-    confidence: float,
-    method: Literal["paired", "welch"],
-) -> MeanDifference:
+    n = len(pairs) if pairs else min(len(left), len(right))
+    if n < 2:
+        return None
+    if pairs:
+        differences = [left[key] - right[key] for key in pairs]
+        mean, error = math.fsum(differences) / n, _deviation(differences) / math.sqrt(n)
+        freedom = n - 1.0
+    else:
+        mean = math.fsum(left.values()) / len(left) - math.fsum(right.values()) / len(right)
+        a, b = (_deviation((*side.values(),)) ** 2 / len(side) for side in (left, right))
+        error, freedom = math.sqrt(a + b), 1.0
+        if error > 0.0:
+            # As shares, because squares of tiny variances would underflow.
+            p, q = a / (a + b), b / (a + b)
+            freedom = 1.0 / (p * p / (len(left) - 1) + q * q / (len(right) - 1))
     half = _t_quantile(confidence, freedom) * error
+    method: Literal["paired", "welch"] = "paired" if pairs else "welch"
     return MeanDifference(n, mean, mean - half, mean + half, error, freedom, method)
 
 
