@@ -41,14 +41,14 @@ _CONTAINER: Final = "component_container"
 _ERRORS: Final = ("ERROR", "FATAL")
 _EXCEPTION: Final = "what(): "
 _CONSEQUENCES: Final = (
+    "Failed to change state for node",
     ABORTED,
     DIED,
-    "Failed to change state for node",
     "Caught exception in callback for transition",
     "does not have error state implemented",
     "Failed to parse global arguments",
 )
-"""What is printed because of an error that came before."""
+"""What is printed because of an error that came before; the first may also be a late answer."""
 _MOST_LINES: Final = 20
 
 _WRONG_TYPE: Final = re.compile(
@@ -109,15 +109,8 @@ class ProcessDeath:
         )
 
     def __str__(self) -> str:
-        return f"{self.process} died with {exit_code(self.code)}"
-
-
-def exit_code(code: int) -> str:
-    """Return an exit code, below 0 for a signal, in words."""
-    try:
-        return f"exit code {code} ({signal.Signals(-code).name})"
-    except ValueError:
-        return f"exit code {code}"
+        name = next((f" ({one.name})" for one in signal.Signals if one == -self.code), "")
+        return f"{self.process} died with exit code {self.code}{name}"
 
 
 def read_death(line: str) -> ProcessDeath | None:
@@ -152,10 +145,12 @@ def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
 
 def first_error(printed: Sequence[str]) -> str:
     """Return the first error that is no consequence of another one, with its node; or empty."""
-    for line in map(_read, printed):
-        if line.is_error and not any(words in line.text for words in _CONSEQUENCES):
-            text = line.text.strip().removeprefix(_EXCEPTION).strip()
-            return f"{line.node or line.process}: {text}".removeprefix(": ")
+    errors = [line for line in map(_read, printed) if line.is_error]
+    for consequences in (_CONSEQUENCES, _CONSEQUENCES[1:]):
+        for line in errors:
+            if not any(words in line.text for words in consequences):
+                text = line.text.strip().removeprefix(_EXCEPTION).strip()
+                return f"{line.node or line.process}: {text}".removeprefix(": ")
     return ""
 
 

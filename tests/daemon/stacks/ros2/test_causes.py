@@ -168,6 +168,12 @@ def test_the_first_error_is_not_one_of_its_consequences():
     expected = "map_server: Original error: parameter 'yaml_filename' is not initialized"
     assert first_error(lines) == expected
     assert first_error([lines[0], *lines[3:]]) == ""
+    late = (
+        "[lifecycle_manager-7] [ERROR] [1.0] [lifecycle_manager]: Failed to change state for node"
+    )
+    assert first_error([*lines[3:], f"{late}: amcl"]) == (
+        "lifecycle_manager: Failed to change state for node: amcl"
+    )
     assert first_error(["[amcl-1]   what():  bad map"]) == "amcl: bad map"
 
 
