@@ -11,6 +11,8 @@ import re
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import getitem
 from typing import Any, Final
 
 from grammars.text.diagnostics import InputError, closest
@@ -50,6 +52,8 @@ _CONSEQUENCES: Final = (
 )
 """What is printed because of an error that came before; the first may also be a late answer."""
 _MOST_LINES: Final = 20
+_PARAMETERS: Final = "ros__parameters"
+_ALL_NODES: Final = "**"
 
 _WRONG_TYPE: Final = re.compile(
     r"parameter '(?P<name>[^']+)' has invalid type: (?:Wrong parameter type, parameter \{.*?\} is "
@@ -136,7 +140,7 @@ def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
     for index, line in enumerate(lines):
         for pattern, explain in _KINDS:
             found = pattern.search(line.text)
-            if found is not None:
+            if found is not None and line.level in ("", *_ERRORS):
                 return explain(found, line, files)
         if line.is_error and (place := _launch_yaml(lines[index:])):
             return _told(files, place[0], place[1], f"launch cannot read it: {place[2]}")
@@ -268,34 +272,31 @@ def _find_value(
 ) -> tuple[str, Any]:
     """Return place and value of the parameter that is ``wanted``, or nothing and ``None``.
 
-    One of the node counts before one of all nodes, and that before the only one of another node.
+    One of the node counts before one of all nodes, and that before the only one there is.
     ``wanted`` is called with the path below ``ros__parameters`` and the value there.
     """
-    ranks: dict[int, list[tuple[str, Any]]] = {0: [], 1: [], 2: []}
-    for name, file in files.items():
-        for above, path, value, line in _parameters(file):
-            if wanted(path, value):
-                rank = 0 if above[-1:] == (node,) else 1 if above[-1:] == ("/**",) else 2
-                ranks[rank].append((_place(name, line), value))
-    for rank, found in ranks.items():
-        if found and (rank < 2 or len(found) == 1):
-            return found[0]
-    return "", None
+    found = [
+        (owner, _place(name, line), value)
+        for name, file in files.items()
+        for owner, path, value, line in _parameters(file)
+        if wanted(path, value)
+    ]
+    for owners in (node, _ALL_NODES):
+        for owner, place, value in found:
+            if owner == owners:
+                return place, value
+    return found[0][1:] if len(found) == 1 else ("", None)
 
 
-def _parameters(file: str) -> Iterator[tuple[tuple[str, ...], Sequence[Any], Any, int]]:
+def _parameters(file: str) -> Iterator[tuple[str, Sequence[Any], Any, int]]:
     """Yield node, path below it, value and line of each parameter; nothing of other files."""
     try:
         document, _ = load_ros_yaml(file)
     except (InputError, OSError):
         return
     for path in paths_inside(document.data):
-        if "ros__parameters" in path:
-            at = path.index("ros__parameters")
-            value = document.data
-            for key in path:
-                value = value[key]
-            node = tuple(part for key in path[:at] for part in str(key).strip("/").split("/"))
-            # The name of all nodes consists of what else is taken off.
-            node = ("/**",) if path[:at][-1:] == ("/**",) else node
-            yield node, path[at + 1 :], value, document.where(path).line
+        if _PARAMETERS in path[1:]:
+            at = path.index(_PARAMETERS)
+            value = reduce(getitem, path, document.data)
+            owner = str(path[at - 1]).rpartition("/")[2]
+            yield owner, path[at + 1 :], value, document.where(path).line

@@ -150,6 +150,7 @@ expected <block end>, but found '<block mapping start>'
 def test_what_is_known_counts_before_what_came_earlier(files):
     text = """\
 [amcl-2] [ERROR] [17.1] [amcl]: Waiting for a map
+[bt_navigator-5] [WARN] [17.2] [bt_navigator]: Could not load library: liboptional.so
 [bt_navigator-5] [ERROR] [17.2] [bt_navigator]: Could not load library: libx.so: no such file
 [controller_server-3]   what():  parameter 'x' has invalid type: expected [double] got [integer]"""
     assert cause(text, files) == "bt_navigator cannot load the library libx.so: no such file"
