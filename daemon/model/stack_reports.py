@@ -24,6 +24,7 @@ from daemon.model.sut import (
     StackReport,
     TreeChange,
 )
+from grammars.text.terminal_text import printable
 
 TREE_LOG: Final = "nav2_msgs/msg/BehaviorTreeLog"
 COLLISION: Final = "nav2_msgs/msg/CollisionMonitorState"
@@ -84,7 +85,7 @@ class StackState:
 
     @property
     def line(self) -> str:
-        """Collision monitor, speed limit and running nodes, the latest first; or nothing."""
+        """Collision monitor, speed limit and running nodes, the latest first, for any terminal."""
         parts = []
         if self._collision is not None and self._collision.text:
             parts.append(f"collision monitor: {self._collision.text}")
@@ -93,7 +94,7 @@ class StackState:
         # Last, for a narrow screen cuts it: a tree may have a dozen running nodes.
         if self._nodes:
             parts.append(f"running: {', '.join(reversed(self.running))}")
-        return "  ".join(parts)
+        return printable("  ".join(parts))
 
 
 @functools.cache

@@ -130,29 +130,29 @@ def events(recording: McapContents) -> tuple[EventRecord, ...]:
 
 def plans(recording: McapContents) -> tuple[PlanRecord, ...]:
     """Decode ``/plan``, in the order of their times."""
-    found = _messages(recording, "/plan", lambda data, time: PlanRecord(time, decode_path(data)))
-    return tuple(sorted(found, key=lambda plan: plan.time))
+    records = _messages(recording, "/plan", lambda data, time: PlanRecord(time, decode_path(data)))
+    return tuple(sorted(records, key=lambda plan: plan.time))
 
 
 def reports(
     recording: McapContents,
 ) -> tuple[BehaviorTreeLog | CollisionMonitorState | SpeedLimit, ...]:
-    """Decode what a stack reported except costmaps, in the order of time."""
-    found: list[BehaviorTreeLog | CollisionMonitorState | SpeedLimit] = [
+    """Decode the reports of a stack, except costmaps, in the order of time."""
+    records: list[BehaviorTreeLog | CollisionMonitorState | SpeedLimit] = [
         *_messages(recording, REPORT_TOPICS["behavior tree"][0], decode_tree_log),
         *_messages(recording, REPORT_TOPICS["collision monitor"][0], decode_collision),
         *_messages(recording, REPORT_TOPICS["speed limit"][0], decode_speed_limit),
     ]
-    return tuple(sorted(found, key=lambda report: report.time))
+    return tuple(sorted(records, key=lambda report: report.time))
 
 
 def costmaps(recording: McapContents) -> tuple[CostmapPicture, ...]:
     """Decode the costmaps, in the order of time."""
-    found: list[CostmapPicture] = []
+    pictures: list[CostmapPicture] = []
     for topic, scope in messages.COSTMAPS.items():
         read = functools.partial(decode_costmap, scope=scope, frames={"map": "map", "odom": "odom"})
-        found += _messages(recording, topic, read)
-    return tuple(sorted(found, key=lambda costmap: costmap.time))
+        pictures += _messages(recording, topic, read)
+    return tuple(sorted(pictures, key=lambda costmap: costmap.time))
 
 
 def number(text: str) -> float:

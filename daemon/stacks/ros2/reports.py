@@ -1,4 +1,4 @@
-"""Reports of Nav2 that a run records when asked: the topics they come on, and how they are read."""
+"""Reports of Nav2 that a run records when asked: their topics and their reading."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TREE_DEPTH: Final = 100
 
 
 def report_topics(settings: Ros2Keys) -> dict[str, ReportName]:
-    """Return which report comes on which topic, of those that are to be recorded."""
+    """Return the reports to be recorded by their topics."""
     topics = settings.topics
     names: dict[ReportName, str] = {
         "behavior tree": topics.behavior_tree,
@@ -36,13 +36,13 @@ def report_topics(settings: Ros2Keys) -> dict[str, ReportName]:
 
 
 def report_subscriptions(settings: Ros2Keys) -> Iterator[TopicSetup]:
-    """Yield how the topics are subscribed to."""
+    """Yield the subscriptions for these topics."""
     for topic, report in report_topics(settings).items():
         kind = REPORT_TOPICS[report][1]
         if report == "behavior tree":
             yield TopicSetup(topic, kind, depth=_TREE_DEPTH, keep="all")
         else:
-            # Costmaps are latched: one that does not change is sent once, maybe long before.
+            # Costmaps are latched: one that does not change is sent once, perhaps before the run.
             yield TopicSetup(topic, kind, "latched" if kind == COSTMAP else "reliable", 1)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daemon.model.spec import Snapshot, SutReference
-from daemon.model.stack_reports import REPORT_TOPICS
+from daemon.model.stack_reports import REPORT_TOPICS, StackState
 from daemon.model.sut import (
     BehaviorTreeLog,
     CollisionMonitorState,
@@ -98,3 +98,10 @@ def test_a_watched_run_shows_its_costmap():
     view = playback().view(1.0)
     found = tracked_view(view.scene, playback().trace.spec, Track(seen))
     assert found.costmaps == {"stack's": ((2.0, 1.0),)}
+
+
+def test_names_of_a_stack_can_be_shown_on_any_terminal():
+    state = StackState()
+    state.take(CollisionMonitorState(0.0, "stop", "Fro\x1b[31mnt"))
+    assert "\x1b" not in state.line
+    assert "stop by Fro" in state.line
