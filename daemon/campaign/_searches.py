@@ -176,8 +176,6 @@ class _SearchReader:
                 message = f"{cell.name} has no oracle with a limit that a search can follow"
                 self._error(where, message, "such as always(clearance >= 0.05 m)")
             return led
-        if len(oracles) < len(picked):
-            return ()  # one of them cannot be read, which has been said
         if wanted in self.draft.oracles:
             hint = f"add {wanted} to the oracles: of the scenario"
         else:
@@ -236,6 +234,9 @@ class _SearchReader:
         )
         if isinstance(over, ValueChoices):
             return self._choices(replace(base, truth=over.truth), layer, value, over, where)
+        if isinstance(value.value, str):
+            message = f"{name} is no number: {value.text or 'a word'} cannot be in a range"
+            raise InputError.at(where, message, "write a list of choices: [a, b]")
         written = replace(base, unit=over.unit)
         for end in (over.low, over.high):
             layer.changed(value.key, written.override(end), where)

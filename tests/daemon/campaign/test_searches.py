@@ -242,7 +242,7 @@ OVER = "    over: {doors_moving.closes: 5 .. 7 s, doors_moving.opens: 20 .. 40 s
         ),
         (
             HEAD + "    over: {doors_moving.leading: 1 .. 2 s}\n",
-            '"1 s" is not the name of an object',
+            "bedroom_door cannot be in a range",
         ),
         (
             HEAD + OVER + "    such that: [doors_moving.closes > doors_moving.opens]\n",
