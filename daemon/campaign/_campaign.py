@@ -63,7 +63,7 @@ class Campaign:
 
     @property
     def runs(self) -> int:
-        """How many runs there are before anything is decided."""
+        """The number of runs before anything is decided."""
         return sum(self.repeats_with(sut) for cell in self.cells for sut in cell.suts)
 
 
@@ -97,11 +97,11 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     for cell in campaign.cells:
         scene = cell.scene.digest
         oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles)
-        drawn = _number_scripts(cell.behaviours, scripts)
+        numbers = _number_scripts(cell.behaviours, scripts)
         for sut in cell.suts:
             soon = campaign.repeats_with(sut)
-            most = soon if campaign.repeats is None else len(drawn)
-            for repeat, script in enumerate(drawn[:most]):
+            most = soon if campaign.repeats is None else len(numbers)
+            for repeat, script in enumerate(numbers[:most]):
                 run = CellRun(len(cells), script, repeat, seeds[repeat])
                 (runs if repeat < soon else reserve).append(run)
             spec = run_spec(campaign, cell, sut, 0, behaviours=(), oracles=oracles, scene=scene)
@@ -125,14 +125,16 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     return replace(submission, campaign=f"{campaign.name}-{identity}")
 
 
-def _number_scripts(drawn: Sequence[Script], scripts: dict[bytes, tuple[int, Script]]) -> list[int]:
+def _number_scripts(
+    behaviours: Sequence[Script], scripts: dict[bytes, tuple[int, Script]]
+) -> list[int]:
     """Return the numbers of the scripts of each repeat; new ones are added to ``scripts``."""
     numbers = {}
     # Many repeats share one object, which is written out once.
-    for key, script in {id(script): script for script in drawn}.items():
+    for key, script in {id(script): script for script in behaviours}.items():
         text = codec.to_json(script, Script)
         numbers[key], _ = scripts.setdefault(text, (len(scripts), script))
-    return [numbers[id(script)] for script in drawn]
+    return [numbers[id(script)] for script in behaviours]
 
 
 def run_spec(

@@ -214,15 +214,15 @@ class _LeftOutParts:
 
     def _event(self, event: Event, mission: Mission) -> tuple[Event | None, Sequence[Where]]:
         """Return what remains of an event, and the places that take away from it."""
-        gone = self.waypoints
+        missing = self.waypoints
         match event:
             case LegBegins(leg=leg):
-                if leg - 1 in gone:
-                    return None, [gone[leg - 1]]
-                return LegBegins(leg - sum(number < leg - 1 for number in gone)), ()
+                if leg - 1 in missing:
+                    return None, [missing[leg - 1]]
+                return LegBegins(leg - sum(number < leg - 1 for number in missing)), ()
             case WaypointReached(waypoint=name):
                 numbers = [i for i, w in enumerate(mission.waypoints) if w.id == name]
-                causes = [gone[number] for number in numbers if number in gone]
+                causes = [missing[number] for number in numbers if number in missing]
                 # The pre-flight reports a waypoint that no mission has.
                 return None if causes and len(causes) == len(numbers) else event, causes
             case JointActs(joints=joints, act=act):

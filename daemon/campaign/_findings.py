@@ -53,26 +53,26 @@ def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[Allowe
 
 
 def without_allowed(
-    found: Iterable[Diagnostic], allowed: Sequence[AllowedWarning]
+    findings: Iterable[Diagnostic], allowed: Sequence[AllowedWarning]
 ) -> tuple[list[Diagnostic], list[Diagnostic]]:
-    """Return what is left to say of ``found``, and the warnings that are allowed.
+    """Return the findings that remain to be reported, and the warnings that are allowed.
 
-    Of warnings that differ in sizes alone only the first is said, so allowing it allows them all.
+    Only the first of warnings that differ in sizes alone is reported: allowing it allows them all.
     """
-    said: list[Diagnostic] = []
-    meant: list[Diagnostic] = []
-    for first, *others in _alike(found):
+    remaining: list[Diagnostic] = []
+    covered: list[Diagnostic] = []
+    for first, *others in _alike(findings):
         if any(each.covers(first) for each in allowed):
-            meant += [first, *others]
+            covered += [first, *others]
             continue
-        said.append(first)
+        remaining.append(first)
         for one in others:
-            (meant if any(each.covers(one) for each in allowed) else said).append(one)
-    return said, meant
+            (covered if any(each.covers(one) for each in allowed) else remaining).append(one)
+    return remaining, covered
 
 
 def find_unmet(
-    allowed: Sequence[AllowedWarning], meant: Sequence[Diagnostic]
+    allowed: Sequence[AllowedWarning], covered: Sequence[Diagnostic]
 ) -> tuple[Diagnostic, ...]:
     """Return a warning for each line of ``allow`` that allows nothing any more."""
     return tuple(
@@ -83,21 +83,21 @@ def find_unmet(
             Severity.WARNING,
         )
         for one in allowed
-        if not any(map(one.covers, meant))
+        if not any(map(one.covers, covered))
     )
 
 
 def find_problems(cells: Sequence[CampaignCell]) -> list[Diagnostic]:
     """Return what is wrong with the scenes of ``cells`` and with what is done in them."""
-    found: list[Diagnostic] = []
+    problems: list[Diagnostic] = []
     # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
     for cell in {id(cell.scene): cell for cell in cells}.values():
-        found.extend(check_scene(cell.scene, places=cell.places))
+        problems.extend(check_scene(cell.scene, places=cell.places))
     pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
-    found.extend(_advise(pairs))
+    problems.extend(_advise(pairs))
     for cell in cells:
-        found.extend(_problems_of(cell))
-    return found
+        problems.extend(_problems_of(cell))
+    return problems
 
 
 def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diagnostic]:
@@ -167,16 +167,16 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
         )
 
 
-def say_once(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def say_once(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the first of each group of findings that differ in sizes alone."""
-    return tuple(_with_count(first, len(others)) for first, *others in _alike(found))
+    return tuple(_with_count(first, len(others)) for first, *others in _alike(findings))
 
 
-def _alike(found: Iterable[Diagnostic]) -> Iterable[list[Diagnostic]]:
+def _alike(findings: Iterable[Diagnostic]) -> Iterable[list[Diagnostic]]:
     """Return the findings in groups that differ in sizes alone, each finding once."""
     # In another variant of a plan the same door is too narrow by another centimetre.
     groups: dict[tuple[object, ...], list[Diagnostic]] = {}
-    for one in dict.fromkeys(found):
+    for one in dict.fromkeys(findings):
         key = (one.where, one.severity, _SIZE.sub("#", one.message))
         groups.setdefault(key, []).append(one)
     return groups.values()

@@ -90,14 +90,14 @@ def find_layer(
                 return place / f"{name}{ending}"
         if _is_folder_of(place / name, kind):
             return place / name
-    known = [n for place in places for n in layer_names(place, kind)]
+    names = [n for place in places for n in layer_names(place, kind)]
     ships = ", and none of that name ships" if kind.ships else ""
     raise InputError(
         Diagnostic(
             reference.where,
             f'no {kind.title} "{name}": there is no {name}{kind.endings[0]} '
             f"beside the campaign nor in {kind.folder}/{ships}",
-            did_you_mean(name, known),
+            did_you_mean(name, names),
         )
     )
 
@@ -125,8 +125,8 @@ def layer_names(place: Path, kind: LayerKind) -> list[str]:
     """Return the names of the layers in a folder that have the usual ending of their kind."""
     # Any .jsonld file may be something else; these two endings tell a floor plan.
     endings = (kind.endings[0], *(ending for ending in kind.endings if ending == WALLS_ENDING))
-    found = names_in(place, lambda path: path.name.endswith(endings) and _may_be(path, kind))
-    names = [name.removesuffix(next(filter(name.endswith, endings))) for name in found]
+    files = names_in(place, lambda path: path.name.endswith(endings) and _may_be(path, kind))
+    names = [name.removesuffix(next(filter(name.endswith, endings))) for name in files]
     # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 
@@ -212,9 +212,8 @@ class LayerLibrary:
         """Load a variation with the draws that a reference fixes."""
         from grammars.variation import fix_draws, load_variation
 
-        given = reference.values
-        values = {override.key: override.value for override in given}
-        places = {override.key: override.where for override in given}
+        values = {override.key: override.value for override in reference.values}
+        places = {override.key: override.where for override in reference.values}
         variation = self._once("variation", path, load_variation)
         return fix_draws(variation, values, reference.where, places)
 
@@ -246,11 +245,11 @@ class LayerLibrary:
 
     def oracles(self, references: tuple[LayerReference, ...]) -> dict[str, Oracle]:
         """Load oracle layers; a name in two layers is taken from the later one."""
-        found: dict[str, Oracle] = {}
+        oracles: dict[str, Oracle] = {}
         for reference in references:
             path = find_layer(self.folder, reference, ORACLES)
-            found |= self._once("oracles", path, load_oracles)
-        return found
+            oracles |= self._once("oracles", path, load_oracles)
+        return oracles
 
     def map(self, reference: LayerReference) -> GivenMap:
         """Load a map of one's own and keep it where runs find it by its digest."""

@@ -198,7 +198,7 @@ def _compose_cell(
     library = draft.library
     mission, document = library.mission(required(scenario.mission))
     suts = tuple(map(library.sut, scenario.suts))
-    given = library.map(scenario.map_file) if scenario.map_file else None
+    own_map = library.map(scenario.map_file) if scenario.map_file else None
     oracles = pick_oracles(scenario, draft.oracles, draft.text)
     repeats = repeat_policy(draft.text.repeats).at_most
     if "repeats" not in draft.document.data:
@@ -236,10 +236,10 @@ def _compose_cell(
         suts=suts,
         oracles=oracles,
         behaviours=remains.behaviours,
-        map=given.settings if given else scenario.map,
+        map=own_map.settings if own_map else scenario.map,
         limit=scenario.limit,
         limit_where=limit_place(scenario.name, draft.text, draft.document),
-        given_map=given.grid if given else None,
+        given_map=own_map.grid if own_map else None,
     )
 
 

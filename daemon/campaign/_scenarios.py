@@ -56,7 +56,7 @@ class LayerReference:
 
     @property
     def lines(self) -> dict[str, Where]:
-        """Where each of the overrides stands."""
+        """The place of each override, by its key."""
         return {key: self.place((key,)) for key in self.overrides}
 
     def as_written(self, name: str = "") -> str | dict[str, Overrides]:
@@ -136,11 +136,11 @@ def resolve_scenarios(text: CampaignFile, document: YamlDocument) -> dict[str, R
 
 
 def resolve_scenario(
-    name: str, text: CampaignFile, document: YamlDocument, seen: tuple[str, ...] = ()
+    name: str, text: CampaignFile, document: YamlDocument, followers: tuple[str, ...] = ()
 ) -> ResolvedScenario:
     """Return a scenario with what it inherits; raises :class:`InputError`.
 
-    ``seen`` are the scenarios that are like this one.
+    ``followers`` are the scenarios that are like this one.
     """
     scenario, path = text.scenarios[name], ("scenarios", name)
     where = document.where(path)
@@ -153,16 +153,16 @@ def resolve_scenario(
     else:
         like_at = document.where((*path, "like"))
         # In the order in which people would follow it, to be read as a chain.
-        if scenario.like in (*seen, name):
-            chain = " -> ".join((*seen, name, scenario.like))
+        if scenario.like in (*followers, name):
+            chain = " -> ".join((*followers, name, scenario.like))
             raise InputError(Diagnostic(like_at, f"scenarios are like each other: {chain}"))
         if scenario.like not in text.scenarios:
             hint = did_you_mean(scenario.like, text.scenarios)
             raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
-        if len(seen) >= MOST_LIKE:
+        if len(followers) >= MOST_LIKE:
             message = f"more than {MOST_LIKE} scenarios are like one another in a row"
             raise InputError(Diagnostic(like_at, message, "be like one nearer to the first"))
-        base = resolve_scenario(scenario.like, text, document, (*seen, name))
+        base = resolve_scenario(scenario.like, text, document, (*followers, name))
     # The seed of variants that names none is the campaign's, also where the slot is inherited.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
     renamed = replace(base, name=name, where=where, vary=varied)
@@ -204,13 +204,13 @@ def _from_the_top(
 
 
 def _vary(
-    written: VaryText | None, path: tuple[str, ...], text: CampaignFile, document: YamlDocument
+    vary: VaryText | None, path: tuple[str, ...], text: CampaignFile, document: YamlDocument
 ) -> PlanVariation | None:
-    if written is None:
+    if vary is None:
         return None
-    reference = _reference(written.floorplan, (*path, "floorplan"), document)
-    seed = text.seed % 2**32 if written.seed is None else written.seed
-    return PlanVariation(reference, written.samples, written.cover, seed)
+    reference = _reference(vary.floorplan, (*path, "floorplan"), document)
+    seed = text.seed % 2**32 if vary.seed is None else vary.seed
+    return PlanVariation(reference, vary.samples, vary.cover, seed)
 
 
 _LISTS: Final = {"sut": "suts"} | {
@@ -248,9 +248,9 @@ def _overlay(
 
 
 def _map_file(
-    written: MapText, path: tuple[str, ...], document: YamlDocument
+    text: MapText, path: tuple[str, ...], document: YamlDocument
 ) -> LayerReference | None:
-    return LayerReference(written.file, {}, document.where(path)) if written.file else None
+    return LayerReference(text.file, {}, document.where(path)) if text.file else None
 
 
 def _references(
@@ -306,7 +306,7 @@ def _missing_slots(
     scenarios: Sequence[ResolvedScenario], text: CampaignFile, document: YamlDocument
 ) -> list[Diagnostic]:
     """Return an error for every slot that a scenario needs and nobody fills."""
-    found = []
+    problems = []
     for slot, (key, place) in _REQUIRED.items():
         missing = [
             scenario
@@ -319,10 +319,12 @@ def _missing_slots(
         if len(missing) == len(scenarios) > 1:
             # What all of them lack is one mistake.
             where = document.where(("scenarios",))
-            found.append(Diagnostic(where, f"no scenario names {_with_any(key)}", hint))
+            problems.append(Diagnostic(where, f"no scenario names {_with_any(key)}", hint))
             continue
-        found += [Diagnostic(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing]
-    return found
+        problems += [
+            Diagnostic(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing
+        ]
+    return problems
 
 
 def _with_any(key: str) -> str:
