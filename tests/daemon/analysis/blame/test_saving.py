@@ -58,6 +58,31 @@ def test_a_saved_run_is_the_smallest_one(folder, monkeypatch):
     assert not [d for d in findings if d.severity is Severity.ERROR]
 
 
+def test_doors_by_chance_and_parts_that_are_gone_already_stay_so(folder, monkeypatch):
+    (folder / "lively.scenery").write_text(
+        "living_room_door toggles between closed and open after uniform 3 s to 9 s, from 1 s\n"
+    )
+    text = CAMPAIGN.replace("- doors_open\n", "- doors_open\n      - lively\n")
+    text = text.replace("mission: courier\n", "mission: courier\n    without: [tom, waypoint 1]\n")
+
+    def fails(spec):
+        moves = any(b.joint.startswith("living_room_door") for b in spec.behaviours)
+        visited = [waypoint.id for waypoint in spec.mission.waypoints]
+        return moves and "living-room" in visited and spec.repeat == 1
+
+    pretend(monkeypatch, failing_if(fails))
+    case = load_case(write(folder, text), "rude", "pilot", 1)
+    runner = CandidateRunner(300)
+    found = explain_failure(case, runner)
+    smallest = found.smallest.spec
+    assert dict(found.story.before)["waypoint"] == len(case.spec.mission.waypoints)
+    assert (found.story.objects, len(smallest.mission.waypoints)) == (("living_room_door",), 1)
+    (_, run) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).specs
+    assert run.behaviours == smallest.behaviours
+    named = replace(run, campaign=smallest.campaign, scenario=smallest.scenario)
+    assert named.digest == smallest.digest
+
+
 def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(folder, monkeypatch):
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder), "rude", "pilot", 1)
