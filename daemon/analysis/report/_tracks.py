@@ -207,6 +207,7 @@ MEASURES: Final = (
         "speed at trigger", "m/s", "speed when a door was triggered, mean over the triggers"
     ),
     RunMeasure("max speed in buffer", "m/s", "highest speed with an obstacle inside the buffer"),
+    RunMeasure("recoveries", "1", "recoveries of Nav2, if its behaviour tree is recorded"),
 )
 """The measures of every run; one that says nothing about a run (no estimate, no door) is left out
 of it."""
@@ -244,6 +245,7 @@ def extract_tracks(
         "path length": float(_signal(sampler, "path.length")[-1]),
         **_clearance_measures(sampler, clearance, inside),
         **_localisation_measures(sampler, error),
+        "recoveries": float(_signal(sampler, "bt.recoveries")[-1]),
         **({"speed at trigger": float(np.mean(speeds))} if speeds else {}),
     }
     return RunTracks(

@@ -7,7 +7,7 @@ from daemon.analysis.report._safety_buffer import SafetyBuffer
 from daemon.analysis.report._tracks import extract_tracks
 from daemon.judging.oracles import SignalSampler, judge
 from daemon.model.spec import OracleText
-from tests.daemon.judging.oracles.traces import along, make_trace, track
+from tests.daemon.judging.oracles.traces import along, make_trace, track, with_tree
 
 MEASURED = {
     "error mean": "mean(loc.error)",
@@ -18,6 +18,7 @@ MEASURED = {
     "longest in buffer": "longest(clearance < 0.7 m)",
     "path length": "final(path.length)",
     "duration": "final(elapsed)",
+    "recoveries": "final(bt.recoveries)",
 }
 BUFFER = SafetyBuffer(None, 0.7, "0.7 m")
 
@@ -29,7 +30,13 @@ def test_a_measure_and_an_oracle_that_measures_the_same_agree(count):
     off = 0.001 * ((np.arange(count) * 7) % count)
     motion = along(time, y=np.linspace(0.0, 0.3, count))
     trace = make_trace(motion, estimate=track(time, motion.x + off, motion.y))
-    tracks = extract_tracks("run", trace, SignalSampler(trace), BUFFER, (), 200)
+    assert "recoveries" not in measures_of(trace)
+    trace = with_tree(trace, (0.1, "Spin 1 IDLE>RUNNING"), (0.5, "Wait 2 IDLE>RUNNING"))
+    measures = measures_of(trace)
     verdicts = judge(trace, [OracleText(name, text) for name, text in MEASURED.items()])
     measured = {verdict.oracle: verdict.evidence.value for verdict in verdicts}
-    assert {name: tracks.measures[name] for name in MEASURED} == pytest.approx(measured)
+    assert {name: measures[name] for name in MEASURED} == pytest.approx(measured)
+
+
+def measures_of(trace):
+    return extract_tracks("run", trace, SignalSampler(trace), BUFFER, (), 200).measures

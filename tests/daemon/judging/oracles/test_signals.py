@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from daemon.judging.oracles import SignalSampler
-from daemon.model.spec import SutReference
-from daemon.model.sut import BehaviorTreeLog, TreeChange
 from daemon.model.verdicts import Outcome
 from daemon.trace import CommandTrack, ContactRecord, LatencyTrack, ProgressRecord
 from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
@@ -20,6 +18,7 @@ from tests.daemon.judging.oracles.traces import (
     times,
     track,
     verdict,
+    with_tree,
 )
 
 
@@ -27,23 +26,6 @@ def value(trace, text):
     found = verdict(trace, text).evidence.value
     assert found is not None
     return found
-
-
-def with_tree(trace, *ticks):
-    """A trace that recorded a behaviour tree: each tick a time and its changes, as text."""
-    changes = [
-        (
-            time,
-            [
-                TreeChange(node, int(uid), *way.split(">"))
-                for node, uid, way in map(str.split, tick)
-            ],
-        )
-        for time, *tick in ticks
-    ]
-    reports = tuple(BehaviorTreeLog(time, tuple(tick)) for time, tick in changes)
-    sut = SutReference("nav2", "ros2", {"record": ["behavior tree"]})
-    return replace(trace, spec=replace(trace.spec, sut=sut), reports=reports)
 
 
 def full():

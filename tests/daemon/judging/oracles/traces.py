@@ -7,6 +7,7 @@ import numpy as np
 
 from daemon.judging.oracles import judge
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.sut import BehaviorTreeLog, TreeChange
 from daemon.trace import (
     CommandTrack,
     JointTrack,
@@ -150,6 +151,23 @@ def make_trace(
         scans=None,
     )
     return replace(trace, **fields)
+
+
+def with_tree(trace, *ticks):
+    """A trace that recorded a behaviour tree: each tick a time and its changes, as text."""
+    changes = [
+        (
+            time,
+            [
+                TreeChange(node, int(uid), *way.split(">"))
+                for node, uid, way in map(str.split, tick)
+            ],
+        )
+        for time, *tick in ticks
+    ]
+    reports = tuple(BehaviorTreeLog(time, tuple(tick)) for time, tick in changes)
+    sut = SutReference("nav2", "ros2", {"record": ["behavior tree"]})
+    return replace(trace, spec=replace(trace.spec, sut=sut), reports=reports)
 
 
 def cut(trace, at):
