@@ -22,7 +22,6 @@ from daemon.campaign._layers import (
 )
 from daemon.campaign._loader import examine, load_campaign
 from daemon.campaign._origin import campaign_origin
-from daemon.campaign._overrides import with_overrides
 from daemon.campaign._parameters import (
     ParameterValue,
     ParameterValues,
@@ -30,7 +29,7 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required, with_overrides
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
 from daemon.campaign._searches import LEAST_CONFIRMED
 from daemon.campaign._sut_files import SutFile

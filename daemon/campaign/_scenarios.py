@@ -21,6 +21,7 @@ from daemon.campaign._file import (
     VaryText,
 )
 from daemon.campaign._names import LayerName, Overrides
+from daemon.model.search import ParameterSlot
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import (
@@ -63,6 +64,13 @@ class LayerReference:
         """Return it as a campaign names it, or a copy of the layer that is called ``name``."""
         named = name or self.name
         return {named: dict(self.overrides)} if self.overrides else named
+
+    def with_values(self, values: Mapping[str, object]) -> LayerReference:
+        """Return the reference with overrides that win over those of the same keys."""
+        # The last one that is said of a key holds, also where it is spelled in two ways.
+        kept = {key: value for key, value in self.overrides.items() if key not in values}
+        places = {path: where for path, where in self.places.items() if path[0] in kept}
+        return replace(self, overrides={**kept, **values}, places=places)
 
     def place(self, path: KeyPath) -> Where:
         """Return where the override at ``path`` stands, or what it is in."""
@@ -368,3 +376,23 @@ def _oracle_hint(name: str, pool: Mapping[str, Oracle], files: Sequence[str]) ->
         some = ", ".join(list(pool)[:3])
         return f"that is a file: name lines of it here, such as: oracles: [{some}]"
     return did_you_mean(name, pool)
+
+
+def with_overrides(
+    scenario: ResolvedScenario, slot: ParameterSlot, index: int, values: Mapping[str, object]
+) -> ResolvedScenario:
+    """Return a scenario with other values beside the ``index``-th layer name of a slot.
+
+    They win over those that are written there. Raises ``ValueError`` when there is no such layer.
+    """
+    if slot == "vary" and scenario.vary is not None:
+        plan = scenario.vary.floorplan.with_values(values)
+        return replace(scenario, vary=replace(scenario.vary, floorplan=plan))
+    name = "suts" if slot == "sut" else slot
+    named = getattr(scenario, name)
+    layers = [named] if isinstance(named, LayerReference) else list(named or ())
+    if not 0 <= index < len(layers):
+        raise ValueError(f"{scenario.name} has no layer {index} in {slot}")
+    layers[index] = layers[index].with_values(values)
+    changed: Any = layers[0] if isinstance(named, LayerReference) else tuple(layers)
+    return replace(scenario, **{name: changed})

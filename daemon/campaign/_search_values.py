@@ -17,8 +17,7 @@ from pydantic.fields import FieldInfo
 
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._layers import FLOORPLAN, VARIATION, LayerLibrary, find_layer
-from daemon.campaign._overrides import layer_at
-from daemon.campaign._scenarios import LayerReference, ResolvedScenario
+from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
 from daemon.model.search import ParameterSlot
 from daemon.stacks.registry import stack_kind
 from grammars.floorplan import WALLS_ENDING
@@ -112,9 +111,7 @@ class SearchLayer:
 
         Raises :class:`InputError`, as the layer does of a campaign that says so there.
         """
-        overrides = {**self.reference.overrides, key: value}
-        places = {**self.reference.places, (key,): where}
-        reference = replace(self.reference, overrides=overrides, places=places, where=where)
+        reference = replace(self.reference.with_values({key: value}), where=where)
         return value_at(self.library, self.slot, reference, key)
 
 
@@ -122,11 +119,20 @@ def search_layers(
     library: LayerLibrary, scenario: ResolvedScenario, sut: int
 ) -> tuple[SearchLayer, ...]:
     """Return the layers of a loaded scenario with its ``sut``-th system under test."""
-    slots: list[tuple[ParameterSlot, int]] = [("vary" if scenario.vary else "floorplan", 0)]
-    slots += [("objects", index) for index in range(len(scenario.objects))]
-    slots += [("behaviours", index) for index in range(len(scenario.behaviours))]
-    slots += [("mission", 0), ("robot", 0), ("sut", sut)]
-    return tuple(SearchLayer(library, layer_at(scenario, *at), *at) for at in slots)
+    plan: ParameterSlot = "vary" if scenario.vary else "floorplan"
+    named: list[tuple[ParameterSlot, Sequence[LayerReference | None]]] = [
+        (plan, [scenario.vary.floorplan if scenario.vary else scenario.floorplan]),
+        ("objects", scenario.objects),
+        ("behaviours", scenario.behaviours),
+        ("mission", [scenario.mission]),
+        ("robot", [scenario.robot]),
+    ]
+    layers = [
+        SearchLayer(library, required(reference), slot, index)
+        for slot, references in named
+        for index, reference in enumerate(references)
+    ]
+    return (*layers, SearchLayer(library, scenario.suts[sut], "sut", sut))
 
 
 def find_value(
