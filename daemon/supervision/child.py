@@ -1,4 +1,4 @@
-"""What a new process is given for its life below another, and what that one gives itself."""
+"""Preparation of a new process for its life below another one, and of that other one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What processes print: its first and its last part, in a file that never grows beyond a limit."""
+"""Output of processes: its first and its last part, in a file of bounded size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a supervisor is told to start, and the names of what lies in a stack's folder."""
+"""The plan that a supervisor executes, and the names of files in a stack's folder."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Final
 PROGRAM: Final = (
     "import sys; sys.path.append(sys.argv[1]);from supervision.supervisor import main; main()"
 )
-"""What a supervisor executes, and what it is known by: without our packages."""
+"""Program of a supervisor, without our packages; processes are recognised by it."""
 STACK_OUTPUT: Final = "stack.output"
 RELAY_OUTPUT: Final = "relay.output"
 ENVIRONMENT: Final = "environment"
-"""What the setup command leaves: the environment of the stack, entries ended by a NUL."""
+"""Environment of the stack as the setup command writes it, entries ended by a NUL."""
 RELAY_EXIT: Final = "relay.exit"
 """Written by the script in a container: the exit code of the relay there."""
 ALARM: Final = "scenario: "
-"""What our own shell scripts say on standard error begins with it."""
+"""Prefix of the errors of our own shell scripts."""
 
 
 @dataclass(frozen=True)
 class StackPlan:
-    """What to start, and when to end it.
+    """Commands of a stack, and the times until it is ended.
 
     ``setup`` is a command that writes the environment of the stack to :data:`ENVIRONMENT`, or
     empty; ``stack`` and ``relay`` are commands, their programs looked for in that environment,

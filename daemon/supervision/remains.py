@@ -1,4 +1,4 @@
-"""What is left of something: its processes, by descent or by a variable in their environment."""
+"""Remaining processes of a stack or a run, by descent or by a variable in their environment."""
 
 from __future__ import annotations
 

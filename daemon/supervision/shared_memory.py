@@ -1,4 +1,4 @@
-"""What Fast DDS leaves in shared memory when its processes are killed: half a MiB for each.
+"""Shared memory that killed processes of Fast DDS leave behind, half a MiB each.
 
 A participant has a segment ``fastdds_<id>``, or ``fastrtps_<id>`` in older releases, and ports
 ``fastdds_port<number>`` with a semaphore each; beside what is in use lies a file ``..._el`` or

@@ -1,12 +1,12 @@
-"""Starts a stack and its relay, watches them, and sees to it that nothing of them is left.
+"""Starts a stack and its relay, watches them, and ends all their processes.
 
 A process of its own. Its standard input and output are one end of a socket pair whose other end
 its holder has, the process of the run. A first line of JSON is the :class:`StackPlan`, a second one
 the request to end the stack; lines in the other direction report what has happened. It also ends
 the stack when its holder is gone, however that died.
 
-What it has started are its descendants, those whose parents have died too, since it is their
-subreaper (prctl(2)); beyond that they are known by a variable in their environment.
+The processes of a stack are its descendants, orphans among them, because it is their subreaper
+(prctl(2)). Others are recognised by a variable in their environment.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Supervisor(EventLoop):
             self.watch(holder, lambda: self._holder_ended(holder))
 
     def run(self) -> None:
-        """Live as long as the stack may; nothing of it is left afterwards, the folder neither."""
+        """Run until the stack is to end, then end all of it and remove its folder."""
         try:
             if self._plan.setup:
                 self._setup_until = time.monotonic() + self._plan.setup_limit
@@ -155,8 +155,8 @@ class Supervisor(EventLoop):
             file.unlink()  # people have secrets in variables
         except OSError as error:
             text = OutputFile.read(self._folder / STACK_OUTPUT).decode("utf-8", "replace")
-            said = [line for line in text.splitlines() if line.startswith(ALARM)]
-            self._refuse(said[-1].removeprefix(ALARM) if said else str(error))
+            errors = [line for line in text.splitlines() if line.startswith(ALARM)]
+            self._refuse(errors[-1].removeprefix(ALARM) if errors else str(error))
             return
         entries = (os.fsdecode(entry).partition("=") for entry in data.split(b"\0") if entry)
         self._start_stack({name: value for name, _, value in entries if name})
@@ -234,18 +234,18 @@ class Supervisor(EventLoop):
                 os.killpg(group, signal.SIGINT)
         # As from a terminal, where whatever has left the group is not asked either.
         self._wait_until(lambda: not self._group_members(), self._plan.grace)
-        if left := self._left():
-            send_signal(left, signal.SIGTERM)
-            self._wait_until(lambda: not self._left(), self._plan.grace)
+        if remains := self._remains():
+            send_signal(remains, signal.SIGTERM)
+            self._wait_until(lambda: not self._remains(), self._plan.grace)
         if self._plan.engine:
             end_container(self._plan.engine, self._plan.name)
-        self._wait_until(self._kill_what_is_left, KILL_LIMIT)
+        self._wait_until(self._kill_remains, KILL_LIMIT)
         if not self._plan.engine:  # a container has a memory of its own
             remove_shared_memory(self._plan.domain)
 
-    def _kill_what_is_left(self) -> bool:
-        send_signal(left := self._left(), signal.SIGKILL)
-        return not left
+    def _kill_remains(self) -> bool:
+        send_signal(remains := self._remains(), signal.SIGKILL)
+        return not remains
 
     def _wait_until(self, condition: Callable[[], bool], seconds: float) -> None:
         deadline = time.monotonic() + seconds
@@ -257,15 +257,16 @@ class Supervisor(EventLoop):
             while (rest := next_look - time.monotonic()) > 0:
                 self.turn(rest)
 
-    def _left(self) -> set[int]:
-        """Everything that belongs to the stack and lives."""
-        # An engine has processes of its own, which outlast a container and are not ours to end.
+    def _remains(self) -> set[int]:
+        """Return all processes of the stack that live."""
+        # An engine has processes of its own, which outlast a container and must not be ended.
         ours = self._group_members() if self._plan.engine else descendants(os.getpid())
         return {*ours, *marked_processes(self._plan.token)} - {os.getpid()}
 
     def _group_members(self) -> dict[int, int]:
-        """Return members of the groups that were started, by process; of nobody else's groups
-        that have got the same number since.
+        """Return members of the groups that were started, by process.
+
+        Groups of others that have got the same number since are left out.
         """
         return {p: group for p, group in descendants(os.getpid()).items() if group in self._groups}
 

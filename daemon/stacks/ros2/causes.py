@@ -57,8 +57,8 @@ _ALL_NODES: Final = "**"
 
 _WRONG_TYPE: Final = re.compile(
     r"parameter '(?P<name>[^']+)' has invalid type: (?:Wrong parameter type, parameter \{.*?\} is "
-    r"of type \{(?P<type>[^}]+)\}, setting it to \{(?P<given>[^}]+)\}"
-    r"|expected \[(?P<old_type>\w+)\] got \[(?P<old_given>\w+)\])"
+    r"of type \{(?P<type>[^}]+)\}, setting it to \{(?P<actual>[^}]+)\}"
+    r"|expected \[(?P<old_type>\w+)\] got \[(?P<old_actual>\w+)\])"
 )
 _NO_PLUGIN: Final = re.compile(
     r"According to the loaded plugin descriptions the class (?P<class>\S+) with base class type "
@@ -86,7 +86,7 @@ class _Line:
 
     @property
     def is_error(self) -> bool:
-        """Whether the line reports an error, or an exception nobody has caught."""
+        """Return whether the line reports an error, or an exception that ended a process."""
         return self.level in _ERRORS or self.text.lstrip().startswith(_EXCEPTION)
 
 
@@ -104,11 +104,11 @@ class ProcessDeath:
     def is_of(self, nodes: Sequence[str]) -> bool:
         """Return whether one of the nodes, absolute names, lived in it or may have."""
         names = {node.rpartition("/")[2] for node in nodes}
-        given = re.findall(r"__node:=(\S+)", self.command)
+        renamed = re.findall(r"__node:=(\S+)", self.command)
         return (
             not names
             or self.process in names
-            or not names.isdisjoint(given)
+            or not names.isdisjoint(renamed)
             or self.process.startswith(_CONTAINER)
         )
 
@@ -119,16 +119,16 @@ class ProcessDeath:
 
 def read_death(line: str) -> ProcessDeath | None:
     """Return the death that a line of launch reports, ``None`` when it reports none."""
-    found = _DEATH.search(line)
-    if found is None:
+    match = _DEATH.search(line)
+    if match is None:
         return None
-    return ProcessDeath(found["process"], int(found["code"]), found["command"] or "")
+    return ProcessDeath(match["process"], int(match["code"]), match["command"] or "")
 
 
 def read_down(line: str) -> str:
     """Return the node whose heartbeat Nav2's lifecycle manager misses, empty without one."""
-    found = _SERVER.search(line)
-    return found["node"] if found else ""
+    match = _SERVER.search(line)
+    return match["node"] if match else ""
 
 
 def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
@@ -139,9 +139,9 @@ def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
     lines = [_read(line) for line in printed]
     for index, line in enumerate(lines):
         for pattern, explain in _KINDS:
-            found = pattern.search(line.text)
-            if found is not None and line.level in ("", *_ERRORS):
-                return explain(found, line, files)
+            match = pattern.search(line.text)
+            if match is not None and line.level in ("", *_ERRORS):
+                return explain(match, line, files)
         if line.is_error and (place := _launch_yaml(lines[index:])):
             return _told(files, place[0], place[1], f"launch cannot read it: {place[2]}")
     return ""
@@ -162,31 +162,31 @@ def telling_lines(printed: Sequence[str]) -> tuple[str, ...]:
     """Return the lines with errors, then the last lines, each at most once and in their order."""
     count = len(printed)
     errors = [i for i, line in enumerate(printed) if DIED in line or _read(line).is_error]
-    shown = {*errors[:_MOST_LINES], *range(max(0, count - _MOST_LINES), count)}
-    return tuple(printed[index] for index in sorted(shown))
+    indices = {*errors[:_MOST_LINES], *range(max(0, count - _MOST_LINES), count)}
+    return tuple(printed[index] for index in sorted(indices))
 
 
 def _read(line: str) -> _Line:
-    found = _LINE.match(line)
-    assert found is not None  # everything in it may be left out
-    process, logger = found["process"] or "", found["logger"] or ""
+    match = _LINE.match(line)
+    assert match is not None  # everything in it may be left out
+    process, logger = match["process"] or "", match["logger"] or ""
     parts = logger.split(".")
     node = "" if logger in _LIBRARIES else parts[-1]
     # Plug-ins log below the name of their node.
     if process in parts or (not node and not process.startswith(_CONTAINER)):
         node = process
-    return _Line(process, node, found["level"] or "", found["text"])
+    return _Line(process, node, match["level"] or "", match["text"])
 
 
 # Causes, each with its sentence
 
 
-def _wrong_type(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
-    name = found["name"]
-    needed, given = found["type"] or found["old_type"], found["given"] or found["old_given"]
+def _wrong_type(match: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    name = match["name"]
+    needed, actual = match["type"] or match["old_type"], match["actual"] or match["old_actual"]
     place, value = _find_value(files, line.node, lambda path, _: ".".join(map(str, path)) == name)
-    written = f'"{value}"' if isinstance(value, str) else str(value)
-    what = f"{written} is {_a(given)}" if place else f"{_a(given)} was given"
+    literal = f'"{value}"' if isinstance(value, str) else str(value)
+    what = f"{literal} is {_a(actual)}" if place else f"{_a(actual)} was given"
     return f"{place}{line.node or 'a node'} needs {_a(needed)} for {name}, and {what}"
 
 
@@ -194,29 +194,29 @@ def _a(kind: str) -> str:
     return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
-def _no_plugin(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
-    plugin = found["class"]
+def _no_plugin(match: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    plugin = match["class"]
     place, _ = _find_value(files, line.node, lambda _, value: value == plugin)
-    close = closest(plugin, (found["declared"] or "").split())
+    close = closest(plugin, (match["declared"] or "").split())
     hint = f'; did you mean "{close}"?' if close else ""
     node = line.node or "a node"
-    return f'{place}{node} finds no plug-in "{plugin}" of type {found["base"]}{hint}'
+    return f'{place}{node} finds no plug-in "{plugin}" of type {match["base"]}{hint}'
 
 
-def _no_library(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
-    library = found["library"]
+def _no_library(match: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    library = match["library"]
     stem = library.rpartition("/")[2].removesuffix(".so").removeprefix("lib")
     place, _ = _find_value(files, line.node, lambda _, value: value in (stem, library))
-    why = f": {found['why'].strip()}" if found["why"] else ""
+    why = f": {match['why'].strip()}" if match["why"] else ""
     return f"{place}{line.node or 'a node'} cannot load the library {library}{why}"
 
 
-def _no_file(found: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
-    why = _SOURCE.sub("", found["why"])
+def _no_file(match: re.Match[str], line: _Line, files: Mapping[str, str]) -> str:
+    why = _SOURCE.sub("", match["why"])
     at = _AT_LINE.search(why)
     why = _AT_LINE.sub("", why).strip()
     what = f"{line.node or 'a node'} cannot read it: {why}"
-    return _told(files, found["file"], int(at["line"]) if at else 0, what)
+    return _told(files, match["file"], int(at["line"]) if at else 0, what)
 
 
 _KINDS: Final[tuple[tuple[re.Pattern[str], Callable[..., str]], ...]] = (
@@ -232,11 +232,11 @@ def _launch_yaml(lines: Sequence[_Line]) -> tuple[str, int, str] | None:
     problem = ""
     place = None
     for line in lines[1:5]:
-        found = _LAUNCH_YAML.search(line.text)
-        if found is None:
+        match = _LAUNCH_YAML.search(line.text)
+        if match is None:
             problem = line.text.strip() or problem
         else:
-            place = found["file"], int(found["line"])
+            place = match["file"], int(match["line"])
     if place is None or "launch" not in lines[0].text:
         return None
     return (*place, problem)
@@ -247,12 +247,12 @@ def _told(files: Mapping[str, str], path: str, line: int, what: str) -> str:
     for name, own in files.items():
         if own == path:
             return f"{_place(name, line)}{what}"
-    written = _lines_of(path)[line - 1 : line] if line else []
+    copied = _lines_of(path)[line - 1 : line] if line else []
     for name, own in files.items():
         lines = _lines_of(own)
         # Launch files rewrite parameters: the line has another number there.
-        if written and lines.count(written[0]) == 1:
-            return f"{_place(name, lines.index(written[0]) + 1)}{what}"
+        if copied and lines.count(copied[0]) == 1:
+            return f"{_place(name, lines.index(copied[0]) + 1)}{what}"
     return f"{path}{f', line {line}' if line else ''}: {what}"
 
 
@@ -268,24 +268,24 @@ def _place(name: str, line: int) -> str:
 
 
 def _find_value(
-    files: Mapping[str, str], node: str, wanted: Callable[[Sequence[Any], Any], bool]
+    files: Mapping[str, str], node: str, condition: Callable[[Sequence[Any], Any], bool]
 ) -> tuple[str, Any]:
-    """Return place and value of the parameter that is ``wanted``, or nothing and ``None``.
+    """Return place and value of the parameter that meets ``condition``, or nothing and ``None``.
 
     One of the node counts before one of all nodes, and that before the only one there is.
-    ``wanted`` is called with the path below ``ros__parameters`` and the value there.
+    ``condition`` is called with the path below ``ros__parameters`` and the value there.
     """
-    found = [
+    values = [
         (owner, _place(name, line), value)
         for name, file in files.items()
         for owner, path, value, line in _parameters(file)
-        if wanted(path, value)
+        if condition(path, value)
     ]
     for owners in (node, _ALL_NODES):
-        for owner, place, value in found:
+        for owner, place, value in values:
             if owner == owners:
                 return place, value
-    return found[0][1:] if len(found) == 1 else ("", None)
+    return values[0][1:] if len(values) == 1 else ("", None)
 
 
 def _parameters(file: str) -> Iterator[tuple[str, Sequence[Any], Any, int]]:

@@ -1,11 +1,11 @@
-"""Folders of running stacks: who has one, what was left behind.
+"""Folders of running stacks, with the locks of their holders, and the remains of earlier ones.
 
     scenario-<uid>/stacks/lock              held while a folder is made or all are looked at
     scenario-<uid>/stacks/<token>/lock      held as long as the stack's supervisor or holder lives
     scenario-<uid>/stacks/<token>/stack.json
 
-A folder whose lock nobody holds is that of a supervisor that was killed: what it has started is
-ended by whoever starts the next stack on this machine.
+A folder whose lock is free belongs to a supervisor that was killed. The next stack that starts on
+this machine ends it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _RECORD: Final = "stack.json"
 
 @dataclass(frozen=True, slots=True)
 class StackRecord:
-    """What others need to end a stack; ``engine`` and ``name`` are those of a container."""
+    """Facts by which others can end a stack; ``engine`` and ``name`` are those of a container."""
 
     domain: int
     engine: str = ""
@@ -42,7 +42,7 @@ class StackRecord:
 
     @classmethod
     def read(cls, folder: Path) -> StackRecord | None:
-        """Return what stands in a folder, ``None`` while the stack has not been started."""
+        """Return the record in a folder, ``None`` while the stack has not been started."""
         try:
             return codec.from_json(cls, (folder / _RECORD).read_bytes())
         except (OSError, ValueError):
@@ -63,10 +63,10 @@ def make_folder(root: Path) -> tuple[Path, IO[str]]:
 
 
 def end_remains(root: Path) -> None:
-    """End what supervisors that were killed have left on this machine; raises ``OSError``."""
+    """End the stacks of killed supervisors on this machine; raises ``OSError``."""
     with _alone(root):
-        left = [(folder, _try_lock(folder)) for folder in root.iterdir() if folder.is_dir()]
-    for folder, lock in left:
+        remains = [(folder, _try_lock(folder)) for folder in root.iterdir() if folder.is_dir()]
+    for folder, lock in remains:
         if lock is not None:
             with lock:
                 end_stack(folder)
@@ -80,7 +80,7 @@ def end_stack(folder: Path) -> None:
         end_container(record.engine, record.name)
     elif record is not None:
         remove_shared_memory(record.domain)
-    # What cannot be removed (files that a container left as root) hinders nobody.
+    # Files that a container made as root stay; they do no harm.
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -93,7 +93,7 @@ def _alone(root: Path) -> Iterator[None]:
 
 def _try_lock(folder: Path) -> IO[str] | None:
     try:
-        # Made where there is none: a supervisor may have been killed while it removed its folder.
+        # It may be missing: a supervisor was killed while it removed its folder.
         lock = (folder / _LOCK).open("a")
     except FileNotFoundError:
         return None  # the folder is gone by now

@@ -56,7 +56,7 @@ from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
 NONCE_VARIABLE: Final = "SCENARIO_NONCE"
-"""Where the relay connects, and what it shows there."""
+"""The socket the relay connects to, and its password there."""
 _GRACE: Final = 5.0
 _ENGINE_FAILED: Final = 125
 """Exit code of podman and docker when they failed themselves (podman-run(1))."""
@@ -65,7 +65,7 @@ _ENGINE_LIMIT: Final = 40.0
 
 
 _ERRORS: Final = "supervisor.txt"
-"""What a supervisor itself has to say, when it fails."""
+"""Error output of a supervisor that fails."""
 _ANSWER_LIMIT: Final = 60.0
 """Seconds within which a supervisor answers, in addition to what it waits for itself: it may have
 to share a processor with many runs."""
@@ -107,7 +107,7 @@ class StackProcess:
 
     @property
     def socket(self) -> Path:
-        """Where the relay connects: the caller listens there."""
+        """The socket that the relay connects to; the caller listens there."""
         return self.folder / "relay.sock"
 
     # Starting
@@ -234,8 +234,8 @@ class StackProcess:
         """Return what stack and relay printed in this run, by name, at most a MiB each."""
         if self._outputs is not None:
             return self._outputs
-        found = {"stack.txt": self._read(STACK_OUTPUT), "relay.txt": self._read(RELAY_OUTPUT)}
-        return {name: data for name, data in found.items() if data or name == "stack.txt"}
+        outputs = {"stack.txt": self._read(STACK_OUTPUT), "relay.txt": self._read(RELAY_OUTPUT)}
+        return {name: data for name, data in outputs.items() if data or name == "stack.txt"}
 
     def _read(self, name: str) -> bytes:
         if self._outputs is not None:
@@ -255,15 +255,15 @@ class StackProcess:
         if self._outputs is not None:
             return
         self._ended = self.ended()
-        gone = False
+        is_gone = False
         if self._supervisor is not None:
             self._supervisor.ask_to_end()
             limit = 2.0 * self._grace + KILL_LIMIT + _ENGINE_LIMIT + _ANSWER_LIMIT
-            gone = self._supervisor.wait_for("gone", limit=limit) is not None
+            is_gone = self._supervisor.wait_for("gone", limit=limit) is not None
         self._outputs = dict(self.outputs())
         if self._supervisor is not None:
-            gone = self._supervisor.close(limit=_ANSWER_LIMIT) and gone
-        if not gone or self.folder.exists():
+            is_gone = self._supervisor.close(limit=_ANSWER_LIMIT) and is_gone
+        if not is_gone or self.folder.exists():
             end_stack(self.folder)
         # Others take the stack for alive as long as anybody has one of these open.
         for lock in (self._lock, self._domain_lock):
@@ -351,12 +351,12 @@ class _Supervisor:
 
 
 def _end_in_words(code: int) -> str:
-    known = {int(number): number.name for number in signal.Signals}
+    names = {int(number): number.name for number in signal.Signals}
     if code < 0:
-        return f"was killed by {known.get(-code, f'signal {-code}')}"
+        return f"was killed by {names.get(-code, f'signal {-code}')}"
     # A shell's codes for what it has started (bash(1), EXIT STATUS).
     special = {126: "what it names cannot be executed", 127: "command not found"}
-    special |= {128 + number: f"{name} in a process it started" for number, name in known.items()}
+    special |= {128 + number: f"{name} in a process it started" for number, name in names.items()}
     why = f" ({special[code]})" if code in special else ""
     return f"ended with exit code {code}{why}"
 
