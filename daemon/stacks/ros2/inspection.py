@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 PARAMETERS: Final = (
     "use_sim_time", "controller_frequency", "default_server_timeout", "bond_timeout",
+    "always_send_full_costmap",
 )  # fmt: skip
 """Parameters that nodes are asked for."""
 

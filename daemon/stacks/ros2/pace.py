@@ -58,7 +58,7 @@ def about_speed(inspection: Inspection) -> CheckLine:
 def about_parameters(
     settings: Ros2Settings, inspection: Inspection, concerned: frozenset[str]
 ) -> Iterator[CheckLine]:
-    """Yield what parameters say of clocks and time-outs; ``concerned`` nodes are of the run."""
+    """Yield findings about parameters of nodes; the ``concerned`` ones are part of the run."""
     yield from _simulated_time(inspection.parameters, concerned)
     for node, values in inspection.parameters.items():
         frequency = _number(values, "controller_frequency")
@@ -72,6 +72,14 @@ def about_parameters(
                 f"{acknowledgement:g} ms of wall clock for a server to acknowledge: on a machine "
                 "with other work goals are aborted by that and not by the robot",
                 "set it to 1000 or more",
+            )
+        asked = any(report.replace(" ", "_") in node for report in settings.record)
+        if asked and values.get("always_send_full_costmap") is False:
+            yield CheckLine(
+                f"{node} always_send_full_costmap",
+                "warning",
+                "false: only whole costmaps are recorded, and this one sends its changes",
+                "set it to true",
             )
         bond = _number(values, "bond_timeout")
         if bond is not None and bond > 0.0:

@@ -347,3 +347,14 @@ def test_parameters_that_make_no_sense_are_left_alone(value):
     values = {"controller_frequency": value, "bond_timeout": value, "use_sim_time": True}
     seen = replace(SOUND, parameters={"/controller_server": values})
     assert wrong(seen) == []
+
+
+def test_a_recorded_costmap_must_be_sent_whole():
+    node = "/local_costmap/local_costmap"
+    parameters = PARAMETERS | {node: {"always_send_full_costmap": False}}
+    costmap = mouth("/local_costmap/costmap", "nav_msgs/msg/OccupancyGrid", node)
+    seen = besides(replace(costmap, transient_local=True))
+    seen = replace(seen, parameters=parameters)
+    line = only(seen, record=["local costmap"])
+    assert (line.subject, line.hint) == (f"{node} always_send_full_costmap", "set it to true")
+    assert wrong(seen) == []
