@@ -96,3 +96,15 @@ def test_the_log_is_what_rosbags_reads():
     )
     assert (message.timestamp.sec, message.timestamp.nanosec) == (1, 500_000_000)
     assert [event.uid for event in message.event_log] == [7, 65535]
+
+
+def test_a_run_that_goes_on_is_judged_by_what_was_reported(tmp_path):
+    world = scene()
+    sut = SutReference("nav2", "ros2", {"repeatable": False, "record": list(REPORT_TOPICS)})
+    with TraceWriter(tmp_path / "run.mcap", specification(world, sut=sut), world) as trace:
+        for count, report in enumerate(REPORTS, start=1):
+            trace.report(report)
+            assert trace.so_far().reports == REPORTS[:count]
+        # The chunk of the first ten seconds is written now.
+        trace.clock(12.0)
+        assert trace.so_far().reports == REPORTS
