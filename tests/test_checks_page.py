@@ -10,7 +10,6 @@ SOURCES = (
     *sorted((ROOT / "grammars" / "preflight").glob("_*.py")),
     ROOT / "grammars" / "scenery" / "_usage.py",
     ROOT / "daemon" / "campaign" / "_findings.py",
-    ROOT / "daemon" / "campaign" / "_unused.py",
     ROOT / "daemon" / "search" / "preparation" / "checks.py",
 )
 _ROW = re.compile(r"^\| `(.+?)` \|", re.MULTILINE)

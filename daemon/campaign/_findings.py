@@ -1,4 +1,4 @@
-"""Findings of the pre-flight about the worlds and cells of a campaign, each once."""
+"""Findings about a campaign, each once: of the pre-flight, and about what no run uses."""
 
 from __future__ import annotations
 
@@ -7,20 +7,23 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import Final
 
-from daemon.campaign._cells import CampaignCell
+from daemon.campaign._cells import CampaignCell, Draft
+from daemon.campaign._file import CampaignFile
+from daemon.campaign._scenarios import LayerReference
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
 from daemon.stacks.registry import stack_kind
 from grammars.model.robot import Robot
 from grammars.oracle import signal_declaration, signals_of
 from grammars.preflight import check_limit, check_map, check_run, check_scene
-from grammars.text.diagnostics import Diagnostic, Severity, Where
-
-if TYPE_CHECKING:
-    from daemon.campaign._file import CampaignFile
-    from grammars.text.documents import YamlDocument
+from grammars.scenery import unused_groups, unused_parameters
+from grammars.scenery.composition import Catalogue
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.documents import YamlDocument
+from grammars.text.sources import not_recording, read_text
 
 _SIZE: Final = re.compile(r"-?\d+\.\d+")
 """A length or an angle in a message; names of objects have no points in their numbers."""
@@ -165,6 +168,85 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
             where=cell.mission_where,
             places=cell.places,
         )
+
+
+def find_unused(draft: Draft) -> list[Diagnostic]:
+    """Return warnings about oracles, parameters, groups and their members that no run uses."""
+    warnings = (
+        *_unused_parameters(draft.cells),
+        *_missing_members(draft.cells),
+        *_unused_oracles(draft),
+        *_unused_groups(draft.cells),
+    )
+    return list(dict.fromkeys(warnings))
+
+
+def _unused_oracles(draft: Draft) -> Iterator[Diagnostic]:
+    used = {reference.name for s in draft.scenarios.values() for reference in s.oracles}
+    for index, name in enumerate(draft.text.oracles or []):
+        where = draft.document.where(("oracles", index))
+        oracles = draft.library.oracles((LayerReference(name, {}, where),))
+        if used.isdisjoint(oracles):
+            message = f"no scenario uses an oracle of {name}"
+            hint = f"its oracles: {', '.join(oracles)}; each scenario picks some: oracles: […]"
+            yield Diagnostic(where, message, hint, Severity.WARNING)
+            continue
+        # A measure costs nothing to have at hand; a limit that judges nothing is forgotten.
+        idle = [o for o in oracles.values() if not o.is_measure and o.name not in used]
+        if idle and not _is_shared(name, Path(draft.document.file)):
+            for oracle in idle:
+                hint = f"name it in a scenario (oracles: [{oracle.name}]), or leave it out"
+                message = f"no scenario uses the oracle {oracle.name}"
+                yield Diagnostic(oracle.where, message, hint, Severity.WARNING)
+
+
+def _is_shared(layer: str, campaign: Path) -> bool:
+    """Return whether a layer may be made for other campaigns as well.
+
+    It is when it lies elsewhere or another campaign beside this one names it.
+    """
+    if "/" in layer or not any(campaign.parent.glob(f"{layer}*")):
+        return True
+    word = re.compile(rf"(?<![\w.-]){re.escape(layer)}(?![\w-])")
+    others = (p for p in campaign.parent.glob("*.y*ml") if p.name != campaign.name)
+    return any(
+        re.search(r"^campaign\s*:", text, re.MULTILINE) and word.search(text)
+        for text in map(_text_of, others)
+    )
+
+
+def _text_of(path: Path) -> str:
+    try:
+        # The names in other campaigns decide about a warning alone, no run depends on them.
+        with not_recording():
+            return read_text(path)
+    except InputError:
+        # A folder or a pipe of such a name is no campaign: it names nothing.
+        return ""
+
+
+def _unused_parameters(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
+    for layer in dict.fromkeys(layer for cell in cells for layer in cell.layers):
+        yield from unused_parameters(layer)
+
+
+def _unused_groups(cells: Sequence[CampaignCell]) -> Iterator[Diagnostic]:
+    """Yield groups that are used in none of the cells their layer is part of."""
+    for layer in {layer.file: layer for cell in cells for layer in cell.layers}.values():
+        beside = [c.layers for c in cells if any(other.file == layer.file for other in c.layers)]
+        yield from unused_groups(layer, [other for layers in beside for other in layers])
+
+
+def _missing_members(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
+    """Yield members of groups that are there in none of the cells of their layer."""
+    stacks = dict.fromkeys(cell.layers for cell in cells)
+    lacking = {layers: Catalogue(layers).unknown_members() for layers in stacks}
+    for problem in dict.fromkeys(p for problems in lacking.values() for p in problems):
+        file = problem.where.file
+        with_it = [layers for layers in stacks if any(layer.file == file for layer in layers)]
+        # Another scenario may have the members that this one lacks.
+        if all(problem in lacking[layers] for layers in with_it):
+            yield problem
 
 
 def say_once(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -21,6 +21,7 @@ from daemon.campaign._findings import (
     allowed_warnings,
     find_problems,
     find_unmet,
+    find_unused,
     say_once,
     without_allowed,
 )
@@ -34,7 +35,6 @@ from daemon.campaign._scenarios import (
     resolve_scenarios,
 )
 from daemon.campaign._searches import read_searches
-from daemon.campaign._unused import find_unused
 from daemon.model.spec import SutReference
 from daemon.model.submission import MOST_RUNS, too_many_runs
 from grammars.floorplan import FloorPlan

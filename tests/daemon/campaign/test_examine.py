@@ -162,27 +162,6 @@ def test_a_layer_with_objects_is_to_be_named_once(folder):
          "house.oracles.yaml:2 W no scenario uses the oracle near"),
         ("tiny.yaml", "oracles: house", "oracles: [house, spare]",
          "tiny.yaml:5 W no scenario uses an oracle of spare"),
-        ("tiny.yaml", "  second:", "  base: {abstract: true}\n  second:",
-         'tiny.yaml:14 W scenario "base" is abstract and no other one is like it'),
-        ("tiny.yaml", "mission: courier", "mission: courier\n    robot: shuttle",
-         "tiny.yaml:4 W no scenario uses the robot courier, each names another"),
-        ("tiny.yaml", "mission: courier", "mission: courier\n    sut: idle",
-         "tiny.yaml:6 W no scenario uses the system under test pilot, each names others"),
-        ("tiny.yaml", "[doors_open, moods]", "[doors_moving, doors_open, moods]",
-         "tiny.yaml:11 W doors_moving changes nothing: it places no object, and what its "
-         "sentences say is replaced by later layers or about no object"),
-        ("tiny.yaml", "like: calm", "like: calm\n    floorplan: flat\n    "
-         "vary: {floorplan: flat, samples: 1}",
-         "tiny.yaml:16 W not used: the plans are variants of flat"),
-        ("tiny.yaml", "scenarios:", "defaults: {robot: shuttle, map: {doors: initial}}\nscenarios:",
-         "tiny.yaml:4 W no scenario uses the robot courier, each names another"),
-        ("tiny.yaml", "scenarios:", "map: {doors: none}\ndefaults: {map: {doors: initial}}\n"
-         "scenarios:", "tiny.yaml:7 W no scenario uses the map said for all, each has another"),
-        ("tiny.yaml", "scenarios:", "defaults: {mission: courier, limit: 2 min}\nscenarios:",
-         "tiny.yaml:7 W no scenario uses the mission said for all, each has another"),
-        ("tiny.yaml", "scenarios:",
-         "defaults: {floorplan: flat, vary: {floorplan: flat, samples: 1}}\nscenarios:",
-         "tiny.yaml:7 W not used: the plans are variants of flat"),
         ("tiny.yaml", "scenarios:", "defaults: {limit: 10 s}\nscenarios:",
          "tiny.yaml:7 W 10 s are too short for mission courier: it takes pilot at least "),
         ("tiny.yaml", "like: calm", "like: calm\n    limit: 10 s",
@@ -241,20 +220,17 @@ def test_a_pipe_and_a_folder_beside_a_campaign_are_no_campaigns(folder):
 
 ALLOW = """\
 allow:
-  - {warning: "scenario * is abstract and no other one is like it", why: "kept for later"}
+  - {warning: "no scenario uses an oracle of *", why: "kept for later"}
 """
 
 
 def test_a_warning_that_is_meant_is_not_said(folder):
-    lone = ("scenarios:\n", "scenarios:\n  lone: {like: calm, abstract: true}\n")
-    change(folder, "tiny.yaml", lone)
-    assert any("is abstract and no other one" in one for one in said(folder))
+    change(folder, "tiny.yaml", ("oracles: house\n", "oracles: [house, spare]\n"))
+    assert said(folder) == ["tiny.yaml:5 W no scenario uses an oracle of spare"]
     change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
     campaign, found = examine(folder / "tiny.yaml")
-    assert not [one for one in found if "is abstract" in one.message]
-    assert [one.message for one in campaign.allowed] == [
-        'scenario "lone" is abstract and no other one is like it'
-    ]
+    assert not [one for one in found if "no scenario uses" in one.message]
+    assert [one.message for one in campaign.allowed] == ["no scenario uses an oracle of spare"]
 
 
 def test_a_warning_that_stands_for_several_is_allowed_as_it_is_said(folder):
