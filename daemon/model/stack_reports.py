@@ -75,8 +75,9 @@ class StackState:
 
     @property
     def costmap(self) -> CostmapPicture | None:
-        """The latest local costmap, otherwise the latest global one."""
-        return self._costmaps.get("local") or self._costmaps.get("global")
+        """The latest local costmap, or global one, whose place in the map is known."""
+        latest = (self._costmaps.get(scope) for scope in ("local", "global"))
+        return next((c for c in latest if c is not None and c.frame_pose is not None), None)
 
     @property
     def running(self) -> tuple[str, ...]:

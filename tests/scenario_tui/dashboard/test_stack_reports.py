@@ -107,3 +107,16 @@ def test_names_of_a_stack_can_be_shown_on_any_terminal():
     state.take(CollisionMonitorState(0.0, "stop", "Fro\x1b[31mnt"))
     assert "\x1b" not in state.line
     assert "stop by Fro" in state.line
+
+
+def test_a_local_costmap_is_shown_once_its_place_is_known():
+    """The first one comes before the stack knows where it is."""
+    state = StackState()
+    for scope, pose, expected in (
+        ("global", Pose2(), "global"),
+        ("local", None, "global"),
+        ("local", Pose2(1.0, 2.0), "local"),
+    ):
+        state.take(CostmapPicture(0.0, "map", 0.5, 0.0, 0.0, CELLS, scope, pose))
+        assert state.costmap is not None
+        assert state.costmap.scope == expected
