@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from daemon.campaign._cells import CampaignCell, Draft
-from daemon.campaign._file import ExpectText, repeat_policy
-from daemon.campaign._references import KnownQuantities, read_references
+from daemon.campaign._results_file import ExpectText, ValueText, repeat_policy
 from daemon.model.assessments import (
     DELAY,
     DURATION,
     AssessmentRules,
     Expectation,
+    ReferenceValue,
     RegressionGate,
     ScenarioComparison,
 )
 from grammars.oracle import Leg, Oracle, leg_number, parse_oracle, unit_of
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.documents import YamlDocument
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, raise_all
+from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.quantity import parse_in
 
 # A sentence and not keys of YAML: a value that begins with ">" or "<" means something else there.
@@ -59,8 +59,7 @@ def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Diagnostic]]:
                 f"{Path(where.file).name}:{where.line}",
             )
         )
-    known = _known_quantities(comparisons, draft)
-    references, wrong = read_references(draft.text.reference, draft.document, known)
+    references, wrong = _references(comparisons, draft)
     gate = draft.text.gate
     declared = AssessmentRules(
         repeat_policy(draft.text.repeats),
@@ -70,18 +69,6 @@ def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Diagnostic]]:
         references,
     )
     return declared, problems + wrong
-
-
-def _known_quantities(comparisons: Sequence[ScenarioComparison], draft: Draft) -> KnownQuantities:
-    units = {name: unit_of(o) if o.is_measure else None for name, o in draft.oracles.items()}
-    scenarios = draft.scenarios.items()
-    # Every run has a duration, whether an oracle of that name measures it or not.
-    return KnownQuantities(
-        {name: (*scenario.oracle_names, DURATION) for name, scenario in scenarios},
-        {name: scenario.sut_names for name, scenario in scenarios},
-        {DURATION: "s"} | units,
-        {comparison.name: comparison.unit for comparison in comparisons},
-    )
 
 
 def time_legs(
@@ -192,7 +179,7 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft)
 
 def _unmatched_expectation(
     written: ExpectText,
-    path: tuple[str, int],
+    path: KeyPath,
     comparisons: Sequence[str],
     draft: Draft,
 ) -> Iterator[Diagnostic]:
@@ -212,8 +199,15 @@ def _unmatched_expectation(
         yield Diagnostic(where, f'no oracle "{written.oracle}" judges {written.scenario}', hint)
     elif all(n in draft.oracles and draft.oracles[n].is_measure for n in oracles):
         yield Diagnostic(where, f'"{written.oracle}" is a measure, it has no verdict')
-    suts = dict.fromkeys(n for s in scenarios for n in draft.scenarios[s].sut_names)
-    for index, pattern in enumerate(written.sut):
+    yield from _unmatched_suts(written.sut, path, scenarios, draft)
+
+
+def _unmatched_suts(
+    patterns: Iterable[str], path: KeyPath, scenarios: Iterable[str], draft: Draft
+) -> Iterator[Diagnostic]:
+    """Yield the patterns that match no system under test of the scenarios."""
+    suts = dict.fromkeys(name for s in scenarios for name in draft.scenarios[s].sut_names)
+    for index, pattern in enumerate(patterns):
         if not _matching(pattern, suts):
             where = draft.document.where((*path, "sut", index))
             hint = did_you_mean(pattern, suts)
@@ -222,3 +216,116 @@ def _unmatched_expectation(
 
 def _matching(pattern: str, names: Iterable[str]) -> list[str]:
     return [name for name in names if fnmatchcase(name, pattern)]
+
+
+def _references(
+    comparisons: Sequence[ScenarioComparison], draft: Draft
+) -> tuple[tuple[ReferenceValue, ...], list[Diagnostic]]:
+    """Return the reference values of a campaign, and what is wrong with them.
+
+    They are drawn and told beside the results. No verdict follows from them.
+    """
+    units = {comparison.name: comparison.unit for comparison in comparisons}
+    values: list[ReferenceValue] = []
+    problems: list[Diagnostic] = []
+    for name, group in draft.text.reference.items():
+        for index, text in enumerate(group.values):
+            reader = _ReferenceReader(text, ("reference", name, "values", index), units, draft)
+            try:
+                values.append(reader.read(name, group.source))
+            except InputError as error:
+                problems.extend(error.diagnostics)
+    return tuple(values), problems
+
+
+_COUNT: Final = re.compile(r"\s*(?P<passed>\d{1,6})\s+of\s+(?P<runs>\d{1,6})\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class _ReferenceReader:
+    """One reference value at ``path``; ``comparisons`` are the units of all comparisons."""
+
+    text: ValueText
+    path: KeyPath
+    comparisons: Mapping[str, str]
+    draft: Draft
+
+    def read(self, name: str, source: str) -> ReferenceValue:
+        """Return the value; raises :class:`InputError`."""
+        text, unit, where = self.text, self._unit(), self._at()
+        common: dict[str, Any] = {
+            "name": name, "source": source, "scenario": text.scenario, "suts": tuple(text.sut),
+            "oracle": text.oracle, "note": text.note,
+            "where": f"{Path(where.file).name}:{where.line}",
+        }  # fmt: skip
+        if unit is None:
+            return ReferenceValue(**common, **self._rate())
+        value = parse_in(text.value, unit, text.oracle, self._at("value"))
+        words, deviation, low, high = text.value.strip(), None, None, None
+        if text.deviation is not None:
+            deviation = parse_in(text.deviation, unit, text.oracle, self._at("deviation"))
+            if deviation < 0.0:
+                raise InputError.at(self._at("deviation"), "a deviation is never negative")
+            words += f" ± {text.deviation.strip()}"
+        if text.range is not None:
+            bounds = enumerate(text.range)
+            low, high = (parse_in(b, unit, text.oracle, self._at("range", i)) for i, b in bounds)
+            if low > high:
+                raise InputError.at(self._at("range"), "write the smaller value first")
+            words += f" ({text.range[0].strip()} to {text.range[1].strip()})"
+        return ReferenceValue(
+            **common, statistic=text.statistic, value=value, unit=unit, text=words,
+            deviation=deviation, low=low, high=high, runs=text.runs,
+        )  # fmt: skip
+
+    def _at(self, *key: str | int) -> Where:
+        return self.draft.document.where((*self.path, *key))
+
+    def _unit(self) -> str | None:
+        """Return the unit of the measure, ``None`` of a rate; raises :class:`InputError`."""
+        text, draft = self.text, self.draft
+        if text.oracle in self.comparisons:
+            if text.scenario:
+                message = f'"{text.oracle}" is a comparison and names its scenarios itself'
+                raise InputError.at(self._at("scenario"), message, 'leave "scenario" out')
+            raise_all(_unmatched_suts(text.sut, self.path, draft.scenarios, draft))
+            return self.comparisons[text.oracle]
+        # Every run has a duration, whether an oracle of that name measures it or not.
+        units: dict[str, str | None] = {DURATION: "s"}
+        units |= {name: unit_of(o) if o.is_measure else None for name, o in draft.oracles.items()}
+        if not text.scenario:
+            hint = 'say of which "scenario" it is'
+            if text.oracle not in units:
+                hint = did_you_mean(text.oracle, self.comparisons)
+            raise InputError.at(self._at("oracle"), f'no comparison "{text.oracle}"', hint)
+        scenarios = _matching(text.scenario, draft.scenarios)
+        if not scenarios:
+            message = f'no scenario "{text.scenario}" to compare'
+            hint = did_you_mean(text.scenario, draft.scenarios)
+            raise InputError.at(self._at("scenario"), message, hint)
+        names = {DURATION, *(n for s in scenarios for n in draft.scenarios[s].oracle_names)}
+        # A value beside which nothing can ever stand would never be missed.
+        if text.oracle not in names:
+            message = f'{text.scenario} has neither measure nor oracle "{text.oracle}"'
+            hint = did_you_mean(text.oracle, (*names, *self.comparisons))
+            raise InputError.at(self._at("oracle"), message, hint)
+        raise_all(_unmatched_suts(text.sut, self.path, scenarios, draft))
+        return units[text.oracle]
+
+    def _rate(self) -> dict[str, Any]:
+        text = self.text
+        count = _COUNT.fullmatch(text.value)
+        passed, runs = (int(count["passed"]), int(count["runs"])) if count else (0, 0)
+        if not 0 <= passed <= runs or runs == 0:
+            message = (
+                f'"{text.oracle}" has a limit: "{text.value}" does not say how many runs passed'
+            )
+            raise InputError.at(self._at("value"), message, "write it as 3 of 5")
+        for key in ("statistic", "deviation", "range", "runs"):
+            if key in text.model_fields_set:
+                message = f'"{key}" goes with a measure, "{text.oracle}" has a limit'
+                raise InputError.at(self._at(key), message)
+        words = f"{passed} of {runs}"
+        return {
+            "statistic": "rate", "value": passed / runs, "unit": "1", "text": words, "runs": runs,
+        }  # fmt: skip

@@ -1,111 +1,31 @@
-"""The keys of a campaign file, as they are written.
-
-Comparisons and policies are sentences (``delay(S3.2 vs S3.5) <= 30 s``,
-``rate >= 80 %``), so that no value starts with a sign that means something to YAML.
-"""
+"""The keys of a campaign file, as they are written."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import (
-    AfterValidator,
-    BeforeValidator,
     ConfigDict,
     Field,
     model_validator,
 )
 
 from daemon.campaign._names import LayerName, Names, OneName, References
-from daemon.campaign._references import ReferenceText
+from daemon.campaign._results_file import (
+    ONCE,
+    AllowText,
+    ExpectText,
+    GateText,
+    ReferenceText,
+    RepeatsText,
+)
 from daemon.campaign._search_file import SearchText
-from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
 from grammars.model.grid import MapRule
 from grammars.model.misplaced_keys import MISSION_KEYS, ROBOT_KEYS
-from grammars.text.documents import Duration, Length, OtherName, Ratio, StrictModel
-from grammars.text.quantity import read_as
-
-_MOST_REPEATS: Final = 100_000
-"""As many as one submission of a campaign is tested with."""
-_RATE: Final = re.compile(r"rate\s*>=\s*(?P<rate>[^<>=]+)")
-
-
-def read_rule(text: str) -> tuple[PolicyRule, float]:
-    """Read ``all``, ``mean`` or ``rate >= 80 %`` to a rule and its rate; raises ``ValueError``."""
-    words = text.strip()
-    if words in ("all", "mean"):
-        return ("all", 1.0) if words == "all" else ("mean", 1.0)
-    found = _RATE.fullmatch(words)
-    if found is None:
-        raise ValueError(f'"{text}" is not a rule: write all, mean or rate >= 80 %')
-    rate = read_as(found["rate"].strip(), "ratio")
-    # No finite number of passes excludes a rate just below 100 %; "all" says what can be said.
-    if not 0.0 < rate < 1.0:
-        raise ValueError(
-            f"no number of runs shows a rate of {found['rate'].strip()}: "
-            "write one above 0 and below 100 %, or all"
-        )
-    return "rate", rate
-
-
-def _check_rule(text: str) -> str:
-    read_rule(text)
-    return text
-
-
-def _repeats_mapping(value: Any) -> Any:
-    """Take a plain number of repeats for ``{n: number}``."""
-    # bool is an int to Python: "repeats: true" would be one run.
-    if isinstance(value, bool) or not isinstance(value, int | dict):
-        raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
-    return {"n": value} if isinstance(value, int) else value
-
-
-class _RepeatsText(StrictModel):
-    """How often every cell is run, and when all its runs together pass."""
-
-    n: int = Field(ge=1, le=_MOST_REPEATS)
-    """Runs of every scenario; the same repeat sees the same noise in each of them."""
-    rule: Annotated[str, AfterValidator(_check_rule)] = Field(default="all", alias="pass")
-    """all: every run passes; rate >= 80 %: it is shown that so many do (exact, 95 %);
-    mean: it is shown that the mean margin is not below 0 (t, 95 %)."""
-    until: Literal["decided"] | None = None
-    """decided: cells that are neither shown to pass nor to fail get more runs, up to at-most."""
-    at_most: int | None = Field(default=None, ge=1, le=_MOST_REPEATS, alias="at-most")
-    """So many runs of a cell and no more; needed with "until: decided"."""
-
-    @model_validator(mode="after")
-    def _sensible(self) -> _RepeatsText:
-        rule, _ = read_rule(self.rule)
-        if (self.until is None) != (self.at_most is None):
-            raise ValueError('"until: decided" and "at-most" need each other')
-        if self.at_most is not None and self.at_most <= self.n:
-            raise ValueError(f'"at-most: {self.at_most}" leaves nothing to add to n: {self.n}')
-        if self.until and rule == "all":
-            raise ValueError(
-                '"until: decided" needs "pass: rate >= 80 %" or "pass: mean": '
-                "the first run that fails decides all"
-            )
-        if rule == "mean" and self.n < 2:
-            raise ValueError('"pass: mean" needs n: 2 or more, one run does not say how they vary')
-        return self
-
-
-RepeatsText: TypeAlias = Annotated[
-    _RepeatsText, BeforeValidator(_repeats_mapping, json_schema_input_type=int | _RepeatsText)
-]
-ONCE: Final = _RepeatsText(n=1)
-
-
-def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
-    """Return the policy that ``repeats:`` means."""
-    rule, rate = read_rule(text.rule)
-    return RepeatPolicy(text.n, rule, rate, text.until is not None, text.at_most or text.n)
-
+from grammars.text.documents import Duration, Length, OtherName, StrictModel
 
 _CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
@@ -126,46 +46,6 @@ SYNONYMS: Final[dict[str, str | OtherName]] = {
     **dict.fromkeys(("building", "environment", "plan", "world"), OtherName("floorplan")),
 }
 """What people call keys of campaigns and scenarios that are called otherwise here."""
-
-
-class ExpectText(StrictModel):
-    """What is known to be otherwise than passing; an unexpected pass is reported too."""
-
-    scenario: str = "*"
-    """Name of a scenario, or a pattern such as S3.*; all when left out."""
-    oracle: str = "*"
-    """Name of an oracle or of a comparison, or a pattern; all when left out."""
-    sut: Names = Field(default_factory=list)
-    """Systems under test, names or patterns; all when left out."""
-    verdict: Literal["pass", "fail", "mixed", "any"]
-    """pass; fail: in every run; mixed: in at least one run; any: whatever comes out."""
-    why: str = Field(min_length=1)
-    """Why this is so; it is shown beside the verdict."""
-
-    @model_validator(mode="after")
-    def _about_something(self) -> ExpectText:
-        if self.scenario == self.oracle == "*":
-            raise ValueError('name a "scenario" or an "oracle" it is about')
-        return self
-
-
-class AllowText(StrictModel):
-    """A warning of the check that is meant, and is not said any more."""
-
-    warning: str = Field(min_length=1)
-    """The warning as it is said, * for whatever stands there: the leaf of door_12 sweeps *."""
-    why: str = Field(min_length=1)
-    """Why it is meant."""
-
-
-class GateText(StrictModel):
-    """Fail when results get worse than those of another campaign."""
-
-    baseline: str = Field(min_length=1)
-    """Id or name of a campaign, a JSON file of results, or last-green: the newest earlier run of
-    this campaign in which everything was as expected."""
-    worse_by: Ratio = Field(alias="worse-by", ge=0.0)
-    """By how much a margin or the duration may get worse, such as 10 %."""
 
 
 class MapText(StrictModel):

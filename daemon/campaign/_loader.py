@@ -16,7 +16,7 @@ from daemon.campaign._campaign import EXTERNAL_REPEATS, Campaign, default_repeat
 from daemon.campaign._cells import CampaignCell, Draft
 from daemon.campaign._composer import Composer, RemainingWorld, leave_out
 from daemon.campaign._declarations import read_declarations, time_legs
-from daemon.campaign._file import CampaignFile, repeat_policy
+from daemon.campaign._file import CampaignFile
 from daemon.campaign._findings import (
     allowed_warnings,
     find_problems,
@@ -26,6 +26,7 @@ from daemon.campaign._findings import (
     without_allowed,
 )
 from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._results_file import repeat_policy
 from daemon.campaign._scenarios import (
     LayerReference,
     ResolvedScenario,

@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BeforeValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from grammars.text.documents import wrong_form
+from grammars.text.documents import ONE_OR_MORE, as_list, wrong_form
 
 Overrides: TypeAlias = dict[str, Any]
 _OneLayer: TypeAlias = Annotated[
@@ -45,10 +45,6 @@ LayerName: TypeAlias = Annotated[
 ]
 
 
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
 def _name_alone(value: Any) -> Any:
     """Refuse what is no name but may hold one."""
     if isinstance(value, list):
@@ -72,11 +68,7 @@ def layer_name(value: LayerName) -> str:
 
 
 OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]
-Names: TypeAlias = Annotated[
-    list[OneName],
-    BeforeValidator(_as_list, json_schema_input_type=str | list[str]),
-    BeforeValidator(_no_mapping, json_schema_input_type=str | list[str]),
-]
+Names: TypeAlias = Annotated[list[OneName], ONE_OR_MORE, BeforeValidator(_no_mapping)]
 References: TypeAlias = Annotated[
-    list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
+    list[LayerName], BeforeValidator(as_list, json_schema_input_type=LayerName | list[LayerName])
 ]

@@ -19,7 +19,7 @@ from daemon.model.search import (
     WINDOW,
     PointValue,
 )
-from grammars.text.documents import OtherName, StrictModel, wrong_form
+from grammars.text.documents import ONE_OR_MORE, OtherName, StrictModel, as_list, wrong_form
 from grammars.text.quantity import read_as, read_quantity
 
 _MOST_CHOICES: Final = 1_000
@@ -207,21 +207,18 @@ def _counted(unit: str) -> BeforeValidator:
     return BeforeValidator(take, json_schema_input_type=str | int)
 
 
-def _as_list(value: Any) -> Any:
+def _no_keys(value: Any) -> Any:
     if isinstance(value, dict):
         raise wrong_form("takes words, not keys")
-    return value if isinstance(value, list) else [value]
+    return value
 
 
-_Inequalities: TypeAlias = Annotated[
-    list[str], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
-]
+_Inequalities: TypeAlias = Annotated[list[str], ONE_OR_MORE, BeforeValidator(_no_keys)]
+_Step: TypeAlias = Literal["nearest", "shrink"]
 _Steps: TypeAlias = Annotated[
-    list[Literal["nearest", "shrink"]],
-    BeforeValidator(
-        _as_list,
-        json_schema_input_type=Literal["nearest", "shrink"] | list[Literal["nearest", "shrink"]],
-    ),
+    list[_Step],
+    BeforeValidator(as_list, json_schema_input_type=_Step | list[_Step]),
+    BeforeValidator(_no_keys),
 ]
 
 

@@ -102,11 +102,12 @@ class QuantityField:
         return handler(schema) | {"quantity": {"dimension": self.dimension, "plain": self.plain}}
 
 
-def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
+def as_list(value: Any) -> Any:
+    """Return a list as it is, and any other value as a list of it alone."""
+    return value if isinstance(value, list) else [value]
 
 
-ONE_OR_MORE: Final = BeforeValidator(_as_list, json_schema_input_type=str | list[str])
+ONE_OR_MORE: Final = BeforeValidator(as_list, json_schema_input_type=str | list[str])
 """Marks a list of texts for which a single text may stand."""
 
 Length: TypeAlias = Annotated[float, QuantityField("length")]

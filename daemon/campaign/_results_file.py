@@ -1,0 +1,178 @@
+"""The keys of a campaign file that are about results: how many runs, and what they are held to.
+
+Policies are sentences (``rate >= 80 %``), so that no value starts with a sign that means something
+to YAML.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from daemon.campaign._names import Names
+from daemon.model.assessments import PolicyRule, RepeatPolicy
+from grammars.text.documents import Ratio, StrictModel
+from grammars.text.quantity import read_as
+
+_MOST_REPEATS: Final = 100_000
+"""As many as one submission of a campaign is tested with."""
+_RATE: Final = re.compile(r"rate\s*>=\s*(?P<rate>[^<>=]+)")
+
+
+def read_rule(text: str) -> tuple[PolicyRule, float]:
+    """Read ``all``, ``mean`` or ``rate >= 80 %`` to a rule and its rate; raises ``ValueError``."""
+    words = text.strip()
+    if words in ("all", "mean"):
+        return ("all", 1.0) if words == "all" else ("mean", 1.0)
+    found = _RATE.fullmatch(words)
+    if found is None:
+        raise ValueError(f'"{text}" is not a rule: write all, mean or rate >= 80 %')
+    rate = read_as(found["rate"].strip(), "ratio")
+    # No finite number of passes excludes a rate just below 100 %; "all" says what can be said.
+    if not 0.0 < rate < 1.0:
+        raise ValueError(
+            f"no number of runs shows a rate of {found['rate'].strip()}: "
+            "write one above 0 and below 100 %, or all"
+        )
+    return "rate", rate
+
+
+def _check_rule(text: str) -> str:
+    read_rule(text)
+    return text
+
+
+def _repeats_mapping(value: Any) -> Any:
+    """Take a plain number of repeats for ``{n: number}``."""
+    # bool is an int to Python: "repeats: true" would be one run.
+    if isinstance(value, bool) or not isinstance(value, int | dict):
+        raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
+    return {"n": value} if isinstance(value, int) else value
+
+
+class _RepeatsText(StrictModel):
+    """How often every cell is run, and when all its runs together pass."""
+
+    n: int = Field(ge=1, le=_MOST_REPEATS)
+    """Runs of every scenario; the same repeat sees the same noise in each of them."""
+    rule: Annotated[str, AfterValidator(_check_rule)] = Field(default="all", alias="pass")
+    """all: every run passes; rate >= 80 %: it is shown that so many do (exact, 95 %);
+    mean: it is shown that the mean margin is not below 0 (t, 95 %)."""
+    until: Literal["decided"] | None = None
+    """decided: cells that are neither shown to pass nor to fail get more runs, up to at-most."""
+    at_most: int | None = Field(default=None, ge=1, le=_MOST_REPEATS, alias="at-most")
+    """So many runs of a cell and no more; needed with "until: decided"."""
+
+    @model_validator(mode="after")
+    def _sensible(self) -> _RepeatsText:
+        rule, _ = read_rule(self.rule)
+        if (self.until is None) != (self.at_most is None):
+            raise ValueError('"until: decided" and "at-most" need each other')
+        if self.at_most is not None and self.at_most <= self.n:
+            raise ValueError(f'"at-most: {self.at_most}" leaves nothing to add to n: {self.n}')
+        if self.until and rule == "all":
+            raise ValueError(
+                '"until: decided" needs "pass: rate >= 80 %" or "pass: mean": '
+                "the first run that fails decides all"
+            )
+        if rule == "mean" and self.n < 2:
+            raise ValueError('"pass: mean" needs n: 2 or more, one run does not say how they vary')
+        return self
+
+
+RepeatsText: TypeAlias = Annotated[
+    _RepeatsText, BeforeValidator(_repeats_mapping, json_schema_input_type=int | _RepeatsText)
+]
+ONCE: Final = _RepeatsText(n=1)
+
+
+def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
+    """Return the policy that ``repeats:`` means."""
+    rule, rate = read_rule(text.rule)
+    return RepeatPolicy(text.n, rule, rate, text.until is not None, text.at_most or text.n)
+
+
+class ExpectText(StrictModel):
+    """What is known to be otherwise than passing; an unexpected pass is reported too."""
+
+    scenario: str = "*"
+    """Name of a scenario, or a pattern such as S3.*; all when left out."""
+    oracle: str = "*"
+    """Name of an oracle or of a comparison, or a pattern; all when left out."""
+    sut: Names = Field(default_factory=list)
+    """Systems under test, names or patterns; all when left out."""
+    verdict: Literal["pass", "fail", "mixed", "any"]
+    """pass; fail: in every run; mixed: in at least one run; any: whatever comes out."""
+    why: str = Field(min_length=1)
+    """Why this is so; it is shown beside the verdict."""
+
+    @model_validator(mode="after")
+    def _about_something(self) -> ExpectText:
+        if self.scenario == self.oracle == "*":
+            raise ValueError('name a "scenario" or an "oracle" it is about')
+        return self
+
+
+class AllowText(StrictModel):
+    """A warning of the check that is meant, and is not said any more."""
+
+    warning: str = Field(min_length=1)
+    """The warning as it is said, * for whatever stands there: the leaf of door_12 sweeps *."""
+    why: str = Field(min_length=1)
+    """Why it is meant."""
+
+
+class GateText(StrictModel):
+    """Fail when results get worse than those of another campaign."""
+
+    baseline: str = Field(min_length=1)
+    """Id or name of a campaign, a JSON file of results, or last-green: the newest earlier run of
+    this campaign in which everything was as expected."""
+    worse_by: Ratio = Field(alias="worse-by", ge=0.0)
+    """By how much a margin or the duration may get worse, such as 10 %."""
+
+
+def _as_text(value: Any) -> Any:
+    """Take a plain number for its text: a count needs no unit, and so no quotes."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return str(value) if plain else value
+
+
+_Amount: TypeAlias = Annotated[
+    str, BeforeValidator(_as_text, json_schema_input_type=str | int | float)
+]
+
+
+class ValueText(StrictModel):
+    """One value that somebody found."""
+
+    scenario: str = ""
+    """Name of a scenario, or a pattern such as S3.*; left out for a comparison."""
+    sut: Names = Field(default_factory=list)
+    """Systems under test, names or patterns; all when left out."""
+    oracle: str = Field(min_length=1)
+    """Name of a measure, of an oracle, or of a comparison; duration is there always."""
+    value: _Amount
+    """With the unit of the measure, such as 696.08 s; of an oracle with a limit how many runs
+    passed, such as 3 of 5."""
+    statistic: Literal["mean", "median", "min", "max"] = "mean"
+    """What the source made of its runs: the mean, or for instance the largest value of all."""
+    deviation: _Amount | None = None
+    """Standard deviation of the runs."""
+    range: Annotated[list[_Amount], Field(min_length=2, max_length=2)] | None = None
+    """Least and greatest value, or the bounds of an interval."""
+    runs: int | None = Field(default=None, ge=1)
+    """Of how many runs it is."""
+    note: str = ""
+    """Where in the source it stands, and what else is to be said about it."""
+
+
+class ReferenceText(StrictModel):
+    """What one source found."""
+
+    source: str = Field(min_length=1)
+    """Who found it and where it stands; it is shown beside the values."""
+    values: list[ValueText] = Field(min_length=1)
+    """The values, one for each scenario, system and quantity."""
