@@ -71,17 +71,26 @@ class StackSession:
         self.is_aborted = False
         """Whether Nav2's lifecycle manager has given up bringing its nodes up."""
         self._alarms = 0
+        self._events: list[SutEvent] = []
+        # A long wait for a command must not hide a death.
+        link.is_interrupted = self.is_dead
 
     def watch(self) -> list[SutEvent]:
         """Look whether the stack goes on living; return what is worth a line of the log."""
+        self.is_dead()
+        events, self._events = self._events, []
+        return events
+
+    def is_dead(self) -> bool:
+        """Look whether the stack goes on living; return whether it does not."""
         ended = self.process.ended()
         alarms = self.process.alarms()[self._alarms :]
         self._alarms += len(alarms)
-        events = []
         for line in alarms:
             death, node = read_death(line), read_down(line)
             if death is not None and not death.is_of(self.settings.ready):
-                events.append(SutEvent(f"{death}; it has none of the nodes of ready", "warn"))
+                text = f"{death}; it has none of the nodes of ready"
+                self._events.append(SutEvent(text, "warn"))
             elif death is not None:
                 self.fault = self.fault or str(death)
             elif node:
@@ -90,7 +99,7 @@ class StackSession:
             self.is_aborted = self.is_aborted or ABORTED in line
         # A launch file may end all because of a death, which says more.
         self.fault = self.fault or ended
-        return events
+        return bool(self.fault)
 
     def cycle(self, cycle: Cycle) -> CycleAnswer:
         """Do one cycle; the clock never goes back."""
@@ -100,10 +109,8 @@ class StackSession:
     def explain(self, lost: str) -> str:
         """Return why the link was lost: an end of a process says more than its silence."""
         until = wall_clock.monotonic() + 2.0
-        self.watch()
-        while not self.fault and wall_clock.monotonic() < until:
+        while not self.is_dead() and wall_clock.monotonic() < until:
             wall_clock.sleep(0.05)
-            self.watch()
         return self.fault or lost
 
     def failure(self, reason: str, events: Sequence[SutEvent] = ()) -> SutFailure:

@@ -11,6 +11,7 @@ import contextlib
 import os
 import socket
 import struct
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from multiprocessing.connection import Connection
@@ -34,6 +35,7 @@ from grammars.text.documents import plain_message
 
 _SILENCE: Final = 30.0
 """Seconds of wall clock after which a relay that says or reads nothing hangs."""
+_LOOK_PERIOD: Final = 0.1
 _REMEDY: Final = "take the relay of this installation (scenario sut relay prints it)"
 _UNCLEAR: Final = "an answer of the relay cannot be understood"
 _LARGEST: Final = 256 << 20
@@ -66,6 +68,8 @@ class RelayLink:
         self._identity: StackIdentity | None = None
         self.address = address
         """The value of ``SCENARIO_SOCKET``: a path, or ``tcp://127.0.0.1:PORT``."""
+        self.is_interrupted: Callable[[], bool] = lambda: False
+        """Whether nothing is to be awaited any more; a wait asks ten times a second."""
 
     @classmethod
     def listen(cls, path: Path | str, nonce: str) -> RelayLink:
@@ -201,8 +205,12 @@ class RelayLink:
             raise LinkLost("the connection to the stack is closed")
         try:
             self._peer.send_bytes(relay.encode_frame(request, blob))
-            if not self._peer.poll(patience):
-                raise BlockingIOError
+            until = time.monotonic() + patience
+            while not self._peer.poll(min(_LOOK_PERIOD, max(0.0, until - time.monotonic()))):
+                if self.is_interrupted():
+                    raise EOFError("the stack has died")
+                if time.monotonic() >= until:
+                    raise BlockingIOError
             head, data = relay.decode_frame(self._peer.recv_bytes(_LARGEST))
             if "refused" not in head:
                 return read(head["answer"], data)

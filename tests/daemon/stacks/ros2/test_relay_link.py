@@ -298,6 +298,13 @@ def test_a_relay_that_hangs_is_told(connect, monkeypatch, answer):
         link.cycle(Cycle(0, wait=0.01))
 
 
+def test_a_wait_ends_when_the_stack_has_died(connect):
+    link, _ = connect(b"")
+    link.is_interrupted = lambda: True
+    with pytest.raises(LinkLost, match="the stack has died"):
+        link.cycle(Cycle(0, wait=1000.0))
+
+
 def test_readiness_and_graph_are_read(connect):
     ready = {
         "nodes": {"/amcl": "active"},
