@@ -1,50 +1,82 @@
 """A stand-in for Nav2 in rclpy: the double that tests of external stacks drive.
 
     <python of a ROS 2 environment> standin.py map:=/path/map.yaml
-    <python of a ROS 2 environment> standin.py nodes:=amcl,planner_server speed:=0.3 fault:=late
+    <python of a ROS 2 environment> standin.py fault:=dies node:=planner_server after:=2
 
-On the wire it is Nav2: the lifecycle services, the actions with their real types, tf, `/plan`,
-`/amcl_pose`, commands as Twist or TwistStamped as the distribution has them. What it does is
-simple and repeats: a command depends on contents and stamps of messages alone. The options and
-the faults that can be asked for stand in `standin_nodes/options.py`.
+On the wire it is Nav2: the lifecycle services, the actions with their genuine types, tf, `/plan`,
+`/amcl_pose`, commands as Twist or TwistStamped as the distribution has them. It drives straight to
+the goal, whatever is in the way. Options and faults are listed in `standin_nodes/options.py`.
 """
 
+import os
 import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from standin_nodes.controller import ControllerServer, PlannerServer
-from standin_nodes.lifecycle import LifecycleManager, start_rclpy
-from standin_nodes.localization import Localization, MapServer
-from standin_nodes.navigator import Navigator
-from standin_nodes.options import MANAGER, NODES, read_options
-
-_CLASSES = dict(
-    zip(NODES, (MapServer, Localization, ControllerServer, PlannerServer, Navigator), strict=True)
+from rclpy.executors import (
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
 )
+from standin_nodes.driving import ControllerServer, Localization, PlannerServer
+from standin_nodes.lifecycle import LifecycleManager, StandinNode
+from standin_nodes.navigator import Navigator
+from standin_nodes.options import MANAGER, YAML_ERROR, read_options, without_spent_faults
+
+
+class MapServer(StandinNode):
+    """A node of this name; nothing here needs the map."""
+
+    def __init__(self, options):
+        super().__init__("map_server", options)
+
+    def on_configure(self, state):
+        """Look whether the file of the map is there."""
+        if not Path(self.options.map).is_file():
+            self.get_logger().fatal(f"Failed to load map yaml file: {self.options.map}")
+        return super().on_configure(state)
+
+
+_CLASSES = {
+    "map_server": MapServer,
+    "amcl": Localization,
+    "controller_server": ControllerServer,
+    "planner_server": PlannerServer,
+    "bt_navigator": Navigator,
+    MANAGER: LifecycleManager,
+}
 
 
 def main(arguments):
-    """Run the nodes that are named, all of them by default, until told to end."""
-    chosen = [word for word in arguments if word.startswith("nodes:=")]
-    names = chosen[-1].partition(":=")[2].split(",") if chosen else [*NODES, MANAGER]
-    options = read_options([word for word in arguments if word not in chosen])
-    start_rclpy(options)
-    executor = SingleThreadedExecutor()
-    for name in names:
-        if name == MANAGER:
-            manager = LifecycleManager(options)
-            executor.add_node(manager)
-            executor.create_task(manager.start_up)
-        else:
-            executor.add_node(_CLASSES[name](options))
-    try:
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
+    """Run the nodes that are named, all of them by default, until asked to end."""
+    options = without_spent_faults(read_options(arguments))
+    names = options.nodes.split(",")
+    if options.has("broken-yaml") and options.node in names:
+        print(YAML_ERROR.format(time.time(), options.params), file=sys.stderr, flush=True)
+        os.abort()
+    rclpy.init(args=[])
+    threads = [threading.Thread(target=_spin, args=(_CLASSES[n](options),)) for n in names]
+    for thread in threads:
+        thread.daemon = True
+        thread.start()
+    with suppress(KeyboardInterrupt):
+        for thread in threads:
+            thread.join()
+    print(f"interrupted at {time.time():.3f}", flush=True)
+    rclpy.try_shutdown()
     return 0
+
+
+def _spin(node):
+    """Run one node; the planner waits in a transition for what comes meanwhile."""
+    kind = MultiThreadedExecutor if isinstance(node, PlannerServer) else SingleThreadedExecutor
+    executor = kind()
+    executor.add_node(node)
+    with suppress(ExternalShutdownException):
+        executor.spin()
 
 
 if __name__ == "__main__":

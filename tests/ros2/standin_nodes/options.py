@@ -1,119 +1,126 @@
-"""What the stand-in is told on its command line, in the style of `ros2 launch`: `name:=value`."""
+"""Options of the stand-in, in the style of `ros2 launch`: `name:=value`."""
 
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import time
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-import yaml
-
 NODES = ("map_server", "amcl", "controller_server", "planner_server", "bt_navigator")
-MANAGER = "lifecycle_manager"
+MANAGER = "lifecycle_manager_navigation"
 
 FAULTS = {
-    "hang": "controller: stops answering after `after` cycles, its process stays",
-    "crash": "controller: ends with `exit_code`, or by `signal`, after `after` cycles",
-    "crash-at-start": "`node` ends in the same ways while it is configured",
-    "fails-first": "the process of `node` ends at once, `starts` times, counted in `count_file`",
+    "dies": "`node` ends with `exit_code`, or by `signal`, `after` seconds of the first goal",
+    "hangs": "`node` answers nobody any more then; its process stays",
+    "deactivates": "`node` becomes inactive then",
+    "goal-aborted": "the goal is aborted then, with `error_code` and `error_msg`",
+    "no-server": "the action servers vanish then",
+    "goal-rejected": "every goal is rejected",
     "late": "controller: sleeps `seconds` of wall time in every `every`-th cycle",
     "wrong-frame": "amcl calls the map frame `world` in what it publishes to tf",
-    "no-tf": "amcl never publishes a transform",
-    "goal-rejected": "every goal is rejected",
-    "goal-aborted": "goals are aborted after `after` cycles with `error_code`, `error_msg`",
-    "no-server": "the action servers vanish after `after` cycles of a goal",
-    "never-ready": "`node` is never activated",
-    "clock-start": "bring-up fails when the clock begins at 100 s or later, as Nav2's costmap does",
-    "late-acknowledge": "a goal is acknowledged `seconds` of wall time late",
-    "ignore-sigint": "nodes ignore SIGINT, as does the launcher",
-    "orphans": "the launcher leaves its nodes behind, in sessions of their own",
-    "chatter": "`node` logs 60 kB/s of wall time to the console and to rosout",
+    "dies-at-start": "`node` ends as with `dies` while it is configured",
+    "late-response": "`node` answers a transition only when the manager has given it up",
+    "wrong-type": "`node` finds a parameter of the wrong type",
+    "no-plugin": "`node` finds no plug-in of a name",
+    "no-library": "`node` cannot load a library",
+    "broken-yaml": "`node` cannot read the file `params`",
 }
+
+FAULT_BEGINS = "the fault begins"
+
+START_ERRORS = {
+    "wrong-type": (
+        "Caught exception in callback for transition 10",
+        "Original error: parameter 'controller_frequency' has invalid type: Wrong parameter type,"
+        " parameter {controller_frequency} is of type {double}, setting it to {string} is not"
+        " allowed.",
+    ),
+    "no-plugin": (
+        "Failed to create controller. Exception: According to the loaded plugin descriptions the"
+        " class dwb_core/DWBLocalPlanner with base class type nav2_core::Controller does not"
+        " exist. Declared types are  dwb_core::DWBLocalPlanner"
+        " nav2_mppi_controller::MPPIController",
+    ),
+    "no-library": (
+        "Caught exception in callback for transition 10",
+        "Original error: Could not load library: libnav2_dance_action_bt_node.so: cannot open"
+        " shared object file: No such file or directory",
+    ),
+}
+"""Lines of Nav2 when the configuration of a node fails; the names are those of its parameters."""
+YAML_ERROR = """\
+[ERROR] [{}] [rcl]: Failed to parse global arguments
+terminate called after throwing an instance of 'rclcpp::exceptions::RCLInvalidROSArgsError'
+  what():  failed to initialize rcl: Couldn't parse params file: '--params-file {}'. Error: Cannot \
+have a value before ros__parameters at line 2, at ./src/parse.c:805, at ./src/rcl/arguments.c:406"""
 
 
 @dataclass(frozen=True)
 class Options:
     """Lengths in m, angles in rad, times in s; defaults suit the courier robot of the demo."""
 
+    nodes: str = ",".join((*NODES, MANAGER))
     map: str = ""
-    params_file: str = ""
-    namespace: str = ""
-    use_sim_time: bool = True
+    params: str = ""
     stamped: str = "auto"
-    global_frame: str = "map"
-    odom_frame: str = "odom"
     base_frame: str = "base_link"
+    footprint: str = ""
+    """Frame of the robot in tf, when it is not `base_frame`, which then hangs below it."""
     speed: float = 0.5
     turn_rate: float = 1.0
-    radius: float = 0.3
-    period: float = 0.05
-    blocked_for: float = 30.0
-    one_process: bool = False
-    respawn: bool = False
-    shutdown_on_exit: bool = False
 
     fault: str = ""
     node: str = "controller_server"
-    after: int = 40
+    after: float = 1.0
     every: int = 10
     seconds: float = 2.0
     exit_code: int = 3
     signal: int = 0
-    starts: int = 1
-    count_file: str = ""
+    starts: int = 1000
+    """The first so many starts have the fault, counted in the file `count`."""
+    count: str = ""
     error_code: int = 104
     error_msg: str = "the stand-in was told to abort"
 
     def has(self, fault, node=None):
-        """Whether a fault is wanted (of this node, if one is named)."""
+        """Return whether a fault is asked for (of this node, if one is named)."""
         return fault in self.fault.split(",") and (node is None or node == self.node)
 
     def end_process(self):
-        """Die as a crashed process does: without a word to anybody."""
+        """End the process as a crash does; the line before has the wall time."""
+        print(f"[WARN] [{time.time()}] [standin]: {FAULT_BEGINS}")
         sys.stdout.flush()
         if self.signal:
-            signal.signal(self.signal, signal.SIG_DFL)
             os.kill(os.getpid(), self.signal)
             time.sleep(60)
         os._exit(self.exit_code)
 
 
 def read_options(arguments):
-    """Options from `name:=value` words, on top of those in `params_file`.
+    """Return the options of `name:=value` words.
 
-    Raises SystemExit with a sentence for what is not understood.
+    Raises SystemExit with a sentence for words that are not understood.
     """
-    given = {}
+    kinds = {field.name: type(field.default) for field in fields(Options)}
+    values = {}
     for word in arguments:
         name, sign, value = word.partition(":=")
-        if not sign:
-            raise SystemExit(f"{word}: write name:=value")
-        given[name] = value
-    if file := given.get("params_file"):
-        document = yaml.safe_load(Path(file).read_text("utf-8")) or {}
-        nested = document.get("/**", document)
-        given = {**nested.get("ros__parameters", nested), **given}
-    options = replace(Options(), **{name: _value(name, text) for name, text in given.items()})
+        if not sign or name not in kinds:
+            raise SystemExit(f"{word}: write name:=value, with one of {', '.join(kinds)}")
+        values[name] = kinds[name](value)
+    options = replace(Options(), **values)
     if unknown := set(filter(None, options.fault.split(","))) - FAULTS.keys():
         raise SystemExit(f"fault {', '.join(sorted(unknown))}: not one of {', '.join(FAULTS)}")
     return options
 
 
-def _value(name, text):
-    kinds = {field.name: type(field.default) for field in fields(Options)}
-    if name not in kinds:
-        raise SystemExit(f"{name}: not one of {', '.join(kinds)}")
-    if kinds[name] is bool:
-        return str(text).lower() in {"true", "1", "yes"}
-    return kinds[name](text)
-
-
-def count_start(file):
-    """Which start of the process this is, from 1, counted in a file."""
-    path = Path(file)
+def without_spent_faults(options):
+    """Count a start of the stack; return the options without faults after the last with them."""
+    if not options.count:
+        return options
+    path = Path(options.count)
     count = int(path.read_text("utf-8")) + 1 if path.exists() else 1
     path.write_text(str(count), "utf-8")
-    return count
+    return options if count <= options.starts else replace(options, fault="")
