@@ -18,6 +18,9 @@ from grammars.model.robot import Laser
 
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
 
+TREE_LOG_WITHOUT_UIDS: Final = "nav2_msgs/msg/OldBehaviorTreeLog"
+"""Type of the log of a behaviour tree before Jazzy, here alone under this name."""
+
 _DEFINITIONS: Final = {
     "gazebo_msgs/msg/ContactState": (
         "string info\nstring collision1_name\nstring collision2_name\n"
@@ -32,6 +35,13 @@ _DEFINITIONS: Final = {
     ),
     "nav2_msgs/msg/BehaviorTreeLog": (
         "builtin_interfaces/Time timestamp\nnav2_msgs/BehaviorTreeStatusChange[] event_log\n"
+    ),
+    "nav2_msgs/msg/OldBehaviorTreeStatusChange": (
+        "builtin_interfaces/Time timestamp\nstring node_name\n"
+        "string previous_status\nstring current_status\n"
+    ),
+    TREE_LOG_WITHOUT_UIDS: (
+        "builtin_interfaces/Time timestamp\nnav2_msgs/OldBehaviorTreeStatusChange[] event_log\n"
     ),
     "nav2_msgs/msg/CollisionMonitorState": (
         "uint8 DO_NOTHING=0\nuint8 STOP=1\nuint8 SLOWDOWN=2\nuint8 APPROACH=3\nuint8 LIMIT=4\n"

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -45,7 +44,7 @@ REPORT_TOPICS: Final[dict[ReportName, tuple[str, str]]] = {
 
 _ACTIONS: Final[tuple[CollisionAction, ...]] = ("none", "stop", "slowdown", "approach", "limit")
 """By the numbers of ``nav2_msgs/CollisionMonitorState``."""
-_STATUSES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+_STATUSES: Final = frozenset({"IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"})
 """Of BehaviorTree.CPP 3 and 4."""
 
 
@@ -159,11 +158,18 @@ def decode_tree_log(data: bytes, time: float) -> BehaviorTreeLog:
     Raises ``ValueError`` for anything else.
     """
     # Jazzy gave each change a uid, and no message says which form it has.
-    for has_uid in (True, False):
+    for kind in (TREE_LOG, ros.TREE_LOG_WITHOUT_UIDS):
         try:
-            return BehaviorTreeLog(time, tuple(_read_changes(_CdrReader(data), has_uid)))
-        except (struct.error, UnicodeDecodeError, ValueError):
+            events = ros.deserialize(data, kind).event_log
+        except Exception:
+            # Whatever damaged bytes lead rosbags to raise.
             continue
+        changes = tuple(
+            TreeChange(e.node_name, getattr(e, "uid", 0), e.previous_status, e.current_status)
+            for e in events
+        )
+        if _STATUSES.issuperset(c for change in changes for c in (change.previous, change.current)):
+            return BehaviorTreeLog(time, changes)
     raise ValueError("no log of a behaviour tree")
 
 
@@ -203,49 +209,3 @@ def decode_costmap(
         raise ValueError("its cells are more or fewer than it says")
     cells = _least_costs()[grid.data.view(np.uint8)].reshape(info.height, info.width)
     return CostmapPicture(time, frames[frame], *place, cells, scope)
-
-
-class _CdrReader:
-    """Little-endian CDR, read from its beginning."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data, self._at = data, 4
-
-    def number(self, form: Literal["H", "I"]) -> int:
-        """Return the next unsigned number of 2 (H) or 4 (I) bytes."""
-        size = struct.calcsize(form)
-        self._at += -(self._at - 4) % size
-        (value,) = struct.unpack_from(f"<{form}", self._data, self._at)
-        self._at += size
-        return int(value)
-
-    def text(self) -> str:
-        """Return the next string."""
-        length = self.number("I")
-        raw = self._data[self._at : self._at + length]
-        self._at += length
-        if not raw.endswith(b"\0"):
-            raise ValueError("a string without its end")
-        return raw[:-1].decode()
-
-    @property
-    def rest(self) -> int:
-        """Number of bytes that are left."""
-        return len(self._data) - self._at
-
-
-def _read_changes(reader: _CdrReader, has_uid: bool) -> Iterable[TreeChange]:
-    for _ in range(2):  # the stamp
-        reader.number("I")
-    for _ in range(reader.number("I")):
-        for _ in range(2):
-            reader.number("I")
-        node = reader.text()
-        uid = reader.number("H") if has_uid else 0
-        previous, current = reader.text(), reader.text()
-        if previous not in _STATUSES or current not in _STATUSES:
-            raise ValueError("a status that no node has")
-        yield TreeChange(node, uid, previous, current)
-    # Some middlewares pad a message to a multiple of four.
-    if reader.rest >= 4:
-        raise ValueError("bytes behind the last change")
