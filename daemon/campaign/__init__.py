@@ -33,7 +33,7 @@ from daemon.campaign._scenarios import LayerReference, ResolvedScenario, require
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
 from daemon.campaign._searches import LEAST_CONFIRMED
 from daemon.campaign._sut_files import SutFile
-from daemon.campaign._suts import LoadedSut, RefusedSutError, load_sut
+from daemon.campaign._suts import LoadedSut, RefusedSutError
 
 __all__ = [
     "FLOORPLAN",
@@ -67,7 +67,6 @@ __all__ = [
     "layer_names",
     "layer_places",
     "load_campaign",
-    "load_sut",
     "merge_parameters",
     "noise_seed",
     "parameter_tree",

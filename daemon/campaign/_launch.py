@@ -8,22 +8,23 @@ and ``topics/maps``. Everything keeps the place it was written at.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from daemon.campaign._parameters import ParameterValue, ParameterValues
-from daemon.campaign._ros_sources import LaunchPlan
+from daemon.campaign._ros_sources import LaunchChange
 from grammars.roslaunch import (
     Launch,
     LaunchNode,
-    LaunchParameter,
+    LaunchSettings,
     NodeType,
     launch_files_starting,
     load_launch,
     resolve_for_node,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 
 _MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
 _AMCL: Final[NodeType] = ("amcl", "amcl")
@@ -50,15 +51,34 @@ _EXTERNAL: Final = "a stack of your own is tested from outside, see docs/ros2.md
 _MOST_NAMED: Final = 8
 
 
-def load_launched(plan: LaunchPlan, folder: Path, warnings: list[Diagnostic]) -> ParameterValues:
+@dataclass(frozen=True, slots=True)
+class _LaunchPlan:
+    """Launch files to be read, and all that SUT files say about them.
+
+    ``where`` is the place that names the files, ``folder`` that of the SUT file. ``node`` is the
+    name of the move_base to test with its place, if a file says it.
+    """
+
+    files: tuple[tuple[Path, Where], ...]
+    settings: LaunchSettings
+    node: tuple[str, Where] | None
+    where: Where
+    folder: Path
+
+
+def load_launched(
+    base: LaunchChange, changes: Sequence[LaunchChange], warnings: list[Diagnostic]
+) -> ParameterValues:
     """Return the parameters of the nodes that launch files start, by section.
 
-    ``folder`` is that of the SUT file. Raises :class:`InputError` with everything wrong.
+    ``base`` names the files, ``changes`` to it come from the SUT files above it, the lowest first.
+    Raises :class:`InputError` with everything wrong.
     """
+    plan = _plan_launch(base, changes)
     launch = load_launch(plan.files, plan.settings, {_MOVE_BASE, _AMCL})
     warnings += launch.warnings
-    move_base = _choose_move_base(plan, launch, folder)
-    amcl = _choose_amcl(plan, launch, folder, move_base, warnings)
+    move_base = _choose_move_base(plan, launch)
+    amcl = _choose_amcl(plan, launch, move_base, warnings)
     settings = _found_upwards(launch, move_base)
     for section, node in (("move_base", move_base), ("amcl", amcl)):
         if node is not None:
@@ -66,8 +86,44 @@ def load_launched(plan: LaunchPlan, folder: Path, warnings: list[Diagnostic]) ->
     return settings | _maps(launch, amcl or move_base)
 
 
+def _plan_launch(base: LaunchChange, changes: Sequence[LaunchChange]) -> _LaunchPlan:
+    places: dict[tuple[str | int, ...], Where] = {}
+    args: dict[str, str] = {}
+    env: dict[str, str] = {}
+    packages: list[tuple[Path, Where]] = []
+    skip: list[str] = []
+    node = None
+    for change in (base, *changes):
+        source = change.source
+        args |= source.args
+        env |= source.env
+        places |= {("args", name): change.where("args", name) for name in source.args}
+        # The packages of a file come before those of the files below it.
+        packages[:0] = [
+            (change.folder / name, change.where("packages", index))
+            for index, name in enumerate(source.packages)
+        ]
+        skip += [ending for ending in source.skip if ending not in skip]
+        for index, ending in enumerate(source.skip):
+            places["skip", skip.index(ending)] = change.where("skip", index)
+        if source.node is not None:
+            node = ("/" + source.node.strip("/"), change.where("node"))
+    places |= {("packages", index): where for index, (_, where) in enumerate(packages)}
+    folders = tuple(folder for folder, _ in packages)
+    return _LaunchPlan(
+        files=tuple(
+            (base.folder / name, base.where("launch", index))
+            for index, name in enumerate(base.source.launch)
+        ),
+        settings=LaunchSettings(places.__getitem__, args, folders, env, tuple(skip)),
+        node=node,
+        where=base.where("launch"),
+        folder=base.folder,
+    )
+
+
 def _section(section: str, node: LaunchNode) -> ParameterValues:
-    settings = {(section, *name): _value(parameter) for name, parameter in node.parameters.items()}
+    settings = {(section, *name): parameter for name, parameter in node.parameters.items()}
     above = ("topics", "nodes", section)
     settings[(*above, "name")] = ParameterValue(node.name, node.where)
     for source, remap in node.remaps.items():
@@ -78,33 +134,29 @@ def _section(section: str, node: LaunchNode) -> ParameterValues:
 def _found_upwards(launch: Launch, move_base: LaunchNode) -> ParameterValues:
     """Return what the costmaps find above move_base: the nearest namespace that has it."""
     spaces = tuple(part for part in move_base.name.split("/") if part)
-    found: ParameterValues = {}
-    for depth in range(len(spaces)):
-        for name in _SEARCHED_UPWARDS:
-            parameter = launch.parameters.get((*spaces[:depth], name))
-            if parameter is not None:
-                found["move_base", name] = _value(parameter)
-    return found
+    return {
+        ("move_base", name): launch.parameters[*spaces[:depth], name]
+        for depth in range(len(spaces))
+        for name in _SEARCHED_UPWARDS
+        if (*spaces[:depth], name) in launch.parameters
+    }
 
 
-def _value(parameter: LaunchParameter) -> ParameterValue:
-    return ParameterValue(parameter.value, parameter.where, parameter.missing, parameter.inside)
-
-
-def _choose_move_base(plan: LaunchPlan, launch: Launch, folder: Path) -> LaunchNode:
+def _choose_move_base(plan: _LaunchPlan, launch: Launch) -> LaunchNode:
     there = [node for node in launch.nodes if node.kind == _MOVE_BASE]
     if plan.node is not None:
+        name, where = plan.node
         for node in there:
-            if node.name == plan.node:
+            if node.name == name:
                 return node
-        hint = did_you_mean(plan.node, (node.name for node in there))
-        raise InputError.at(plan.node_where, f"node: no move_base is called {plan.node}", hint)
+        hint = did_you_mean(name, (node.name for node in there))
+        raise InputError.at(where, f"node: no move_base is called {name}", hint)
     if not there:
         others = [node for node in launch.nodes if node.package in _DRIVERS]
         message = f"starts no move_base; it starts {_listed(launch.nodes)}"
         hints = [
             *(f"{node.name} is {_DRIVERS[node.package]}: {_EXTERNAL}" for node in others),
-            *_elsewhere("move_base", plan, launch, folder),
+            *_elsewhere("move_base", plan, launch),
         ]
         raise InputError.at(plan.where, message, "; ".join(hints))
     if len(there) > 1:
@@ -115,9 +167,8 @@ def _choose_move_base(plan: LaunchPlan, launch: Launch, folder: Path) -> LaunchN
 
 
 def _choose_amcl(
-    plan: LaunchPlan,
+    plan: _LaunchPlan,
     launch: Launch,
-    folder: Path,
     move_base: LaunchNode,
     warnings: list[Diagnostic],
 ) -> LaunchNode | None:
@@ -138,23 +189,23 @@ def _choose_amcl(
         for node in launch.nodes
         if node.package in _LOCALISERS
     ]
-    hint = "; ".join([*others, *_elsewhere("amcl", plan, launch, folder)])
+    hint = "; ".join([*others, *_elsewhere("amcl", plan, launch)])
     warnings.append(Diagnostic(plan.where, message, hint, Severity.WARNING))
     return None
 
 
-def _elsewhere(package: str, plan: LaunchPlan, launch: Launch, folder: Path) -> list[str]:
+def _elsewhere(package: str, plan: _LaunchPlan, launch: Launch) -> list[str]:
     """Return hints on launch files that may start a node which is not started."""
-    known = {Path(file).absolute().resolve() for file in launch.files}
-    found = dict.fromkeys(
-        os.path.relpath(path, folder.absolute())
+    included = {Path(file).absolute().resolve() for file in launch.files}
+    others = dict.fromkeys(
+        os.path.relpath(path, plan.folder.absolute())
         for file, _ in plan.files
         for path in launch_files_starting(package, file)
-        if path.resolve() not in known
+        if path.resolve() not in included
     )
     hints = []
-    if found:
-        names = list(found)[:_MOST_NAMED]
+    if others:
+        names = list(others)[:_MOST_NAMED]
         hints.append(f"{package} is started by {', '.join(names)}: add it to launch")
     if launch.left_out:
         hints.append(f"it may be started by what is left out: {', '.join(launch.left_out)}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from daemon.campaign._names import Overrides
 from daemon.campaign._scenarios import LayerReference, PlanVariation
-from daemon.campaign._sut_files import SutText, default_text, read_sut
+from daemon.campaign._sut_files import SutLayer, kind_layer, read_sut
 from daemon.campaign._suts import LoadedSut, complete_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
@@ -273,11 +273,10 @@ class LayerLibrary:
 
         def load(named: Path) -> LoadedSut:
             if path is None:
-                text = default_text(reference.name, reference.where)
+                layer = kind_layer(reference.name, reference.where)
             else:
-                self.sut_file(path)  # what is wrong without the overrides is told of the file
-                text = self.sut_text(path)
-            return self._complete_sut(text, reference.values)
+                layer = self.sut_file(path).layer
+            return self._complete_sut(layer, reference.values)
 
         return self._once("sut", named, load, reference.overrides)
 
@@ -294,7 +293,11 @@ class LayerLibrary:
 
     def sut_file(self, path: Path) -> LoadedSut:
         """Load a SUT file and all it stands on; its warnings are kept once."""
-        return self._once("sut file", path, lambda path: self._complete_sut(self.sut_text(path)))
+
+        def load(path: Path) -> LoadedSut:
+            return self._complete_sut(read_sut(path, self._find_sut))
+
+        return self._once("sut file", path, load)
 
     def _load_document(
         self, reference: LayerReference, read: Callable[[YamlDocument], T], path: Path
@@ -330,15 +333,11 @@ class LayerLibrary:
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 
-    def _complete_sut(self, text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut:
-        sut = complete_sut(text, overrides)
+    def _complete_sut(self, layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedSut:
+        sut = complete_sut(layer, overrides)
         # A search changes a system thousands of times: most of what is said is said already.
         self.warnings.extend(warning for warning in sut.warnings if warning not in self.warnings)
         return sut
-
-    def sut_text(self, path: Path) -> SutText:
-        """Read a SUT file and all it stands on, before anything is checked."""
-        return self._once("sut text", path, partial(read_sut, find=self._find_sut))
 
     def _find_sut(self, folder: Path, reference: LayerReference) -> Path:
         """Return the SUT file that one in ``folder`` is like: near it, or near the campaign."""

@@ -5,12 +5,12 @@ The parameter files of a robot's navigation package are loaded as its launch fil
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial, reduce
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from daemon.campaign._foreign_files import is_of_ros2, refuse_nav2
 from daemon.campaign._parameters import (
     ParameterValues,
     flatten_parameters,
@@ -18,10 +18,17 @@ from daemon.campaign._parameters import (
     merge_parameters,
     under_namespace,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import YamlDocument
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    Severity,
+    Where,
+    did_you_mean,
+    gather,
+)
+from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.ros_yaml import load_ros_yaml
-from grammars.text.sources import is_file, is_folder, names_in
+from grammars.text.sources import is_file, is_folder, names_in, note_read
 
 COMMON: Final = "costmap_common"
 """What launch files load into both costmaps, before what each has of its own."""
@@ -70,36 +77,79 @@ def load_package_folder(
     worth a warning. Raises :class:`InputError` with everything wrong in the files.
     """
     if not is_folder(folder):
-        raise InputError(Diagnostic(where, f"no folder {folder}", _folders_near(folder)))
+        raise InputError(Diagnostic(where, f"no folder {folder}", _near(folder, is_folder)))
     # Of two names for the same file the usual one wins: it is the last in reversed order.
     present = set(names_in(folder))
     named = {kind: name for kind in _PACKAGE_FILES for name in kind.names[::-1] if name in present}
     if not named:
-        raise InputError(
-            Diagnostic(
-                where, f"{folder} has no parameter files", _instead_of_files(folder, present)
-            )
-        )
-    settings: ParameterValues = {}
-    problems: list[Diagnostic] = []
-    for kind in (kind for kind in _PACKAGE_FILES if kind in named):
-        try:
-            settings = merge_parameters(settings, _load(folder / named[kind], kind, warnings))
-        except InputError as error:
-            problems += error.diagnostics
-    if problems:
-        raise InputError(problems)
+        message = f"{folder} has no parameter files"
+        raise InputError(Diagnostic(where, message, _instead_of_files(folder, present)))
+    settings = _load_files(
+        partial(_load, folder / named[kind], kind.namespace, warnings, kind.section)
+        for kind in _PACKAGE_FILES
+        if kind in named
+    )
     warnings += _unread_files(folder, present - set(named.values()), where)
     if whole:
         warnings += _missing_files(folder, named, where)
     return settings
 
 
+def load_parameter_files(
+    files: Mapping[str, Iterable[tuple[Path, Where]]], warnings: list[Diagnostic]
+) -> ParameterValues:
+    """Return the settings of files by the namespace they are loaded into, in the order written.
+
+    Each file comes with the place that names it. Raises :class:`InputError` with everything wrong.
+    """
+
+    def load(namespace: str, path: Path, where: Where) -> ParameterValues:
+        if not is_file(path):
+            raise InputError(Diagnostic(where, f"no file {path}", _near(path)))
+        return _load(path, namespace, warnings)
+
+    return _load_files(
+        partial(load, namespace, path, where)
+        for namespace, paths in files.items()
+        for path, where in paths
+    )
+
+
+def _load_files(loads: Iterable[Callable[[], ParameterValues]]) -> ParameterValues:
+    """Return the settings of files, of which a later one wins over those before it."""
+    return reduce(merge_parameters, gather(loads), {})
+
+
+def _load(
+    path: Path, namespace: str, warnings: list[Diagnostic], section: str = ""
+) -> ParameterValues:
+    """Return the values of a file; names that begin with a slash leave the namespace.
+
+    A file about one ``section`` that does not name it is loaded into that section.
+    """
+    document, findings = load_ros_yaml(path)
+    _refuse_nav2(document)
+    warnings += findings
+    if section and not any(_first_name(name) == section for name in document.data):
+        namespace = f"{namespace}/{section}"
+    leaving = {name: value for name, value in document.data.items() if name.startswith("/")}
+    own = {name: value for name, value in document.data.items() if name not in leaving}
+    base = tuple(part for part in namespace.split("/") if part)
+    inside = flatten_parameters(own, document.where, namespaces=True)
+    return merge_parameters(
+        under_namespace(inside, base), flatten_parameters(leaving, document.where, namespaces=True)
+    )
+
+
+def _first_name(name: str) -> str:
+    return next((part for part in name.split("/") if part), "")
+
+
 def _instead_of_files(folder: Path, names: Iterable[str]) -> str:
     """Say what a folder without the usual files may be."""
     yaml = sorted(name for name in names if name.endswith((".yaml", ".yml")))
     for name in yaml:
-        if is_of_ros2(folder / name):
+        if _is_of_ros2(folder / name):
             return f'{name} is for ROS 2: test Nav2 by "kind: ros2" (docs/ros2.md)'
     launch = [*sorted(folder.glob("*.launch*")), *sorted(folder.glob("launch/*.launch*"))]
     if launch:
@@ -107,16 +157,6 @@ def _instead_of_files(folder: Path, names: Iterable[str]) -> str:
         return f'it has launch files ({listed}): write "ros: {{launch: FILE}}" to read one'
     expected = ", ".join(kind.names[0] for kind in _PACKAGE_FILES)
     return f"looked for {expected}"
-
-
-def _load(path: Path, kind: _PackageFile, warnings: list[Diagnostic]) -> ParameterValues:
-    document, found = load_ros_yaml(path)
-    refuse_nav2(document)
-    warnings += found
-    namespace = kind.namespace
-    if kind.section and not any(_first_name(name) == kind.section for name in document.data):
-        namespace = f"{namespace}/{kind.section}"
-    return _document_parameters(document, namespace)
 
 
 def _unread_files(folder: Path, names: Iterable[str], where: Where) -> list[Diagnostic]:
@@ -138,52 +178,18 @@ def _missing_files(folder: Path, found: Iterable[_PackageFile], where: Where) ->
     ]
 
 
-def load_parameter_files(
-    files: Mapping[str, Iterable[tuple[Path, Where]]], warnings: list[Diagnostic]
-) -> ParameterValues:
-    """Return the settings of files by the namespace they are loaded into, in the order written.
-
-    Each file comes with the place that names it. Raises :class:`InputError` with everything wrong.
-    """
-    settings: ParameterValues = {}
-    problems: list[Diagnostic] = []
-    for namespace, paths in files.items():
-        for path, where in paths:
-            if not is_file(path):
-                problems.append(Diagnostic(where, f"no file {path}", _files_near(path)))
-                continue
-            try:
-                document, found = load_ros_yaml(path)
-                refuse_nav2(document)
-                settings = merge_parameters(settings, _document_parameters(document, namespace))
-            except InputError as error:
-                problems += error.diagnostics
-                continue
-            warnings += found
-    if problems:
-        raise InputError(problems)
-    return settings
-
-
-def _document_parameters(document: YamlDocument, namespace: str) -> ParameterValues:
-    """Return the values of a file; names that begin with a slash leave the namespace."""
-    leaving = {name: value for name, value in document.data.items() if name.startswith("/")}
-    own = {name: value for name, value in document.data.items() if name not in leaving}
-    base = tuple(part for part in namespace.split("/") if part)
-    inside = flatten_parameters(own, document.where, namespaces=True)
-    return merge_parameters(
-        under_namespace(inside, base), flatten_parameters(leaving, document.where, namespaces=True)
-    )
+def _near(path: Path, pick: Callable[[Path], bool] = is_file) -> str:
+    """Propose a name beside ``path``, of those that ``pick`` takes."""
+    if not is_folder(path.parent):
+        return f"there is no folder {path.parent}"
+    return did_you_mean(path.name, names_in(path.parent, pick))
 
 
 def apply_common_costmap(settings: ParameterValues) -> ParameterValues:
     """Load what the costmaps have in common into each, below what each has of its own."""
-    common = {path[1:]: s for path, s in settings.items() if path[0] == COMMON and len(path) > 1}
+    common = {path: s for path, s in settings.items() if path[0] == COMMON}
     own = {path: s for path, s in settings.items() if path[0] != COMMON}
-    spread: ParameterValues = {}
-    for costmap in COSTMAPS:
-        spread |= under_namespace(common, costmap)
-    return merge_parameters(spread, own)
+    return merge_parameters(spread_common(common, {}), own)
 
 
 def spread_common(found: ParameterValues, base: ParameterValues) -> ParameterValues:
@@ -203,17 +209,52 @@ def spread_common(found: ParameterValues, base: ParameterValues) -> ParameterVal
     return spread | {path: s for path, s in found.items() if path[0] != COMMON}
 
 
-def _first_name(name: str) -> str:
-    return next((part for part in name.split("/") if part), "")
+_ROS2_MARK: Final = "ros__parameters"
+_DEEPEST: Final = 5
+_COUNTERPARTS: Final = {
+    "amcl": "amcl (here odom_alpha1 for alpha1, odom_model_type for robot_model_type, "
+    "laser_max_beams, laser_z_hit, laser_sigma_hit for max_beams, z_hit, sigma_hit, "
+    "kld_err for pf_err)",
+    "controller_server": "a DWB controller as move_base/DWAPlannerROS (max_vel_trans for "
+    "max_speed_xy), controller_frequency as move_base/controller_frequency",
+    "planner_server": "a NavfnPlanner as move_base/NavfnROS (default_tolerance for tolerance)",
+    "global_costmap": "global_costmap as move_base/global_costmap",
+    "local_costmap": "local_costmap as move_base/local_costmap",
+    "behavior_server": "behaviors as move_base/recovery_behaviors",
+    "recoveries_server": "recoveries as move_base/recovery_behaviors",
+}
+"""What the reference stack has of each node of Nav2, and under which names of ROS 1."""
 
 
-def _files_near(path: Path) -> str:
-    if not is_folder(path.parent):
-        return f"there is no folder {path.parent}"
-    return did_you_mean(path.name, names_in(path.parent))
+def _refuse_nav2(document: YamlDocument) -> None:
+    """Raise :class:`InputError` for a parameter file of ROS 2, with what can be done."""
+    found = list(_ros2_sections(document.data, ()))
+    if not found:
+        return
+    names = list(dict.fromkeys(str(path[-1]) if path else "" for path in found))
+    known = [_COUNTERPARTS[name] for name in names if name in _COUNTERPARTS]
+    other = [name for name in names if name and name not in _COUNTERPARTS]
+    hints = ['Nav2 itself is tested as an external system: "kind: ros2" (docs/ros2.md)']
+    if known:
+        hints.append(f"the reference stack has, under names of ROS 1: {'; '.join(known)}")
+    if other:
+        hints.append(f"nothing here corresponds to {', '.join(other)}")
+    message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), of which move_base reads nothing"
+    raise InputError.at(document.where((*found[0], _ROS2_MARK)), message, "\n    ".join(hints))
 
 
-def _folders_near(folder: Path) -> str:
-    if not is_folder(folder.parent):
-        return f"there is no folder {folder.parent}"
-    return did_you_mean(folder.name, names_in(folder.parent, is_folder))
+def _ros2_sections(data: Any, path: KeyPath) -> Iterator[KeyPath]:
+    if not isinstance(data, Mapping) or len(path) > _DEEPEST:
+        return
+    for name, below in data.items():
+        if name == _ROS2_MARK:
+            yield path
+        else:
+            yield from _ros2_sections(below, (*path, name))
+
+
+def _is_of_ros2(path: Path) -> bool:
+    """Whether a file looks like one with parameters of ROS 2."""
+    note_read(path)
+    with path.open("rb") as file:
+        return _ROS2_MARK.encode() in file.read(2**20)

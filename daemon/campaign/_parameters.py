@@ -6,29 +6,13 @@ A later layer changes what it names and leaves the rest; ``null`` takes an inher
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import KeyPath, leaves, paths_inside
+from grammars.text.ros_yaml import ParameterValue as ParameterValue
 
 ParameterPath: TypeAlias = tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterValue:
-    """A value and where it stands; lists are one value, mappings are not values but paths.
-
-    ``missing`` says what keeps it from being the value meant, if anything does; ``inside`` holds
-    the places of what is in a list, by the way to it.
-    """
-
-    value: Any
-    where: Where
-    missing: tuple[Diagnostic, ...] = ()
-    inside: Mapping[KeyPath, Where] = field(default_factory=dict)
-
-
 ParameterValues: TypeAlias = dict[ParameterPath, ParameterValue]
 
 

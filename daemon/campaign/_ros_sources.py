@@ -6,18 +6,14 @@ then read again with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import ONE_OR_MORE, StrictModel, YamlDocument
-
-if TYPE_CHECKING:
-    from grammars.roslaunch import LaunchSettings
 
 
 def _as_text(value: Any) -> Any:
@@ -54,6 +50,11 @@ class RosSource(StrictModel):
     node: str | None = Field(default=None, pattern=r"^/?[A-Za-z][A-Za-z0-9_/]*$")
     """The full name of the move_base to test, where the launch files start several."""
 
+    @property
+    def is_change(self) -> bool:
+        """Whether it names nothing of its own and changes the launch files of another file."""
+        return not self.folder and not self.launch
+
 
 def as_ros_source(value: Any) -> Any:
     """Take a text for a folder."""
@@ -65,9 +66,9 @@ _LAUNCH_KEYS: Final = ("args", "packages", "env", "skip", "node")
 
 @dataclass(frozen=True, slots=True)
 class LaunchChange:
-    """What one SUT file says about launch files; paths in it are relative to ``folder``."""
+    """Settings of one SUT file for launch files; paths in ``source`` are relative to ``folder``."""
 
-    said: RosSource
+    source: RosSource
     document: YamlDocument
     folder: Path
 
@@ -76,90 +77,18 @@ class LaunchChange:
         return self.document.where(("ros", *path))
 
 
-def is_change(source: RosSource) -> bool:
-    """Whether a key ``ros`` names nothing of its own and changes that of another file."""
-    return not source.folder and not source.launch
-
-
-def check_source(source: RosSource, where: Callable[..., Where]) -> None:
-    """Raise :class:`InputError` for keys that do not go together."""
+def check_source(change: LaunchChange) -> None:
+    """Raise :class:`InputError` for keys of ``ros`` that do not go together."""
+    source = change.source
     if not source.folder:
-        if is_change(source) and not any(getattr(source, key) for key in _LAUNCH_KEYS):
+        if source.is_change and not any(getattr(source, key) for key in _LAUNCH_KEYS):
             message = "ros: names neither a folder nor launch files"
-            raise InputError.at(where(), message, 'write "launch: FILE", or a folder')
+            raise InputError.at(change.where(), message, 'write "launch: FILE", or a folder')
         return
     for key in ("launch", *_LAUNCH_KEYS):
         if getattr(source, key):
             message = f"{key}: a folder is read without launch files"
-            raise InputError.at(where(key), message, "write folder or launch, not both")
-
-
-@dataclass(frozen=True, slots=True)
-class LaunchPlan:
-    """The launch files to be read and all that SUT files say about them."""
-
-    files: tuple[tuple[Path, Where], ...]
-    settings: LaunchSettings
-    node: str | None
-    node_where: Where
-    where: Where
-
-
-@dataclass(slots=True)
-class _Gathered:
-    """What several files say, each with its place."""
-
-    places: dict[tuple[str | int, ...], Where] = field(default_factory=dict)
-    args: dict[str, str] = field(default_factory=dict)
-    env: dict[str, str] = field(default_factory=dict)
-    packages: list[Path] = field(default_factory=list)
-    skip: list[str] = field(default_factory=list)
-
-    def take(self, change: LaunchChange) -> None:
-        """Add what a file says; its packages come before those of files below it."""
-        said = change.said
-        for key, own in (("args", self.args), ("env", self.env)):
-            given: Mapping[str, str] = getattr(said, key)
-            own.update(given)
-            self.places |= {(key, name): change.where(key, name) for name in given}
-        self.skip += [ending for ending in said.skip if ending not in self.skip]
-        for index, ending in enumerate(said.skip):
-            self.places[("skip", self.skip.index(ending))] = change.where("skip", index)
-        own_packages = [change.folder / name for name in said.packages]
-        named = [(path, self.places[("packages", i)]) for i, path in enumerate(self.packages)]
-        named = [(p, change.where("packages", i)) for i, p in enumerate(own_packages)] + named
-        self.packages = [path for path, _ in named]
-        self.places |= {("packages", i): where for i, (_, where) in enumerate(named)}
-
-
-def plan_launch(base: LaunchChange, changes: tuple[LaunchChange, ...]) -> LaunchPlan:
-    """Return what to read: the launch files of ``base`` with ``changes``, the lowest first."""
-    gathered = _Gathered()
-    node, node_where = None, base.where()
-    for change in (base, *changes):
-        gathered.take(change)
-        if change.said.node is not None:
-            node, node_where = "/" + change.said.node.strip("/"), change.where("node")
-    places = gathered.places
-
-    def where(path: tuple[str | int, ...]) -> Where:
-        return places.get(path, base.where())
-
-    # What reads launch files is loaded by systems that have some.
-    from grammars.roslaunch import LaunchSettings
-
-    return LaunchPlan(
-        files=tuple(
-            (base.folder / name, base.where("launch", index))
-            for index, name in enumerate(base.said.launch)
-        ),
-        settings=LaunchSettings(
-            where, gathered.args, tuple(gathered.packages), gathered.env, tuple(gathered.skip)
-        ),
-        node=node,
-        node_where=node_where,
-        where=base.where("launch"),
-    )
+            raise InputError.at(change.where(key), message, "write folder or launch, not both")
 
 
 def refuse_lone_changes(changes: tuple[LaunchChange, ...]) -> None:

@@ -7,9 +7,8 @@ a ROS 2 stack the tree are its keys at the top of the file, as they were written
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
 
@@ -30,8 +29,6 @@ from daemon.campaign._ros_sources import (
     RosSource,
     as_ros_source,
     check_source,
-    is_change,
-    plan_launch,
     refuse_lone_changes,
 )
 from daemon.campaign._scenarios import MOST_LIKE, LayerReference
@@ -86,97 +83,87 @@ class SutFile(Ros2Keys):
 
 @dataclass(frozen=True, slots=True)
 class SutLayer:
-    """A SUT file with everything below it."""
+    """A SUT file with everything below it, before its values are checked.
+
+    ``files`` are the SUT files it is made of, itself first. ``attached`` are the files that travel
+    to the workers. ``parameter_files`` are those of ROS that people named, or that were found in a
+    folder they named. ``launched`` says whether there are launch files below.
+    """
 
     text: SutFile
-    kind: StackKind[Any]
-    settings: ParameterValues
-    files: tuple[str, ...]
-    warnings: tuple[Diagnostic, ...]
-    attached: dict[str, Path] = field(default_factory=dict)
-    parameter_files: tuple[str, ...] = ()
-    """ROS parameter files that people named, or that were found in a folder they named."""
-    launched: bool = False
-    """Whether there are launch files below."""
-
-
-@dataclass(frozen=True, slots=True)
-class SutText:
-    """Text of a SUT file, with all it stands on, before anything is checked."""
-
-    layer: SutLayer
     document: YamlDocument
+    kind: StackKind[Any]
+    settings: ParameterValues = field(default_factory=dict)
+    files: tuple[str, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
+    attached: Mapping[str, Path] = field(default_factory=dict)
+    parameter_files: tuple[str, ...] = ()
+    launched: bool = False
 
 
-def default_text(kind: str, where: Where) -> SutText:
-    """Return the text of a system that is called by its kind at ``where``: an empty file.
+def kind_layer(kind: str, where: Where) -> SutLayer:
+    """Return a system that is called by its kind at ``where``: an empty file.
 
     Raises :class:`SutMissing`.
     """
     text = SutFile.model_construct(sut=kind, kind=kind)
-    document = YamlDocument(where.file, {}, {(): where}, "")
-    return SutText(SutLayer(text, stack_kind(kind), {}, (), ()), document)
+    return SutLayer(text, YamlDocument(where.file, {}, {(): where}, ""), stack_kind(kind))
 
 
-def read_sut(path: Path, find: FindSutFile) -> SutText:
-    """Read a SUT file and all it stands on; raises :class:`InputError` for what cannot be read."""
-    document = load_yaml(path)
-    return SutText(_load(path, document, find, ()), document)
-
-
-def _load(
+def read_sut(
     path: Path,
-    document: YamlDocument,
     find: FindSutFile,
-    above: tuple[Path, ...],
+    above: tuple[Path, ...] = (),
     changes: tuple[LaunchChange, ...] = (),
 ) -> SutLayer:
-    """Return a file with all below it; ``changes`` to its launch files come from above it."""
+    """Read a SUT file and all it stands on; ``changes`` to its launch files come from ``above``.
+
+    Raises :class:`InputError` for what cannot be read.
+    """
+    document = load_yaml(path)
     text = read_model(document, SutFile)
-    if text.ros is not None:
-        own = LaunchChange(text.ros, document, path.parent)
-        check_source(text.ros, own.where)
-        if is_change(text.ros):
-            changes = (own, *changes)
-    below = changes if text.ros is None or is_change(text.ros) else ()
+    ros = None if text.ros is None else LaunchChange(text.ros, document, path.parent)
+    below = changes
+    if ros is not None:
+        check_source(ros)
+        below = (ros, *changes) if ros.source.is_change else ()
+        changes = below or changes
     base = _base(path, document, text, find, above, below)
     kind = _kind(document, text, base)
-    settings: ParameterValues = {} if base is None else base.settings
-    warnings = [] if base is None else list(base.warnings)
-    loaded = {} if base is None else dict.fromkeys(base.parameter_files)
-    if text.ros is not None and kind.files != "parameters":
-        message = f"ros: only kind ros reads ROS parameter files, this is {kind.name}"
-        raise InputError(Diagnostic(document.where(("ros",)), message))
-    if text.files and kind.files == "none":
-        message = f"files: {kind.name} needs none"
-        raise InputError(Diagnostic(document.where(("files",)), message))
-    _refuse_keys_of_others(document, kind)
-    launched = base is not None and base.launched
-    if text.ros is not None and text.ros.launch:
+    _refuse_keys_of_others(document, text, kind)
+    layer = SutLayer(text, document, kind) if base is None else base
+    settings, warnings, launched = layer.settings, list(layer.warnings), layer.launched
+    if ros is not None and ros.source.launch:
+        # What reads launch files is loaded by systems that have some.
         from daemon.campaign._launch import load_launched
 
-        plan = plan_launch(LaunchChange(text.ros, document, path.parent), changes)
-        settings = merge_parameters(settings, load_launched(plan, path.parent, warnings))
+        settings = merge_parameters(settings, load_launched(ros, changes, warnings))
         launched = True
-    elif base is None or (text.ros is not None and text.ros.folder):
+    elif base is None or (ros is not None and ros.source.folder):
         refuse_lone_changes(changes)
-    over = partial(merge_over, launched=launched)
-    if text.ros is not None and text.ros.folder:
-        where = document.where(("ros", "folder"))
-        folder = path.parent / text.ros.folder
-        values = load_package_folder(folder, where, warnings, whole=base is None)
-        settings = over(settings, values)
-        loaded |= _files_of(values)
-    attached = {} if base is None else base.attached
+    loaded: list[ParameterValues] = []
+    if ros is not None and ros.source.folder:
+        folder, where = path.parent / ros.source.folder, ros.where("folder")
+        loaded.append(load_package_folder(folder, where, warnings, whole=base is None))
+    files, attached = _named_files(path, document, text), layer.attached
     if kind.files == "parameters":
-        values = load_parameter_files(_named_files(path, document, text), warnings)
-        settings = over(settings, values)
-        loaded |= _files_of(values)
+        loaded.append(load_parameter_files(files, warnings))
     else:
-        attached = attached | _attached(path, document, text)
-    settings = over(settings, _written(document, text, kind))
-    files = (str(path), *(() if base is None else base.files))
-    return SutLayer(text, kind, settings, files, tuple(warnings), attached, tuple(loaded), launched)
+        attached = {**attached, **_attached(document, files)}
+    for values in (*loaded, _written(document, text, kind)):
+        settings = merge_over(settings, values, launched=launched)
+    parameter_files = (setting.where.file for values in loaded for setting in values.values())
+    return SutLayer(
+        text,
+        document,
+        kind,
+        settings,
+        (str(path), *layer.files),
+        tuple(warnings),
+        attached,
+        tuple(dict.fromkeys((*layer.parameter_files, *parameter_files))),
+        launched,
+    )
 
 
 def merge_over(
@@ -186,22 +173,21 @@ def merge_over(
     return merge_parameters(settings, spread_common(changes, settings) if launched else changes)
 
 
-def _files_of(settings: ParameterValues) -> dict[str, None]:
-    return dict.fromkeys(setting.where.file for setting in settings.values())
-
-
-def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Path]:
+def _attached(
+    document: YamlDocument, files: Mapping[str, Sequence[tuple[Path, Where]]]
+) -> dict[str, Path]:
     """Return the files that travel, by name."""
-    files: dict[str, Path] = {}
-    for name, places in _named_files(path, document, text).items():
-        if len(places) != 1 or not is_file(places[0][0]):
+    attached: dict[str, Path] = {}
+    for name, places in files.items():
+        if len(places) != 1:
             where = document.where(("files", name))
-            what = (
-                "no file " + str(places[0][0]) if len(places) == 1 else "is one file, not several"
-            )
-            raise InputError(Diagnostic(where, f"{name}: {what}"))
-        files[name] = places[0][0]
-    return files
+            raise InputError(Diagnostic(where, f"{name}: is one file, not several"))
+        ((path, _),) = places
+        if not is_file(path):
+            where = document.where(("files", name))
+            raise InputError(Diagnostic(where, f"{name}: no file {path}"))
+        attached[name] = path
+    return attached
 
 
 def _base(
@@ -224,7 +210,7 @@ def _base(
     if len(chain) > MOST_LIKE:
         message = f"like: more than {MOST_LIKE} files are like one another in a row"
         raise InputError(Diagnostic(where, message, "be like one nearer to the first"))
-    return _load(other, load_yaml(other), find, chain, changes)
+    return read_sut(other, find, chain, changes)
 
 
 def _kind(document: YamlDocument, text: SutFile, base: SutLayer | None) -> StackKind[Any]:
@@ -254,8 +240,14 @@ def _named_files(
     }
 
 
-def _refuse_keys_of_others(document: YamlDocument, kind: StackKind[Any]) -> None:
+def _refuse_keys_of_others(document: YamlDocument, text: SutFile, kind: StackKind[Any]) -> None:
     """Refuse keys at the top of a file that mean nothing for its kind."""
+    if text.ros is not None and kind.files != "parameters":
+        message = f"ros: only kind ros reads ROS parameter files, this is {kind.name}"
+        raise InputError(Diagnostic(document.where(("ros",)), message))
+    if text.files and kind.files == "none":
+        message = f"files: {kind.name} needs none"
+        raise InputError(Diagnostic(document.where(("files",)), message))
     wrong, message, hint = ROS2.keys, f"only kind {ROS2.name} has this key, this is {kind.name}", ""
     if kind.keys:
         wrong = ("parameters",)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, Final
 
-from daemon.campaign._foreign_files import refuse_unread
 from daemon.campaign._parameter_files import apply_common_costmap
 from daemon.campaign._parameters import (
     ParameterPath,
@@ -19,14 +17,7 @@ from daemon.campaign._parameters import (
     parameter_place,
     parameter_tree,
 )
-from daemon.campaign._sut_files import (
-    FindSutFile,
-    SutFile,
-    SutLayer,
-    SutText,
-    merge_over,
-    read_sut,
-)
+from daemon.campaign._sut_files import SutFile, SutLayer, merge_over
 from daemon.model.attachments import attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
@@ -44,15 +35,14 @@ _MOST_NAMED: Final = 6
 class LoadedSut:
     """A loaded system under test: what runs, where each value was written, what to say about it.
 
-    ``files`` are the SUT files it is made of, the one that was asked for first. ``idle`` is the
-    last of the ``warnings`` when there are values without effect, else empty.
+    ``layer`` is what its files say, ``settings`` are its values with those of the campaign.
+    ``idle`` is the last of the ``warnings`` when there are values without effect, else empty.
     """
 
     reference: SutReference
-    about: str
+    layer: SutLayer
     settings: ParameterValues
     findings: ParameterFindings
-    files: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
     idle: tuple[Diagnostic, ...] = ()
 
@@ -65,49 +55,35 @@ class RefusedSutError(InputError):
         self.settings = settings
 
 
-def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
-    """Load a SUT file and all it stands on.
-
-    Raises :class:`InputError` with everything wrong, each where it stands.
-    """
-    return complete_sut(read_sut(path, find))
-
-
-def complete_sut(text: SutText, overrides: Sequence[Override] = ()) -> LoadedSut:
+def complete_sut(layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedSut:
     """Return the system under test that files mean, with other values for some parameters.
 
     Raises :class:`InputError` with everything wrong, each where it stands.
     """
-    layer, document = text.layer, text.document
+    kind, document, settings = layer.kind, layer.document, layer.settings
     if overrides:
-        layer = _changed(layer, overrides)
-    kind, settings = layer.kind, layer.settings
+        changes = _settings(overrides, settings, kind)
+        settings = merge_over(settings, changes, launched=layer.launched)
     if kind.files == "parameters":
         settings = apply_common_costmap(settings)
     _refuse_missing(settings)
     tree = parameter_tree(settings)
     if kind.external:
         tree.setdefault("repeatable", False)
-    reference = SutReference(layer.text.sut, kind.name, tree, _attach(layer, document))
+    reference = SutReference(layer.text.sut, kind.name, tree, _attach(layer))
     try:
         findings = kind.findings(kind.read(reference.local_parameters))
     except ValueError as error:
         if isinstance(error, ParameterError):
             # Of a file that nobody reads the defaults come, which need not be wrong with it.
-            refuse_unread(settings, error.findings, layer.parameter_files)
+            _refuse_unread(settings, error.findings, layer.parameter_files)
         raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
-    refuse_unread(settings, findings, layer.parameter_files)
+    _refuse_unread(settings, findings, layer.parameter_files)
     place = partial(_placed, document=document, settings=settings, severity=Severity.WARNING)
     warnings = dict.fromkeys(map(place, findings.problems))
-    idle = _idle_warning(findings, layer, document, settings)
+    idle = _idle_warning(findings, layer, settings)
     return LoadedSut(
-        reference=reference,
-        about=layer.text.about,
-        settings=settings,
-        findings=findings,
-        files=layer.files,
-        warnings=(*layer.warnings, *warnings, *idle),
-        idle=idle,
+        reference, layer, settings, findings, (*layer.warnings, *warnings, *idle), idle
     )
 
 
@@ -122,19 +98,48 @@ def _refuse_missing(settings: ParameterValues) -> None:
         raise InputError(missing)
 
 
-def _attach(layer: SutLayer, document: YamlDocument) -> dict[str, str]:
+def _attach(layer: SutLayer) -> dict[str, str]:
+    where = layer.document.where(("files",))
     try:
         return attach_files(layer.attached)
     except ValueError as error:
-        raise InputError(Diagnostic(document.where(("files",)), str(error))) from error
+        raise InputError(Diagnostic(where, str(error))) from error
     except OSError as error:
         message = f"files: {error.filename} cannot be read: {error.strerror}"
-        raise InputError(Diagnostic(document.where(("files",)), message)) from error
+        raise InputError(Diagnostic(where, message)) from error
 
 
-def _changed(layer: SutLayer, overrides: Sequence[Override]) -> SutLayer:
-    settings = _settings(overrides, layer.settings, layer.kind)
-    return replace(layer, settings=merge_over(layer.settings, settings, launched=layer.launched))
+def _refuse_unread(
+    settings: ParameterValues, findings: ParameterFindings, files: Iterable[str]
+) -> None:
+    """Raise :class:`InputError` for each of ``files`` of which nobody reads anything."""
+    unread = {finding.path for finding in findings.problems if finding.unread}
+    problems = []
+    for file in files:
+        own = {path: s for path, s in settings.items() if s.where.file == file}
+        if own and all(any(path[:n] in unread for n in range(1, len(path) + 1)) for path in own):
+            first, setting = next(iter(own.items()))
+            message = f"nobody reads anything in this file: {'/'.join(first)} is no parameter here"
+            problems.append(Diagnostic(setting.where, message, _remedy(own)))
+    if problems:
+        raise InputError(problems)
+
+
+_SECTIONS: Final = ("amcl", "move_base")
+
+
+def _remedy(paths: Iterable[ParameterPath]) -> str:
+    """Say what a file should look like that has a node's parameters below another name."""
+    for path in paths:
+        for node in _SECTIONS:
+            if node in path[1:-1]:
+                index = max(i for i, part in enumerate(path[:-1]) if part == node)
+                extra, meant = "/".join(path[:index]), "/".join(path[index:])
+                return (
+                    f"{meant} is meant: take {extra} away, in the file or in the namespace it is "
+                    'loaded into ("/" is none)'
+                )
+    return "load it into the namespace of the node that reads it, see files"
 
 
 _OF_FILES: Final = frozenset(SutFile.model_fields) & {
@@ -213,10 +218,7 @@ def _named_place(message: str, settings: ParameterValues) -> Where | None:
 
 
 def _idle_warning(
-    findings: ParameterFindings,
-    layer: SutLayer,
-    document: YamlDocument,
-    settings: ParameterValues,
+    findings: ParameterFindings, layer: SutLayer, settings: ParameterValues
 ) -> tuple[Diagnostic, ...]:
     """Return the warning that names values without effect, if there are any."""
     # What both costmaps have in common is one line of a file, so it is said once.
@@ -229,8 +231,8 @@ def _idle_warning(
     names = list(idle.values())
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
-    hint = f"scenario sut {shlex.quote(document.file)} says why" if layer.files else ""
-    return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
+    hint = f"scenario sut {shlex.quote(layer.document.file)} says why" if layer.files else ""
+    return (Diagnostic(layer.document.where(("sut",)), message, hint, Severity.WARNING),)
 
 
 def _placed(

@@ -8,7 +8,6 @@ from grammars.roslaunch._load import load_launch
 from grammars.roslaunch._model import (
     Launch,
     LaunchNode,
-    LaunchParameter,
     LaunchRemap,
     LaunchSettings,
     NodeType,
@@ -19,7 +18,6 @@ from grammars.roslaunch._search import launch_files_starting
 __all__ = [
     "Launch",
     "LaunchNode",
-    "LaunchParameter",
     "LaunchRemap",
     "LaunchSettings",
     "NodeType",

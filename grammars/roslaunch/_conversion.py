@@ -5,12 +5,11 @@ from __future__ import annotations
 import shlex
 from typing import Final
 
-from grammars.roslaunch._model import LaunchParameter
 from grammars.roslaunch._names import ParameterName, convert_argument, convert_value, split_name
 from grammars.roslaunch._substitution import Substituted
 from grammars.roslaunch._xml import XmlElement
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.ros_yaml import parse_ros_yaml
+from grammars.text.ros_yaml import ParameterValue, parse_ros_yaml
 
 SOURCES: Final = ("value", "textfile", "binfile", "command")
 """The attributes of a ``<param>`` of which one gives its value."""
@@ -21,7 +20,7 @@ _NOT_READ: Final = {
 }
 
 
-def read_param(element: XmlElement, source: str, text: Substituted, kind: str) -> LaunchParameter:
+def read_param(element: XmlElement, source: str, text: Substituted, kind: str) -> ParameterValue:
     """Return the value that a ``<param>`` has by one of its attributes.
 
     Raises :class:`InputError` for a value that is not of the type it is said to be.
@@ -30,15 +29,15 @@ def read_param(element: XmlElement, source: str, text: Substituted, kind: str) -
     if source != "value":
         message = f"{element.attributes.get('name', '')}: {_NOT_READ[source]}"
         hint = 'write the value under "parameters" if the node needs it'
-        return LaunchParameter(text.text, where, (Diagnostic(where, message, hint),))
+        return ParameterValue(text.text, where, (Diagnostic(where, message, hint),))
     written = text.text.strip()
     if text.missing:
-        return LaunchParameter(written, where, text.missing)
+        return ParameterValue(written, where, text.missing)
     if kind == "yaml":
         found, _ = parse_ros_yaml(written, where.file, locate=lambda *_: where, any_value=True)
-        return LaunchParameter(found.data, where)
+        return ParameterValue(found.data, where)
     try:
-        return LaunchParameter(convert_value(written, kind), where)
+        return ParameterValue(convert_value(written, kind), where)
     except ValueError as error:
         raise InputError.at(where, f"{element.attributes.get('name', '')}: {error}") from error
 
@@ -59,7 +58,7 @@ def remaps_among(arguments: tuple[str, ...]) -> dict[str, str]:
 
 def parameters_among(
     arguments: tuple[str, ...], where: Where, missing: tuple[Diagnostic, ...]
-) -> dict[ParameterName, LaunchParameter]:
+) -> dict[ParameterName, ParameterValue]:
     """Return the private parameters that ``_NAME:=VALUE`` among a node's arguments sets."""
     found = {}
     for argument in arguments:
@@ -67,5 +66,5 @@ def parameters_among(
         if sign and name.startswith("_") and not name.startswith("__"):
             unfilled = missing if "$(" in value else ()
             parts = split_name(name[1:])
-            found[parts] = LaunchParameter(convert_argument(value), where, unfilled)
+            found[parts] = ParameterValue(convert_argument(value), where, unfilled)
     return found

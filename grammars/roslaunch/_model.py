@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from grammars.roslaunch._names import ParameterName
 from grammars.text.diagnostics import Diagnostic, Where
-from grammars.text.documents import KeyPath
+from grammars.text.ros_yaml import ParameterValue
 
 SettingPlace: TypeAlias = Callable[[tuple[str | int, ...]], Where]
 NodeType: TypeAlias = tuple[str, str]
@@ -33,19 +33,6 @@ class LaunchSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class LaunchParameter:
-    """A value with its place; ``missing`` says what keeps it from being the value meant.
-
-    ``inside`` holds the places of what is in a list, by the way to it.
-    """
-
-    value: Any
-    where: Where
-    missing: tuple[Diagnostic, ...] = ()
-    inside: Mapping[KeyPath, Where] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
 class LaunchRemap:
     """The absolute name that takes the place of another one."""
 
@@ -65,7 +52,7 @@ class LaunchNode:
     type: str
     arguments: tuple[str, ...]
     where: Where
-    parameters: Mapping[ParameterName, LaunchParameter] = field(default_factory=dict)
+    parameters: Mapping[ParameterName, ParameterValue] = field(default_factory=dict)
     remaps: Mapping[str, LaunchRemap] = field(default_factory=dict)
 
     @property
@@ -83,7 +70,7 @@ class Launch:
     """
 
     nodes: tuple[LaunchNode, ...]
-    parameters: Mapping[ParameterName, LaunchParameter]
+    parameters: Mapping[ParameterName, ParameterValue]
     files: tuple[str, ...]
     left_out: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from grammars.roslaunch._conversion import parameters_among, remaps_among, split_arguments
-from grammars.roslaunch._model import LaunchNode, LaunchParameter, LaunchRemap
+from grammars.roslaunch._model import LaunchNode, LaunchRemap
 from grammars.roslaunch._names import ParameterName, is_legal, resolve_for_node
 from grammars.roslaunch._scope import WrittenRemap
 from grammars.roslaunch._substitution import Substituted
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.ros_yaml import ParameterValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +20,7 @@ class StartedNode:
 
     node: LaunchNode
     missing: tuple[Diagnostic, ...]
-    own: dict[ParameterName, LaunchParameter] = field(default_factory=dict)
+    own: dict[ParameterName, ParameterValue] = field(default_factory=dict)
 
 
 def start_node(

@@ -11,10 +11,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from grammars.roslaunch._model import LaunchParameter
 from grammars.roslaunch._names import ParameterName, split_name
 from grammars.text.diagnostics import Diagnostic
 from grammars.text.documents import KeyPath, YamlDocument, paths_inside
+from grammars.text.ros_yaml import ParameterValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,14 @@ class UnreadParameters:
 class ParameterUpload:
     """The parameters of one launch, as roslaunch gathers them."""
 
-    values: dict[ParameterName, LaunchParameter] = field(default_factory=dict)
+    values: dict[ParameterName, ParameterValue] = field(default_factory=dict)
     taken_away: list[ParameterName] = field(default_factory=list)
 
-    def set(self, name: ParameterName, parameter: LaunchParameter) -> None:
+    def set(self, name: ParameterName, parameter: ParameterValue) -> None:
         """Set one parameter, or each of a mapping."""
         if isinstance(parameter.value, Mapping):
             for key, value in parameter.value.items():
-                below = LaunchParameter(value, parameter.where, parameter.missing)
+                below = ParameterValue(value, parameter.where, parameter.missing)
                 self.set((*name, *split_name(str(key))), below)
             return
         self.values[name] = parameter
@@ -66,7 +66,7 @@ class ParameterUpload:
                 name = split_name(part) if part.startswith("/") else (*name, *split_name(part))
             unfilled = missing if missing and "$(" in str(value) else ()
             inside = {below: document.where((*path, *below)) for below in paths_inside(value)}
-            self.set(name, LaunchParameter(value, document.where(path), unfilled, inside))
+            self.set(name, ParameterValue(value, document.where(path), unfilled, inside))
 
 
 def _leaves(data: Any, above: KeyPath) -> Iterable[tuple[KeyPath, Any]]:
@@ -80,7 +80,7 @@ def _leaves(data: Any, above: KeyPath) -> Iterable[tuple[KeyPath, Any]]:
 class ParameterServer:
     """What is on the server after each launch."""
 
-    values: dict[ParameterName, LaunchParameter] = field(default_factory=dict)
+    values: dict[ParameterName, ParameterValue] = field(default_factory=dict)
     _namespaces: set[ParameterName] = field(default_factory=set)
     """Every namespace that something was ever set in: where to look for what is below a name."""
 
@@ -92,7 +92,7 @@ class ParameterServer:
         for name, parameter in upload.values.items():
             self._set(name, parameter)
 
-    def _set(self, name: ParameterName, parameter: LaunchParameter) -> None:
+    def _set(self, name: ParameterName, parameter: ParameterValue) -> None:
         """Set a parameter in place of what stands at its name, above it or below it."""
         for length in range(1, len(name)):
             self.values.pop(name[:length], None)
@@ -102,7 +102,7 @@ class ParameterServer:
                 del self.values[old]
         self.values[name] = parameter
 
-    def below(self, namespace: ParameterName) -> dict[ParameterName, LaunchParameter]:
+    def below(self, namespace: ParameterName) -> dict[ParameterName, ParameterValue]:
         """Return the parameters below a namespace by the rest of their names."""
         count = len(namespace)
         return {

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from grammars.roslaunch._model import LaunchParameter
 from grammars.roslaunch._names import join_names
 from grammars.roslaunch._substitution import Substituted
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.ros_yaml import ParameterValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Scope:
     overriding: bool = False
     outermost: bool = False
     remaps: dict[str, WrittenRemap] = field(default_factory=dict)
-    private: dict[str, LaunchParameter] = field(default_factory=dict)
+    private: dict[str, ParameterValue] = field(default_factory=dict)
     missing: tuple[Diagnostic, ...] = ()
 
     def child(self, namespace: Substituted | None) -> Scope:

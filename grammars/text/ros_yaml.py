@@ -12,7 +12,7 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -40,6 +40,20 @@ _ARITHMETIC: Final[dict[type[ast.operator], Callable[[float, float], float]]] = 
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterValue:
+    """A value and where it stands; a list is one value.
+
+    ``missing`` says what keeps it from being the value meant, if anything does; ``inside`` holds
+    the places of what is in a list, by the way to it.
+    """
+
+    value: Any
+    where: Where
+    missing: tuple[Diagnostic, ...] = ()
+    inside: Mapping[KeyPath, Where] = field(default_factory=dict)
 
 
 Locate: TypeAlias = Callable[[int, int], Where]

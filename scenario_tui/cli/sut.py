@@ -80,7 +80,7 @@ class SutOutput(Output, schema="sut"):
         return cls(
             found.reference.name,
             found.reference.kind,
-            found.files,
+            found.layer.files,
             found.reference.parameters,
             {"/".join(path): str(s.where) for path, s in found.settings.items()},
             _all_defaults(found, read),
@@ -173,12 +173,12 @@ def _print_head(found: LoadedSut) -> None:
     from scenario_tui.text.formatting import NOT_REPEATABLE
 
     reference = found.reference
-    about = f": {found.about}" if found.about else ""
+    about = f": {found.layer.text.about}" if found.layer.text.about else ""
     repeatable = "" if reference.repeatable else f", {NOT_REPEATABLE}"
     stdout_console().print(
         f"{reference.name}, kind {reference.kind}{repeatable}{about}", markup=False, soft_wrap=True
     )
-    stdout_console().print(" < ".join(found.files), markup=False, style="dim", soft_wrap=True)
+    stdout_console().print(" < ".join(found.layer.files), markup=False, style="dim", soft_wrap=True)
 
 
 def _print_given(settings: ParameterValues, idle: Iterable[ParameterFinding]) -> None:

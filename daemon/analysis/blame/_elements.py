@@ -148,17 +148,17 @@ def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary
         return SutDifferences(sut, "", {}, ())
     for reference in cell.scenario.suts:
         loaded = library.loaded_sut(reference)
-        if loaded.reference == sut and (loaded.files or loaded.settings):
+        if loaded.reference == sut and (loaded.layer.files or loaded.settings):
             break  # else a kind by its name: no file, nothing to compare
     else:
         return SutDifferences(sut, "", {}, ())
-    if len(loaded.files) > 1:
-        other = library.sut_file(Path(loaded.files[1]))
+    if len(loaded.layer.files) > 1:
+        other = library.sut_file(Path(loaded.layer.files[1]))
         like, base = other.reference.name, other.settings
-    elif loaded.files:
+    elif loaded.layer.files:
         # Like no other: what its own file says on top of the ROS files is the difference, and what
         # the campaign says on top of that.
-        own = loaded.files[0]
+        own = loaded.layer.files[0]
         written = library.sut_file(Path(own)).settings
         base = {p: s for p, s in written.items() if s.where.file != own}
         like = ""

@@ -16,7 +16,7 @@ from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._submissions import admit_submission
 from daemon.batch.server._uploads import Uploads
 from daemon.batch.worker._connection import InputCache, WorkerPaths
-from daemon.campaign import load_sut
+from daemon.campaign import LayerLibrary
 from daemon.model import attachments
 from daemon.model.attachments import (
     SutMissing,
@@ -82,7 +82,7 @@ def sut_file(folder, text):
 
 def test_a_sut_file_names_files_and_the_specification_their_digests(here, plugged):
     text = "sut: mine\nkind: learned\nfiles:\n  model: policy.onnx\nparameters:\n  speed: 0.5\n"
-    sut = load_sut(sut_file(here, text), lambda *_: here)
+    sut = LayerLibrary(here).sut_file(sut_file(here, text))
     assert sut.reference == SutReference("mine", "learned", {"speed": 0.5}, {"model": DIGEST})
     # What was checked in another process is made here, as a run makes it.
     make_sut("learned", sut.reference.local_parameters)
@@ -104,7 +104,7 @@ def test_a_sut_file_names_files_and_the_specification_their_digests(here, plugge
 )
 def test_what_is_wrong_with_files_stands_where_it_was_written(here, plugged, text, complaint):
     with pytest.raises(InputError, match=complaint):
-        load_sut(sut_file(here, "sut: mine\n" + text), lambda *_: here)
+        LayerLibrary(here).sut_file(sut_file(here, "sut: mine\n" + text))
 
 
 def test_files_are_bounded(here, monkeypatch):
