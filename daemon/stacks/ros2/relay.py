@@ -550,8 +550,8 @@ class _Services:
 
     def inactive(self) -> dict[str, str]:
         """Return the state of each node that was active and no longer is; asks twice a second."""
-        states = self.states(_WATCH_PERIOD)
-        return {node: states[node] for node in self._activated if states[node] != "active"}
+        states = self.states(_WATCH_PERIOD).items()
+        return {node: s for node, s in states if node in self._activated and s != "active"}
 
     def states(self, period: float = _STATE_PERIOD) -> dict[str, str]:
         """Return the last known states, and ask for those that are older than ``period`` [s]."""

@@ -132,13 +132,16 @@ class _StackDrive:
 
     def finish(self) -> None:
         """Raise :class:`SutFailure` when a node is missing or too many answers were late."""
+        session = self._session
         try:
-            if self._mission.progress.state != "succeeded":
-                for node in self._missing:
-                    raise SutFailure(f"{node} was not there any more when the run ended")
+            if self._missing and self._mission.progress.state != "succeeded":
+                # A loaded machine answers late, which is no reason to call the run an error.
+                self._await_nodes((session.time - session.zero) / _NANO)
             self._lockstep.check_share()
+        except LinkLost as error:
+            raise session.failure(session.explain(str(error))) from error
         except SutFailure as error:
-            raise self._session.failure(error.reason) from error
+            raise session.failure(error.reason) from error
 
     def _cycle(self, observation: Observation) -> Decision:
         session, mission, lockstep = self._session, self._mission, self._lockstep
@@ -206,9 +209,16 @@ class _StackDrive:
         link, ready = self._session.link, self._settings.ready
         # Nodes that answer are proof that none has died; every node has this parameter.
         proven = all(link.parameters(node, ("use_sim_time",)) for node in ready)
-        until = wall_clock.monotonic() + (_NEWS_OF_LAUNCH if proven else _NEWS)
+        self._await_nodes(time, _NEWS_OF_LAUNCH if proven else _NEWS)
+
+    def _await_nodes(self, time: float, least: float = 0.0) -> None:
+        """Wait until every node is active, and ``least`` [s of wall clock].
+
+        Raises :class:`SutFailure` when one does not become active again.
+        """
+        until = wall_clock.monotonic() + least
         while True:
-            states = link.readiness().nodes
+            states = self._session.link.readiness().nodes
             inactive = {node: state for node, state in states.items() if state != "active"}
             self._check_stack(inactive, time)
             if wall_clock.monotonic() >= until and not inactive:

@@ -119,7 +119,7 @@ class Telemetry:
         return self._tree.find(self._frames.base, self._frames.map)
 
     def forget(self) -> None:
-        """Forget every transform: the stack has been reset."""
+        """Forget every transform, because the world has begun anew."""
         self._tree = TransformTree()
 
     def move(self, sample: Odometry) -> None:
