@@ -10,7 +10,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,6 +25,8 @@ from grammars.model.scene import Scene
 from templates.naming import file_name
 from templates.rendering import render
 
+ROBOT_FILE: Final = "my_robot.yaml"
+"""Name of the file of the robot that comes with a new campaign."""
 _HEIGHT: Final = 0.35
 """Of the robot that comes with a new campaign [m], as in robot.yaml.j2."""
 _CLEAR: Final = (0.6, 0.45, 0.35)
@@ -111,11 +113,19 @@ def _far(area: BaseGeometry, start: Point2) -> list[Point2]:
     return [point for point in chosen[1:] if Point(point).distance(Point(start)) > _PRECISION]
 
 
-def new_campaign(name: str, *, plan: str = "", errand: Errand | None = None) -> Mapping[str, str]:
+def new_campaign(
+    name: str,
+    *,
+    plan: str = "",
+    errand: Errand | None = None,
+    robot: str = "",
+    suts: Sequence[str] = ("pilot",),
+) -> dict[str, str]:
     """Return the files of a new campaign by their names, ``campaign.yaml`` first.
 
     With a ``plan`` (as its folder names it) and an ``errand`` there, the building is that; without,
-    it is a flat of two rooms and a door.
+    it is a flat of two rooms and a door. Without a ``robot`` (as the folder names it),
+    :data:`ROBOT_FILE` is among the files. ``suts`` are the systems under test.
     """
     own = not plan
     ways = errand or _OWN_ERRAND
@@ -131,6 +141,8 @@ def new_campaign(name: str, *, plan: str = "", errand: Errand | None = None) -> 
             repeats=3,
             limit=_limit(ways.length),
             plan="flat" if own else _yaml_text(plan),
+            robot=_yaml_text(robot or ROBOT_FILE.removesuffix(".yaml")),
+            suts=suts,
         ),
         "errand.mission.yaml": fill(
             "mission.yaml",
@@ -138,9 +150,10 @@ def new_campaign(name: str, *, plan: str = "", errand: Errand | None = None) -> 
             start=ways.start,
             stops=ways.stops,
         ),
-        "my_robot.yaml": fill("robot.yaml"),
         "navigation.oracles.yaml": fill("oracles.yaml"),
     }
+    if not robot:
+        files[ROBOT_FILE] = fill("robot.yaml")
     if own:
         layers = ("flat.fpm", "doors.scenery", "door_open.scenery", "door_opens_late.scenery")
         files |= {layer: fill(layer) for layer in layers}

@@ -31,10 +31,14 @@ class NewOutput(Output, schema="new"):
     def print(self) -> None:
         """Print what to type next."""
         from scenario_tui.cli.results import print_commands
+        from templates.nav2 import NAV2_FILE
 
         file = shlex.quote(self.campaign)
+        stacks = [shlex.quote(path) for path in self.files if path.endswith(NAV2_FILE)]
+        start = [f"scenario sut check {stack} --campaign {file}" for stack in stacks]
         print_commands(
             (f"scenario check {file}", "find every problem before anything runs"),
+            *((command, "start Nav2, and see whether it fits") for command in start),
             (f"scenario run {file}", "run it here and now"),
             ("scenario new --layers", "robots and systems under test it can name"),
         )
@@ -58,6 +62,22 @@ def new(
             autocompletion=completion.files(plan_files),
         ),
     ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            metavar="FILE|NAME",
+            help="Begin with this robot, a file or one that ships, instead of one of its own.",
+        ),
+    ] = "",
+    nav2: Annotated[
+        bool,
+        typer.Option(
+            "--nav2",
+            help="Test Nav2 (ROS 2 Jazzy, Kilted) as well: write suts/my-nav2.yaml and parameters "
+            "for the robot.",
+        ),
+    ] = False,
     listing: Annotated[
         bool,
         typer.Option(
@@ -74,13 +94,17 @@ def new(
     overwritten.
     """
     if listing:
-        if floorplan is not None:
-            raise typer.BadParameter("begins a campaign: leave it out", param_hint="--floorplan")
+        options = {"--floorplan": floorplan, "--robot": robot, "--nav2": nav2}
+        for option in (option for option, value in options.items() if value):
+            raise typer.BadParameter("begins a campaign: leave it out", param_hint=option)
         _list_layers(folder or Path(), as_json=as_json)
         return
     if folder is None:
         raise typer.BadParameter("say how the campaign is to be called", param_hint="NAME")
-    from templates.new_campaign import new_campaign
+    from grammars.model.robot_files import read_robot
+    from grammars.text.documents import load_yaml, parse_yaml
+    from templates.nav2 import NAV2, nav2_files
+    from templates.new_campaign import ROBOT_FILE, new_campaign
 
     name = folder.resolve().name
     if not _NAME.fullmatch(name):
@@ -98,9 +122,17 @@ def new(
     if floorplan is not None:
         errand = _errand_in(floorplan)
         plan = Path(os.path.relpath(floorplan, folder)).as_posix()
-    files = new_campaign(name, plan=plan, errand=errand)
-    folder.mkdir(parents=True, exist_ok=True)
+    robot_file = _robot_file(robot, folder) if robot else None
+    named = "" if robot_file is None else _robot_reference(robot_file, folder)
+    suts = ["pilot", NAV2] if nav2 else ["pilot"]
+    files = new_campaign(name, plan=plan, errand=errand, robot=named, suts=suts)
+    if nav2:
+        document = (
+            load_yaml(robot_file) if robot_file else parse_yaml(files[ROBOT_FILE], ROBOT_FILE)
+        )
+        files |= nav2_files(read_robot(document))
     for file, text in files.items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
         # Exclusively: whoever wrote there meanwhile keeps what they wrote.
         with (folder / file).open("x", encoding="utf-8") as target:
             target.write(text)
@@ -127,6 +159,26 @@ def _errand_in(path: Path) -> Errand:
         return propose_errand(compile_scene(plan, ()))
     except ValueError as error:
         raise InputError.at(where, str(error)) from error
+
+
+def _robot_file(named: str, folder: Path) -> Path:
+    """Return the file of a robot, given by its path or its name; raises ``InputError``."""
+    from daemon.campaign import ROBOT, LayerReference, find_layer
+    from grammars.text.diagnostics import Where
+
+    is_path = "/" in named or named.endswith(ROBOT.endings)
+    name = str(Path(named).absolute()) if is_path else named
+    # From above the new folder, which is not there yet.
+    return find_layer(folder.parent, LayerReference(name, {}, Where("--robot")), ROBOT)
+
+
+def _robot_reference(path: Path, folder: Path) -> str:
+    """Return how a campaign in ``folder`` names a robot: by name when it ships."""
+    from grammars.text.shipped import shipped_folder
+
+    if path.resolve().is_relative_to(shipped_folder()):
+        return path.stem
+    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 class NamedLayer(OutputPart):

@@ -120,11 +120,15 @@ def serve(
 
 @dataclass(frozen=True, slots=True)
 class LiveServices:
-    """By what a world can be reached; ``to_type`` connects a stack."""
+    """By what a world can be reached.
+
+    ``to_type`` connects a stack, whose map server is to read ``map_file``, if any.
+    """
 
     foxglove: FoxgloveServer | None = None
     bridge: RosBridge | None = None
     to_type: str = ""
+    map_file: str = ""
     without: str = ""
 
     def where(self) -> list[str]:
@@ -132,6 +136,8 @@ class LiveServices:
         lines = [self.without] if self.without else []
         if self.foxglove is not None:
             lines.append(f"Foxglove: open a connection to {self._url()}")
+        if self.map_file:
+            lines.append(f"ROS 2: start your stack with this map: {self.map_file}")
         if self.bridge is not None:
             lines += ["ROS 2: type this in a terminal of the stack's ROS 2:", self.to_type]
         return lines
@@ -147,6 +153,8 @@ class LiveServices:
             lines.append(f"Foxglove {self._url()}  {said}")
         if self.bridge is not None:
             lines.append(f"ROS 2 {self.bridge.state}")
+            if self.map_file:
+                lines.append(f"map for the stack: {self.map_file}")
             if not self.bridge.connected:
                 lines.append(self.to_type)
         return lines
@@ -227,12 +235,10 @@ def _served(
         if services.foxglove is not None:
             stack.callback(services.foxglove.close)
         if socket is not None:
-            if not socket:
-                import tempfile
+            from tempfile import TemporaryDirectory
 
-                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="scenario-"))
-                socket = f"{folder}/relay"
-            services = _with_bridge(services, simulation, socket)
+            folder = stack.enter_context(TemporaryDirectory(prefix="scenario-"))
+            services = _with_bridge(services, simulation, socket or f"{folder}/relay", Path(folder))
             assert services.bridge is not None
             stack.callback(services.bridge.close)
         yield services
@@ -262,7 +268,9 @@ def _with_foxglove(
         raise typer.Exit(ExitCode.INFRASTRUCTURE) from error
 
 
-def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str) -> LiveServices:
+def _with_bridge(
+    services: LiveServices, simulation: LiveSimulation, socket: str, folder: Path
+) -> LiveServices:
     import secrets
     import shlex
 
@@ -270,7 +278,8 @@ def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str
     from daemon.stacks.ros2.link import LinkLost
     from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 
-    nonce = secrets.token_hex(8)
+    nonce, settings = secrets.token_hex(8), _settings(simulation.spec)
+    map_file = _write_map(simulation, folder) if settings.map == "file" else ""
     try:
         first = [RelayLink.listen(socket, nonce)]
         # Of a port that was free: the next stack finds it where the first one did.
@@ -278,14 +287,27 @@ def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str
         bridge = RosBridge(
             simulation,
             lambda: first.pop() if first else RelayLink.listen(address, nonce),
-            _settings(simulation.spec),
+            settings,
         )
     except LinkLost as error:
         say(f"scenario: {error}")
         raise typer.Exit(ExitCode.INFRASTRUCTURE) from error
     script = shlex.quote(str(relay_path()))
     variables = f"SCENARIO_SOCKET={shlex.quote(address)} SCENARIO_NONCE={nonce}"
-    return replace(services, bridge=bridge, to_type=f"{variables} python3 {script}")
+    to_type = f"{variables} python3 {script}"
+    return replace(services, bridge=bridge, to_type=to_type, map_file=map_file)
+
+
+def _write_map(simulation: LiveSimulation, folder: Path) -> str:
+    """Write the map of a world as a run has it; return the path of its ``map.yaml``."""
+    from daemon.run_map import run_map
+    from grammars.model.behaviour import start_positions
+    from grammars.model.map_files import write_map
+
+    spec, scene = simulation.spec, simulation.scene
+    height = spec.robot.laser.z
+    grid = run_map(spec.map, scene, height, start_positions(scene, spec.behaviours))
+    return str(write_map(grid, folder / "map", laser_height=height)[1])
 
 
 def _settings(spec: RunSpec) -> Ros2Settings:

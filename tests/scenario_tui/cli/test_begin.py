@@ -85,6 +85,31 @@ def test_it_begins_with_a_building_that_is_there(scenario, here, campaigns):
     assert [w.id for w in cell.mission.waypoints] == ["living_room", "bedroom", "kitchen", "home"]
 
 
+def test_nav2_is_tested_with_parameters_of_the_robot(scenario, here):
+    answer = scenario("new", "mine", "--nav2")
+    assert "scenario sut check mine/suts/my-nav2.yaml --campaign mine/campaign.yaml" in answer.out
+    assert scenario("check", "mine/campaign.yaml").err.endswith("12 runs, no problems\n")
+    assert scenario("check", "mine/suts/my-nav2.yaml").err.endswith("no problems\n")
+    campaign = load_campaign("mine/campaign.yaml")
+    assert {sut.name for cell in campaign.cells for sut in cell.suts} == {"pilot", "my-nav2"}
+    assert "max_vel_x: 0.8" in (here / "mine" / "suts" / "nav2.yaml").read_text()
+
+
+def test_it_begins_with_a_robot_that_is_there_or_ships(scenario, here, campaigns):
+    text = (campaigns / "robots" / "robile.yaml").read_text()
+    (here / "wide.yaml").write_text(text.replace("robot: robile", "robot: wide"))
+    for robot, name in (("wide.yaml", "wide"), ("courier", "courier")):
+        answer = scenario("new", f"tests/{name}", "--robot", robot, "--nav2", "--json")
+        assert "my_robot.yaml" not in answer.out
+        (cell, *_) = load_campaign(f"tests/{name}/campaign.yaml").cells
+        assert cell.robot.name == name
+        assert f"for the robot {name}" in (here / "tests" / name / "suts" / "nav2.yaml").read_text()
+    answer = scenario("new", "mine", "--robot", "curier")
+    assert answer.code == 2
+    assert 'did you mean "courier"?' in answer.err
+    assert not (here / "mine").exists()
+
+
 def test_a_building_without_room_is_said(scenario, here):
     (here / "slit.fpm").write_text(PLAN.replace("length=3 m", "length=0.5 m"))
     said = scenario("new", "mine", "--floorplan", "slit.fpm")

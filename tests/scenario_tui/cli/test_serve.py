@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from grammars.model.map_files import read_map
 from scenario_tui.cli.exit_codes import ExitCode
 
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()", "serve"]
@@ -85,6 +86,22 @@ def test_a_stack_is_told_what_to_type(file):
         assert process.returncode == ExitCode.EXPECTED
         assert "the world has ended" in rest
         assert not address.parent.exists()
+
+
+def test_the_map_is_named_that_a_stack_reads_from_a_file(file, scenario, tmp_path, monkeypatch):
+    pytest.importorskip("daemon.stacks.ros2.relay_link")
+    monkeypatch.chdir(tmp_path)
+    scenario("new", "mine", "--nav2")
+    arguments = ("mine/campaign.yaml", "--ros2", "--sut", "my-nav2", "--no-foxglove")
+    with served(*arguments) as process:
+        lines = said_until(process, "Ctrl-C")
+        named = re.search(r"^ROS 2: start your stack with this map: (\S+)$", lines, re.M)
+        assert named is not None
+        drawn = read_map(Path(named[1]))
+        assert drawn.resolution == 0.05
+        process.terminate()
+        process.communicate(timeout=DEADLINE)
+    assert not Path(named[1]).exists()
 
 
 def test_what_is_wrong_usage(scenario, file):
