@@ -23,12 +23,7 @@ from daemon.stacks.ros2.causes import (
 )
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages, scan_topics
 from daemon.stacks.ros2.isolation import DomainTaken
-from daemon.stacks.ros2.link import (
-    Cycle,
-    CycleAnswer,
-    LinkLost,
-    Readiness,
-)
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, Readiness
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 from daemon.stacks.ros2.settings import Ros2Settings
@@ -52,8 +47,11 @@ _POSE_PATIENCE: Final = 5.0
 _FAR: Final = 0.5
 """A stack that believes to be farther from the start [m, rad] was told in vain."""
 _NOT_UP: Final = "the stack did not come up"
+_POLL: Final = 0.05
 _SETTLING: Final = 0.2
 """What a process prints last may come after the news of its death, so long [s of wall clock]."""
+_NEWS_OF_LAUNCH: Final = 1.0
+"""Launch prints the exit code of a process so soon [s of wall clock] after its end, if at all."""
 _ORDINALS: Final = ("first", "second", "third")
 
 
@@ -83,6 +81,21 @@ class StackSession:
 
     def is_dead(self) -> bool:
         """Look whether the stack goes on living; return whether it does not."""
+        self._look()
+        if not self.fault and (process := self.process.dead_process()):
+            self._look_until(_NEWS_OF_LAUNCH)
+            self.fault = self.fault or f"{process} died"
+        return bool(self.fault)
+
+    def _look_until(self, limit: float) -> None:
+        """Wait for a fault, ``limit`` [s of wall clock] at most."""
+        until = wall_clock.monotonic() + limit
+        while not self.fault and wall_clock.monotonic() < until:
+            wall_clock.sleep(_POLL)
+            self._look()
+
+    def _look(self) -> None:
+        """Take in what the supervisor has reported."""
         ended = self.process.ended()
         alarms = self.process.alarms()[self._alarms :]
         self._alarms += len(alarms)
@@ -99,7 +112,6 @@ class StackSession:
             self.is_aborted = self.is_aborted or ABORTED in line
         # A launch file may end all because of a death, which says more.
         self.fault = self.fault or ended
-        return bool(self.fault)
 
     def cycle(self, cycle: Cycle) -> CycleAnswer:
         """Do one cycle; the clock never goes back."""
@@ -108,9 +120,8 @@ class StackSession:
 
     def explain(self, lost: str) -> str:
         """Return why the link was lost: an end of a process says more than its silence."""
-        until = wall_clock.monotonic() + 2.0
-        while not self.is_dead() and wall_clock.monotonic() < until:
-            wall_clock.sleep(0.05)
+        if not self.is_dead():
+            self._look_until(2.0)
         return self.fault or lost
 
     def failure(self, reason: str, events: Sequence[SutEvent] = ()) -> SutFailure:
@@ -252,6 +263,7 @@ class BringUp:
                 complete_since = None
             self._check_alive(missing)
             yield f"{missing}, {self._waited()}"
+        session.process.watch_nodes(settings.ready)
         self._check_pose(session.telemetry.pose())
         self._check_alone()
 

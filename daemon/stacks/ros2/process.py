@@ -18,14 +18,14 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from daemon.model.sut import SutFailure
-from daemon.stacks.ros2.causes import ALARMS
+from daemon.stacks.ros2.causes import ALARMS, ProcessDeath
 from daemon.stacks.ros2.container import (
     container_name,
     container_script,
@@ -51,7 +51,7 @@ from daemon.supervision.plan import (
     STACK_OUTPUT,
     StackPlan,
 )
-from daemon.supervision.remains import KILL_LIMIT, MARKER
+from daemon.supervision.remains import KILL_LIMIT, MARKER, marked_processes, parent_of
 from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
@@ -96,6 +96,8 @@ class StackProcess:
         self._domain_lock: socket.socket | None = None
         self._outputs: dict[str, bytes] | None = None
         self._ended = ""
+        self._nodes: dict[int, str] = {}
+        """Names of the processes that have nodes, by the descriptors that tell their end."""
         self.domain = -1
         root = runtime_folder()
         try:
@@ -215,6 +217,27 @@ class StackProcess:
             return f"the supervisor of the stack was ended{self._quote(_ERRORS)}"
         return ""
 
+    def watch_nodes(self, nodes: Sequence[str]) -> None:
+        """Watch the processes of nodes, absolute names, that are named in their command lines."""
+        names: dict[int, str] = {}
+        for process in marked_processes(self.folder.name):
+            with suppress(OSError):
+                words = Path(f"/proc/{process}/cmdline").read_text(errors="replace").split("\0")
+                name = Path(words[0]).name
+                if nodes and ProcessDeath(name, 0, " ".join(words)).is_of(nodes):
+                    names[process] = name
+        # Shells and ``ros2 run`` have the words of the process that they wait for.
+        for process in names.keys() - set(map(parent_of, names)):
+            with suppress(OSError):
+                self._nodes[os.pidfd_open(process)] = names[process]
+
+    def dead_process(self) -> str:
+        """Return the name of a process with nodes that has ended, empty while all live."""
+        poller = select.poll()
+        for descriptor in self._nodes:
+            poller.register(descriptor, select.POLLIN)
+        return min((self._nodes[descriptor] for descriptor, _ in poller.poll(0)), default="")
+
     def _quote(self, name: str) -> str:
         last = _lines(self._read(name))[-1:]
         return f': "{last[0]}"' if last else ""
@@ -223,7 +246,8 @@ class StackProcess:
         """Return the lines of the stack that contain an alarm, oldest first; at most 100."""
         if self._supervisor is None:
             return []
-        self._supervisor.listen()
+        if self._outputs is None:
+            self._supervisor.listen()
         return [one["alarm"] for one in self._supervisor.events if "alarm" in one]
 
     def lines(self) -> list[str]:
@@ -265,6 +289,9 @@ class StackProcess:
             is_gone = self._supervisor.close(limit=_ANSWER_LIMIT) and is_gone
         if not is_gone or self.folder.exists():
             end_stack(self.folder)
+        for descriptor in self._nodes:
+            os.close(descriptor)
+        self._nodes.clear()
         # Others take the stack for alive as long as anybody has one of these open.
         for lock in (self._lock, self._domain_lock):
             if lock is not None:

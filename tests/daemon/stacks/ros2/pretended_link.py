@@ -49,7 +49,7 @@ class PretendedProcess:
     def __init__(self, folder):
         self.folder = folder
         self.socket, self.nonce, self.domain = folder / "socket", "", 7
-        self.end = ""
+        self.end = self.dead = ""
         self.printed = ["its last line"]
         self.released = 0
 
@@ -65,6 +65,12 @@ class PretendedProcess:
 
     def alarms(self):
         return [line for line in self.printed if any(alarm in line for alarm in ALARMS)]
+
+    def watch_nodes(self, nodes):
+        self.watched = nodes
+
+    def dead_process(self):
+        return self.dead
 
     def lines(self):
         return self.printed

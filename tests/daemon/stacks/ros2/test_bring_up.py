@@ -341,6 +341,25 @@ def test_a_node_that_dies_during_a_run_is_named(machine, briefing, printed, reas
     assert failed.value.reason == reason
 
 
+@pytest.mark.parametrize(
+    ("printed", "reason"),
+    [([], "amcl died at 12.4 s"), ([died("amcl")], "amcl died with exit code -11 (SIGSEGV)")],
+)
+def test_the_process_of_a_node_that_ends_is_named_also_when_launch_says_nothing(
+    machine, briefing, monkeypatch, printed, reason
+):
+    system, _, process = driving(machine, briefing)
+    monkeypatch.setattr(bring_up, "_NEWS_OF_LAUNCH", 0.0 if not printed else 60.0)
+    assert process.watched == NODES
+    process.dead = "amcl"
+    # Launch prints a little later.
+    alarms = iter([[]])
+    process.alarms = lambda: next(alarms, printed)
+    with pytest.raises(SutFailure) as failed:
+        update(system)
+    assert failed.value.reason.startswith(reason)
+
+
 def test_the_death_of_a_process_without_needed_nodes_is_only_told(machine, briefing):
     system, _, process = driving(machine, briefing)
     process.printed = [died("rviz2", 1)]

@@ -467,6 +467,29 @@ def test_alarms_are_reported_as_they_are_printed(start, tmp_path):
     assert len(chatty.lines()) == 500
 
 
+def test_the_process_of_a_node_is_watched_and_no_other(start):
+    node, other = own_seconds(), own_seconds()
+    # The shell has the name among its words, too, and the first process goes on.
+    renamed = f"sh -c 'exec sleep {node}' --ros-args -r __node:=amcl"
+    stack = start(f"sleep {other} & (exec -a planner_server sleep {node}) & : {renamed}; wait")
+    eventually(lambda: sleepers(other) and named("planner_server", node))
+    stack.watch_nodes(["/amcl", "/planner_server"])
+    assert stack.dead_process() == ""
+    for process in sleepers(other):
+        process.kill()
+    psutil.wait_procs(sleepers(other))
+    assert stack.dead_process() == ""
+    for process in named("planner_server", node):
+        process.kill()
+    eventually(lambda: stack.dead_process() == "planner_server")
+    stack.release()
+    assert (stack.alarms(), stack.dead_process()) == ([], "")
+
+
+def named(name, seconds):
+    return [p for p in psutil.process_iter(["cmdline"]) if p.info["cmdline"] == [name, seconds]]
+
+
 def test_what_was_printed_is_whole_up_to_the_limit(start):
     stack = start("head -c 1000000 /dev/zero | tr '\\0' x; echo; echo end; sleep 600")
     printed(stack, "end")
