@@ -45,17 +45,17 @@ def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Diagnostic]]:
             problems.extend(error.diagnostics)
     names = tuple(draft.text.compare)
     expectations = []
-    for index, written in enumerate(draft.text.expect):
+    for index, text in enumerate(draft.text.expect):
         path = ("expect", index)
-        problems.extend(_unmatched_expectation(written, path, names, draft))
+        problems.extend(_unmatched_expectation(text, path, names, draft))
         where = draft.document.where(path)
         expectations.append(
             Expectation(
-                written.scenario,
-                written.oracle,
-                tuple(written.sut),
-                written.verdict,
-                written.why,
+                text.scenario,
+                text.oracle,
+                tuple(text.sut),
+                text.verdict,
+                text.why,
                 f"{Path(where.file).name}:{where.line}",
             )
         )
@@ -96,8 +96,8 @@ def time_legs(
 
 def _leg_measure(name: str, leg: str, where: Where) -> Oracle:
     plain = leg.isdigit() or re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", leg)
-    written = leg if plain else f'"{leg}"'
-    return parse_oracle(name, f"max(mission.leg.elapsed) on leg {written}", where)
+    quoted = leg if plain else f'"{leg}"'
+    return parse_oracle(name, f"max(mission.leg.elapsed) on leg {quoted}", where)
 
 
 def _sentence_place(name: str, document: YamlDocument) -> Where:
@@ -113,15 +113,15 @@ def _sentence_place(name: str, document: YamlDocument) -> Where:
 
 def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
     where = _sentence_place(name, draft.document)
-    found = _SENTENCE.fullmatch(sentence)
-    if found is None:
+    parts = _SENTENCE.fullmatch(sentence)
+    if parts is None:
         raise InputError(Diagnostic(where, f'"{sentence}" is not a comparison', _EXAMPLE))
 
     def at(part: str) -> Where:
-        return Where(where.file, where.line, where.column + found.start(part))
+        return Where(where.file, where.line, where.column + parts.start(part))
 
-    left, right, quantity = found["left"], found["right"], found["quantity"]
-    problems = [d for part in ("left", "right") for d in _unknown(found[part], at(part), draft)]
+    left, right, quantity = parts["left"], parts["right"], parts["quantity"]
+    problems = [d for part in ("left", "right") for d in _unknown(parts[part], at(part), draft)]
     if problems:
         raise InputError(problems)
     if left == right:
@@ -130,19 +130,19 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
     if not set(draft.scenarios[left].sut_names) & set(draft.scenarios[right].sut_names):
         message = f'"{left}" and "{right}" have no system under test in common'
         raise InputError(Diagnostic(at("left"), message))
-    leg = found["leg"].strip('"') if found["leg"] else None
+    leg = parts["leg"].strip('"') if parts["leg"] else None
     if leg is not None and quantity != DELAY:
         message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
         raise InputError(Diagnostic(at("leg"), message))
     unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), draft)
-    limit = parse_in(found["limit"], unit, quantity, at("limit"))
+    limit = parse_in(parts["limit"], unit, quantity, at("limit"))
     return ScenarioComparison(
         name=name,
         quantity=quantity,
         left=left,
         right=right,
         leg=leg,
-        op=found["op"],  # type: ignore[arg-type]
+        op=parts["op"],  # type: ignore[arg-type]
         limit=limit,
         unit=unit,
         text=" ".join(sentence.split()),
@@ -178,28 +178,28 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft)
 
 
 def _unmatched_expectation(
-    written: ExpectText,
+    text: ExpectText,
     path: KeyPath,
     comparisons: Sequence[str],
     draft: Draft,
 ) -> Iterator[Diagnostic]:
     """Yield what an expectation speaks of that is not there."""
-    scenarios = _matching(written.scenario, draft.scenarios)
+    scenarios = _matching(text.scenario, draft.scenarios)
     if not scenarios:
         where = draft.document.where((*path, "scenario"))
-        hint = did_you_mean(written.scenario, draft.scenarios)
-        yield Diagnostic(where, f'no scenario "{written.scenario}" to expect anything of', hint)
+        hint = did_you_mean(text.scenario, draft.scenarios)
+        yield Diagnostic(where, f'no scenario "{text.scenario}" to expect anything of', hint)
         return
     # An expectation that matches nothing would hide a failure for ever once a name is changed.
     names = dict.fromkeys(n for s in scenarios for n in draft.scenarios[s].oracle_names)
-    oracles = _matching(written.oracle, (*names, *comparisons))
+    oracles = _matching(text.oracle, (*names, *comparisons))
     where = draft.document.where((*path, "oracle"))
     if not oracles:
-        hint = did_you_mean(written.oracle, (*names, *comparisons))
-        yield Diagnostic(where, f'no oracle "{written.oracle}" judges {written.scenario}', hint)
+        hint = did_you_mean(text.oracle, (*names, *comparisons))
+        yield Diagnostic(where, f'no oracle "{text.oracle}" judges {text.scenario}', hint)
     elif all(n in draft.oracles and draft.oracles[n].is_measure for n in oracles):
-        yield Diagnostic(where, f'"{written.oracle}" is a measure, it has no verdict')
-    yield from _unmatched_suts(written.sut, path, scenarios, draft)
+        yield Diagnostic(where, f'"{text.oracle}" is a measure, it has no verdict')
+    yield from _unmatched_suts(text.sut, path, scenarios, draft)
 
 
 def _unmatched_suts(

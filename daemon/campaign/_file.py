@@ -106,7 +106,7 @@ class VaryText(StrictModel):
 
 
 class SlotsText(StrictModel):
-    """What a scenario is made of."""
+    """Layers and settings of a scenario."""
 
     floorplan: LayerName | None = Field(default=None, examples=["flat"])
     """A floor plan: NAME.fpm, or a walls layer NAME.walls.yaml, beside this file or in floorplans/.
@@ -139,7 +139,7 @@ class SlotsText(StrictModel):
 
 
 class DefaultsText(SlotsText):
-    """What holds for every scenario that does not say otherwise, itself or by "like"."""
+    """Layers and settings of every scenario that has no others, of its own or by "like"."""
 
     elsewhere = MISSION_KEYS | dict.fromkeys(
         ("about", "like", "abstract", "behaviours+", "oracles+"), "it belongs in a scenario"
@@ -172,7 +172,7 @@ class ScenarioText(SlotsText):
 
 
 class _MatrixText(StrictModel):
-    """What every scenario is run with, in turn."""
+    """Systems that every scenario is run with, in turn."""
 
     elsewhere = dict.fromkeys(
         ("robot", "floorplan", "mission"), 'only "sut" has several values here: a scenario for each'

@@ -218,17 +218,17 @@ def _maps(launch: Launch, listener: LaunchNode) -> ParameterValues:
     A server of another map, such as one of places to keep out of, is left out: no run has it.
     """
     servers = {
-        resolve_topic(node, "map"): node for node in launch.nodes if node.kind == _MAP_SERVER
+        _resolve_topic(node, "map"): node for node in launch.nodes if node.kind == _MAP_SERVER
     }
-    heard = resolve_topic(listener, "map")
-    the = servers.get(heard) or (next(iter(servers.values())) if len(servers) == 1 else None)
-    if the is None:
+    topic = _resolve_topic(listener, "map")
+    server = servers.get(topic) or (next(iter(servers.values())) if len(servers) == 1 else None)
+    if server is None:
         return {}
-    same = [topic for topic, node in servers.items() if node.arguments == the.arguments]
-    return {("topics", "maps"): ParameterValue(same, the.where)}
+    same = [name for name, node in servers.items() if node.arguments == server.arguments]
+    return {("topics", "maps"): ParameterValue(same, server.where)}
 
 
-def resolve_topic(node: LaunchNode, name: str) -> str:
+def _resolve_topic(node: LaunchNode, name: str) -> str:
     """Return the topic that ``node`` means by ``name``."""
     full = resolve_for_node(name, node.name)
     remap = node.remaps.get(full)

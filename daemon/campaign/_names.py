@@ -1,6 +1,6 @@
-"""How a campaign file names layers: one, several, some with values for what they leave open.
+"""Names of layers in a campaign file: one, several, some with values for what they leave open.
 
-Whatever else is written there is answered with one finding in plain words.
+Anything else that is written there gets one finding in plain words.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def _layer(value: Any) -> Any:
         if overrides is None:
             raise ValueError(f'"{name}:" has no values behind it: without any, write {name}')
         if not isinstance(overrides, dict):
-            given = " ".join(str(overrides).split())[:40]
-            raise ValueError(f"write {name}: {{parameter: value}}, not {name}: {given}")
+            text = " ".join(str(overrides).split())[:40]
+            raise ValueError(f"write {name}: {{parameter: value}}, not {name}: {text}")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Where a campaign was written: its file, and the commit of the folder it lies in."""
+"""Origin of a campaign: its file, and the commit of the folder it lies in."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     status = _git(file.parent, "status", *how)
     if status is None:
         return unknown
-    known = _git(file.parent, "ls-files", "--error-unmatch", "--", file.name) is not None
-    if not known and _git(file.parent, "check-ignore", "-q", "--", file.name) is not None:
+    tracked = _git(file.parent, "ls-files", "--error-unmatch", "--", file.name) is not None
+    if not tracked and _git(file.parent, "check-ignore", "-q", "--", file.name) is not None:
         return unknown
     lines = status.splitlines()
     heads = dict(line[2:].split(" ", 1) for line in lines if line.startswith("# branch."))
@@ -50,7 +50,7 @@ def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
         unknown,
         commit="" if commit == "(initial)" else commit,
         branch="" if branch == "(detached)" else branch,
-        changed=not known or any(not line.startswith("#") for line in lines),
+        changed=not tracked or any(not line.startswith("#") for line in lines),
     )
 
 

@@ -30,9 +30,9 @@ from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.ros_yaml import load_ros_yaml
 from grammars.text.sources import is_file, is_folder, names_in, note_read
 
-COMMON: Final = "costmap_common"
+_COMMON: Final = "costmap_common"
 """What launch files load into both costmaps, before what each has of its own."""
-COSTMAPS: Final = (("move_base", "global_costmap"), ("move_base", "local_costmap"))
+_COSTMAPS: Final = (("move_base", "global_costmap"), ("move_base", "local_costmap"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class _PackageFile:
 
 _PACKAGE_FILES: Final = (
     _PackageFile(("amcl.yaml", "amcl_params.yaml"), "amcl"),
-    _PackageFile(("costmap_common_params.yaml", "common_costmap_params.yaml"), COMMON),
+    _PackageFile(("costmap_common_params.yaml", "common_costmap_params.yaml"), _COMMON),
     _PackageFile(
         ("costmap_global_params.yaml", "global_costmap_params.yaml"), "move_base", "global_costmap"
     ),
@@ -168,8 +168,8 @@ def _unread_files(folder: Path, names: Iterable[str], where: Where) -> list[Diag
     return [Diagnostic(where, message, hint, Severity.WARNING)]
 
 
-def _missing_files(folder: Path, found: Iterable[_PackageFile], where: Where) -> list[Diagnostic]:
-    lacking = [kind.names for kind in _PACKAGE_FILES if kind.usual and kind not in found]
+def _missing_files(folder: Path, present: Iterable[_PackageFile], where: Where) -> list[Diagnostic]:
+    lacking = [kind.names for kind in _PACKAGE_FILES if kind.usual and kind not in present]
     return [
         Diagnostic(
             where, f"no {' or '.join(names)} in {folder}: ROS defaults apply", "", Severity.WARNING
@@ -186,27 +186,27 @@ def _near(path: Path, pick: Callable[[Path], bool] = is_file) -> str:
 
 
 def apply_common_costmap(settings: ParameterValues) -> ParameterValues:
-    """Load what the costmaps have in common into each, below what each has of its own."""
-    common = {path: s for path, s in settings.items() if path[0] == COMMON}
-    own = {path: s for path, s in settings.items() if path[0] != COMMON}
+    """Load the common values of the costmaps into each, below its own ones."""
+    common = {path: s for path, s in settings.items() if path[0] == _COMMON}
+    own = {path: s for path, s in settings.items() if path[0] != _COMMON}
     return merge_parameters(spread_common(common, {}), own)
 
 
-def spread_common(found: ParameterValues, base: ParameterValues) -> ParameterValues:
-    """Return ``found``, what it says of both costmaps said of each, to be put over ``base``.
+def spread_common(changes: ParameterValues, base: ParameterValues) -> ParameterValues:
+    """Return ``changes`` to ``base`` with those of both costmaps written out for each.
 
-    Over launch files, which load what is common into each costmap themselves, it would else lie
-    below what it is to change.
+    Launch files load common values into each costmap themselves: a change of both would otherwise
+    lie below what it is to change.
     """
-    common = {path[1:]: s for path, s in found.items() if path[0] == COMMON and len(path) > 1}
+    common = {path[1:]: s for path, s in changes.items() if path[0] == _COMMON and len(path) > 1}
     spread: ParameterValues = {}
     for path, setting in common.items():
-        places = [(*costmap, *path) for costmap in COSTMAPS]
+        places = [(*costmap, *path) for costmap in _COSTMAPS]
         if setting.value is None:
             # What only one of them has can be taken away from that one alone.
             places = [one for one in places if is_inherited(one, base)] or places
         spread |= dict.fromkeys(places, setting)
-    return spread | {path: s for path, s in found.items() if path[0] != COMMON}
+    return spread | {path: s for path, s in changes.items() if path[0] != _COMMON}
 
 
 _ROS2_MARK: Final = "ros__parameters"
@@ -223,24 +223,24 @@ _COUNTERPARTS: Final = {
     "behavior_server": "behaviors as move_base/recovery_behaviors",
     "recoveries_server": "recoveries as move_base/recovery_behaviors",
 }
-"""What the reference stack has of each node of Nav2, and under which names of ROS 1."""
+"""Counterparts of the nodes of Nav2 in the reference stack, under their names of ROS 1."""
 
 
 def _refuse_nav2(document: YamlDocument) -> None:
     """Raise :class:`InputError` for a parameter file of ROS 2, with what can be done."""
-    found = list(_ros2_sections(document.data, ()))
-    if not found:
+    sections = list(_ros2_sections(document.data, ()))
+    if not sections:
         return
-    names = list(dict.fromkeys(str(path[-1]) if path else "" for path in found))
-    known = [_COUNTERPARTS[name] for name in names if name in _COUNTERPARTS]
+    names = list(dict.fromkeys(str(path[-1]) if path else "" for path in sections))
+    counterparts = [_COUNTERPARTS[name] for name in names if name in _COUNTERPARTS]
     other = [name for name in names if name and name not in _COUNTERPARTS]
     hints = ['Nav2 itself is tested as an external system: "kind: ros2" (docs/ros2.md)']
-    if known:
-        hints.append(f"the reference stack has, under names of ROS 1: {'; '.join(known)}")
+    if counterparts:
+        hints.append(f"the reference stack has, under names of ROS 1: {'; '.join(counterparts)}")
     if other:
         hints.append(f"nothing here corresponds to {', '.join(other)}")
     message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), of which move_base reads nothing"
-    raise InputError.at(document.where((*found[0], _ROS2_MARK)), message, "\n    ".join(hints))
+    raise InputError.at(document.where((*sections[0], _ROS2_MARK)), message, "\n    ".join(hints))
 
 
 def _ros2_sections(data: Any, path: KeyPath) -> Iterator[KeyPath]:
@@ -254,7 +254,7 @@ def _ros2_sections(data: Any, path: KeyPath) -> Iterator[KeyPath]:
 
 
 def _is_of_ros2(path: Path) -> bool:
-    """Whether a file looks like one with parameters of ROS 2."""
+    """Return whether a file looks like one with parameters of ROS 2."""
     note_read(path)
     with path.open("rb") as file:
         return _ROS2_MARK.encode() in file.read(2**20)

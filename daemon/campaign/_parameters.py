@@ -23,13 +23,13 @@ def flatten_parameters(
 
     With ``namespaces`` a name such as ``move_base/global_costmap`` means two levels.
     """
-    found: ParameterValues = {}
+    values: ParameterValues = {}
     above: set[ParameterPath] = set()
-    for written, value in leaves(tree):
-        path = tuple(p for name in written for p in name.split("/") if p) if namespaces else written
-        inside = {below: where((*written, *below)) for below in paths_inside(value)}
-        _put(found, above, path, ParameterValue(value, where(written), inside=inside))
-    return found
+    for keys, value in leaves(tree):
+        path = tuple(p for name in keys for p in name.split("/") if p) if namespaces else keys
+        inside = {below: where((*keys, *below)) for below in paths_inside(value)}
+        _put(values, above, path, ParameterValue(value, where(keys), inside=inside))
+    return values
 
 
 def under_namespace(settings: ParameterValues, namespace: ParameterPath) -> ParameterValues:
@@ -56,7 +56,7 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
 
 
 def is_inherited(path: ParameterPath, base: ParameterValues) -> bool:
-    """Say whether there is something at ``path``, above it or below it."""
+    """Return whether there is something at ``path``, above it or below it."""
     return any(_shares(path, old) for old in base)
 
 
@@ -90,7 +90,7 @@ def _put(
 
 
 def _shares(one: ParameterPath, other: ParameterPath) -> bool:
-    """Say whether one path is the other or leads to it."""
+    """Return whether one path is the other or leads to it."""
     shorter = min(len(one), len(other))
     return one[:shorter] == other[:shorter]
 

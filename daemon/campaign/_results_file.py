@@ -26,14 +26,14 @@ def read_rule(text: str) -> tuple[PolicyRule, float]:
     words = text.strip()
     if words in ("all", "mean"):
         return ("all", 1.0) if words == "all" else ("mean", 1.0)
-    found = _RATE.fullmatch(words)
-    if found is None:
+    rule = _RATE.fullmatch(words)
+    if rule is None:
         raise ValueError(f'"{text}" is not a rule: write all, mean or rate >= 80 %')
-    rate = read_as(found["rate"].strip(), "ratio")
+    rate = read_as(rule["rate"].strip(), "ratio")
     # No finite number of passes excludes a rate just below 100 %; "all" says what can be said.
     if not 0.0 < rate < 1.0:
         raise ValueError(
-            f"no number of runs shows a rate of {found['rate'].strip()}: "
+            f"no number of runs shows a rate of {rule['rate'].strip()}: "
             "write one above 0 and below 100 %, or all"
         )
     return "rate", rate
@@ -53,7 +53,7 @@ def _repeats_mapping(value: Any) -> Any:
 
 
 class _RepeatsText(StrictModel):
-    """How often every cell is run, and when all its runs together pass."""
+    """Number of runs of every cell, and the rule by which they pass together."""
 
     n: int = Field(ge=1, le=_MOST_REPEATS)
     """Runs of every scenario; the same repeat sees the same noise in each of them."""
@@ -95,7 +95,7 @@ def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
 
 
 class ExpectText(StrictModel):
-    """What is known to be otherwise than passing; an unexpected pass is reported too."""
+    """An expected verdict, and why; an unexpected pass is reported too."""
 
     scenario: str = "*"
     """Name of a scenario, or a pattern such as S3.*; all when left out."""
@@ -146,7 +146,7 @@ _Amount: TypeAlias = Annotated[
 
 
 class ValueText(StrictModel):
-    """One value that somebody found."""
+    """One value of a source."""
 
     scenario: str = ""
     """Name of a scenario, or a pattern such as S3.*; left out for a comparison."""
@@ -170,7 +170,7 @@ class ValueText(StrictModel):
 
 
 class ReferenceText(StrictModel):
-    """What one source found."""
+    """Values of one source."""
 
     source: str = Field(min_length=1)
     """Who found it and where it stands; it is shown beside the values."""

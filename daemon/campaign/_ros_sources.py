@@ -30,7 +30,7 @@ _Text: TypeAlias = Annotated[
 
 
 class RosSource(StrictModel):
-    """Where the configuration of a robot is: its launch files, read as roslaunch reads them."""
+    """Source of the configuration of a robot: launch files, read as roslaunch reads them."""
 
     folder: str | None = Field(default=None, min_length=1)
     """A folder with the parameter files of a robot's navigation package (amcl.yaml,
@@ -52,7 +52,7 @@ class RosSource(StrictModel):
 
     @property
     def is_change(self) -> bool:
-        """Whether it names nothing of its own and changes the launch files of another file."""
+        """True if the launch files that it changes are those of another SUT file."""
         return not self.folder and not self.launch
 
 

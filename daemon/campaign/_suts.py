@@ -17,7 +17,7 @@ from daemon.campaign._parameters import (
     parameter_place,
     parameter_tree,
 )
-from daemon.campaign._sut_files import SutFile, SutLayer, merge_over
+from daemon.campaign._sut_files import SutLayer, merge_over
 from daemon.model.attachments import attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
@@ -129,22 +129,20 @@ _SECTIONS: Final = ("amcl", "move_base")
 
 
 def _remedy(paths: Iterable[ParameterPath]) -> str:
-    """Say what a file should look like that has a node's parameters below another name."""
+    """Return what to do with a file that has the parameters of a node below another name."""
     for path in paths:
         for node in _SECTIONS:
             if node in path[1:-1]:
                 index = max(i for i, part in enumerate(path[:-1]) if part == node)
-                extra, meant = "/".join(path[:index]), "/".join(path[index:])
+                extra, name = "/".join(path[:index]), "/".join(path[index:])
                 return (
-                    f"{meant} is meant: take {extra} away, in the file or in the namespace it is "
+                    f"{name} is meant: take {extra} away, in the file or in the namespace it is "
                     'loaded into ("/" is none)'
                 )
     return "load it into the namespace of the node that reads it, see files"
 
 
-_OF_FILES: Final = frozenset(SutFile.model_fields) & {
-    "sut", "about", "like", "kind", "ros", "files", "parameters",
-}  # fmt: skip
+_OF_FILES: Final = frozenset(("sut", "about", "like", "kind", "ros", "files", "parameters"))
 
 
 def _settings(
@@ -153,7 +151,7 @@ def _settings(
     """Return overrides as settings: dots and slashes lead into namespaces."""
     changes: ParameterValues = {}
     for override in overrides:
-        path = parameter_path(override.key, settings)
+        path = _parameter_path(override.key, settings)
         if path[0] in _OF_FILES and not any(other[0] == path[0] for other in settings):
             message = f'"{path[0]}" is no parameter'
             hint = "write a file of its own: suts/NAME.yaml with like: this one"
@@ -168,7 +166,7 @@ def _settings(
     return changes
 
 
-def parameter_path(key: str, settings: ParameterValues) -> ParameterPath:
+def _parameter_path(key: str, settings: ParameterValues) -> ParameterPath:
     """Return the path that a dotted or slashed key means; names that are there may have dots."""
     paths, rest = list(settings), key.strip("/")
     path: ParameterPath = ()

@@ -56,12 +56,21 @@ def expectation_matches(expectation: Expectation, scenario: str, oracle: str, su
 
     A pattern that matches a scenario matches its variants.
     """
-    names = (scenario, base_name(scenario))
     return (
-        any(fnmatchcase(name, expectation.scenario) for name in names)
+        matches_scenario(expectation.scenario, scenario)
         and fnmatchcase(oracle, expectation.oracle)
-        and any(fnmatchcase(sut, pattern) for pattern in expectation.suts or ("*",))
+        and matches_sut(expectation.suts, sut)
     )
+
+
+def matches_scenario(pattern: str, scenario: str) -> bool:
+    """Return whether a pattern matches a scenario, or the one that it is a variant of."""
+    return any(fnmatchcase(name, pattern) for name in (scenario, base_name(scenario)))
+
+
+def matches_sut(patterns: Sequence[str], sut: str) -> bool:
+    """Return whether one of some patterns matches a system under test; no pattern matches all."""
+    return any(fnmatchcase(sut, pattern) for pattern in patterns or ("*",))
 
 
 def expected_verdict(

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Iterator, Sequence
-from fnmatch import fnmatchcase
 from typing import Final
 
-from daemon.judging.assessment._cell_verdicts import base_name
+from daemon.judging.assessment._cell_verdicts import matches_scenario, matches_sut
 from daemon.judging.statistics import mean_interval, proportion_interval
 from daemon.model.assessments import (
     Assessment,
@@ -37,11 +36,13 @@ def reference_comparisons(
 def _compared(reference: ReferenceValue, assessment: Assessment) -> Iterator[ReferenceComparison]:
     if not reference.scenario:
         for verdict in assessment.comparisons:
-            if verdict.comparison == reference.oracle and _speaks_of(reference, verdict.sut):
+            if verdict.comparison == reference.oracle and matches_sut(reference.suts, verdict.sut):
                 yield _of_values(reference, "", verdict.sut, verdict.differences)
         return
     for cell in assessment.cells:
-        if not _speaks_of(reference, cell.sut) or not _matches(reference.scenario, cell.scenario):
+        if not matches_sut(reference.suts, cell.sut):
+            continue
+        if not matches_scenario(reference.scenario, cell.scenario):
             continue
         if reference.statistic == "rate":
             verdicts = (oracle for oracle in cell.oracles if oracle.oracle == reference.oracle)
@@ -49,14 +50,6 @@ def _compared(reference: ReferenceValue, assessment: Assessment) -> Iterator[Ref
         else:
             values = _measured(cell, reference.oracle)
             yield _of_values(reference, cell.scenario, cell.sut, values)
-
-
-def _speaks_of(reference: ReferenceValue, sut: str) -> bool:
-    return any(fnmatchcase(sut, pattern) for pattern in reference.suts or ("*",))
-
-
-def _matches(pattern: str, scenario: str) -> bool:
-    return any(fnmatchcase(name, pattern) for name in (scenario, base_name(scenario)))
 
 
 def _measured(cell: CellAssessment, name: str) -> tuple[float, ...]:
