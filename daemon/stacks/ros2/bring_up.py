@@ -23,7 +23,7 @@ from daemon.stacks.ros2.causes import (
 )
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages, scan_topics
 from daemon.stacks.ros2.isolation import DomainTaken
-from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, Readiness
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkRefused, Readiness
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 from daemon.stacks.ros2.settings import Ros2Settings
@@ -118,11 +118,16 @@ class StackSession:
         self.time = cycle.time
         return self.link.cycle(cycle)
 
-    def explain(self, lost: str) -> str:
-        """Return why the link was lost: an end of a process says more than its silence."""
+    def explain(self, lost: LinkLost) -> str:
+        """Return why the link was lost: an end of a process says more than its silence.
+
+        A refusal is the reason itself; the relay ends because the link was closed after it.
+        """
+        if isinstance(lost, LinkRefused):
+            return str(lost)
         if not self.is_dead():
             self._look_until(2.0)
-        return self.fault or lost
+        return self.fault or str(lost)
 
     def failure(self, reason: str, events: Sequence[SutEvent] = ()) -> SutFailure:
         """Return a failure of the stack with the lines it printed that tell most."""
@@ -189,7 +194,7 @@ class BringUp:
             self._align()
         except LinkLost as error:
             session = self.ready_session()
-            raise session.start_failure(session.explain(str(error))) from error
+            raise session.start_failure(session.explain(error)) from error
 
     def _end_attempt(self, ordinal: str) -> None:
         """End a stack that did not come up; what it printed is kept."""

@@ -115,7 +115,7 @@ def inspect_stack(
             inspection = _look(session, settings, first.odometry[-1])
         except LinkLost as error:
             # The reason why it did not come up says more than its end.
-            raise failure or session.failure(session.explain(str(error))) from error
+            raise failure or session.failure(session.explain(error)) from error
         return dataclasses.replace(inspection, seconds=seconds, failure=failure)
     finally:
         printed = {} if attempt.session is None else attempt.session.close()

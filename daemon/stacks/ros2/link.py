@@ -27,6 +27,10 @@ class LinkLost(Exception):  # noqa: N818  (says what happened)
     """The other side is gone, refuses or cannot be understood; the message is for people."""
 
 
+class LinkRefused(LinkLost):
+    """The other side cannot do what was asked of it, and says why."""
+
+
 @dataclass(frozen=True, slots=True)
 class TopicSetup:
     """A topic that is published or subscribed: absolute name, type, quality of service, depth.

@@ -27,6 +27,7 @@ from daemon.stacks.ros2.link import (
     CycleAnswer,
     Graph,
     LinkLost,
+    LinkRefused,
     LinkSetup,
     Readiness,
     StackIdentity,
@@ -40,6 +41,8 @@ _REMEDY: Final = "take the relay of this installation (scenario sut relay prints
 _UNCLEAR: Final = "an answer of the relay cannot be understood"
 _LARGEST: Final = 256 << 20
 """Bytes of the largest answer that is read."""
+_LONGEST_REASON: Final = 4096
+"""Characters of what the relay says that are kept."""
 _CYCLE: Final = TypeAdapter(CycleAnswer)
 _READINESS: Final = TypeAdapter(Readiness)
 _GRAPH: Final = TypeAdapter(Graph)
@@ -226,12 +229,13 @@ class RelayLink:
             raise self._lost(f"{_UNCLEAR}: {place} {plain_message(first)}") from None
         except (LookupError, TypeError, ValueError, RecursionError) as error:
             raise self._lost(f"{_UNCLEAR}: {type(error).__name__}: {error}") from None
-        raise self._lost(str(head["refused"]))
+        self.close()
+        raise LinkRefused(str(head["refused"])[:_LONGEST_REASON])
 
     def _lost(self, text: str) -> LinkLost:
         """Close the connection; its state is unknown after the first fault."""
         self.close()
-        return LinkLost(text[:4096])
+        return LinkLost(text[:_LONGEST_REASON])
 
 
 def _connection(peer: socket.socket) -> Connection:

@@ -125,7 +125,7 @@ class _StackDrive:
         try:
             return self._cycle(observation)
         except LinkLost as error:
-            why = f"{session.explain(str(error))} at {observation.time:.1f} s"
+            why = f"{session.explain(error)} at {observation.time:.1f} s"
             raise session.failure(why, self._events) from error
         except SutFailure as error:
             raise session.failure(error.reason, self._events) from error
@@ -139,7 +139,7 @@ class _StackDrive:
                 self._await_nodes((session.time - session.zero) / _NANO)
             self._lockstep.check_share()
         except LinkLost as error:
-            raise session.failure(session.explain(str(error))) from error
+            raise session.failure(session.explain(error)) from error
         except SutFailure as error:
             raise session.failure(error.reason) from error
 

@@ -17,6 +17,7 @@ from daemon.stacks.ros2.link import (
     Graph,
     GraphEndpoint,
     LinkLost,
+    LinkRefused,
     Readiness,
     ReceivedMessage,
 )
@@ -224,6 +225,18 @@ def test_a_socket_that_cannot_be_made_is_said_and_leaves_nothing(machine, briefi
     with pytest.raises(SutFailure, match="no space left"):
         list(coming_up(briefing)[1])
     assert process.released == 1
+
+
+def test_a_refusal_of_the_relay_is_the_reason_and_not_its_end(machine, briefing):
+    stack, process = machine.will_have(Stack())
+
+    def refuse(_):
+        process.end = "the relay ended with exit code 0"
+        raise LinkRefused("the stack's package nav2_msgs has no msg BehaviorTreeLog")
+
+    stack.set_up = refuse
+    with pytest.raises(SutFailure, match="nav2_msgs has no msg BehaviorTreeLog"):
+        list(coming_up(briefing)[1])
 
 
 def test_a_stack_that_does_not_come_up_says_what_it_lacks(machine, briefing):
