@@ -36,6 +36,10 @@ _UNLIMITED: Final = {"vx": 0.5, "vy": 0.5, "wz": 1.0, "ax": 1.0, "ay": 1.0, "az"
 """[m/s, rad/s, m/s^2, rad/s^2] Where the robot file sets no limit."""
 _TOLERANCE: Final = 0.15
 """[m] Of a goal, half of what the oracles of a new campaign allow."""
+_HORIZON: Final = 1.5
+"""[s] For which DWB looks ahead."""
+_LEAST_SIDE: Final = 4
+"""[m] Of the local costmap."""
 _FAR: Final = 6.0
 """[m] Obstacles farther off do not change what is driven next."""
 _INFLATION: Final = 0.2
@@ -80,6 +84,11 @@ def _parameters(robot: Robot, frequency: float) -> Mapping[str, object]:
     omni = drive.kind == "omnidirectional"
     if not omni:
         limits |= {"vy": 0.0, "ay": 0.0}
+    values = {
+        name: _real(limit if math.isfinite(limit) else _UNLIMITED[name])
+        for name, limit in limits.items()
+    }
+    reach = _HORIZON * max(values["vx"], values["vy"]) + max(radii) + _INFLATION
     return {
         "robot": robot.name,
         "omni": omni,
@@ -92,11 +101,10 @@ def _parameters(robot: Robot, frequency: float) -> Mapping[str, object]:
         "costmap": _real(min(10.0, robot.laser.rate)),
         "tolerance": _TOLERANCE,
         "unlimited": not all(map(math.isfinite, limits.values())),
+        "horizon": _HORIZON,
+        "side": max(_LEAST_SIDE, math.ceil(2.0 * reach)),
         "managers": _MANAGERS,
-        **{
-            name: _real(limit if math.isfinite(limit) else _UNLIMITED[name])
-            for name, limit in limits.items()
-        },
+        **values,
     }
 
 

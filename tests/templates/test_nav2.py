@@ -73,6 +73,14 @@ def test_a_robot_without_limits_gets_careful_ones(robot):
     assert 0.0 < drive["acc_lim_theta"] < math.inf
 
 
+def test_the_local_costmap_holds_all_that_a_fast_robot_may_reach(robot):
+    courier = robot("courier")
+    fast = replace(courier, drive=replace(courier.drive, max_vx=2.0))
+    for one in (courier, fast):
+        ahead = one.drive.max_vx * parameters(one, "controller_server")["FollowPath"]["sim_time"]
+        assert both_costmaps(one)[1]["width"] / 2 > ahead + math.hypot(0.25, 0.2)
+
+
 def test_a_round_robot_has_a_radius(campaigns):
     text = (campaigns / "robots" / "courier.yaml").read_text()
     text = text.replace("{length: 0.5 m, width: 0.4 m}", "{radius: 0.22 m}")
