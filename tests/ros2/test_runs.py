@@ -54,7 +54,7 @@ class Failure:
         return self.name
 
 
-DEATHS = [
+FAILURES = [
     Failure(
         "planner dies",
         "fault:=dies,goal-aborted node:=planner_server signal:=11",
@@ -103,8 +103,6 @@ DEATHS = [
         is_told_at_once=False,
     ),
     Failure("goal rejected", "fault:=goal-rejected", "rejected the goal near"),
-]
-STARTS = [
     Failure(
         "dies at start",
         "fault:=dies-at-start node:=amcl",
@@ -151,7 +149,6 @@ STARTS = [
         is_told_at_once=False,
     ),
 ]
-FAILURES = [*DEATHS, *STARTS]
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +216,7 @@ def specified(demo, python, waypoints, limit, parameters):
         "launch": f"{python} {STANDIN} map:={{map}}",
         "python": str(python),
         "ready": NODES,
-        # Six processes share two cores with whatever else is tested.
+        # Two cores are shared with whatever else is tested.
         "start-up": "120 s",
         "patience": "30 s",
         "repeatable": False,
@@ -233,7 +230,7 @@ def specified(demo, python, waypoints, limit, parameters):
 
 @pytest.mark.short
 def test_a_stack_drives_the_robot_and_the_trace_tells_everything(drive):
-    run = drive(waypoints=ROUND, limit=60.0)
+    run = drive(waypoints=ROUND, limit=60.0, record=["behavior tree", "global costmap"])
     assert run.result.ended == "finished", run.result.note
     assert [p.reached for p in run.trace.progress] == [0, 1, 2, 3]
     assert run.trace.progress[-1].state == "succeeded"
@@ -244,6 +241,9 @@ def test_a_stack_drives_the_robot_and_the_trace_tells_everything(drive):
     assert "holds" not in run.said, "no answer was late"
     assert len(run.trace.estimate.time) > 20
     assert run.trace.plans
+    assert [costmap.scope for costmap in run.trace.costmaps] == ["global"]
+    changes = [change for log in run.trace.reports for change in log.changes]
+    assert [change.current for change in changes] == 3 * ["RUNNING", "SUCCESS"]
     assert {"bt_navigator", "amcl"} <= {event.source for event in run.trace.events}
     assert "Begin navigating" in run.said
     assert "Managed nodes are active" in run.output

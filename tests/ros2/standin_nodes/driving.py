@@ -14,7 +14,7 @@ from geometry_msgs.msg import (
     TwistStamped,
 )
 from nav2_msgs import msg as nav2_messages
-from nav_msgs.msg import Path
+from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
@@ -132,11 +132,12 @@ class Localization(LocatedNode):
 
 
 class PlannerServer(LocatedNode):
-    """The straight line to a goal on `plan`."""
+    """The straight line to a goal on `plan`, and a costmap without obstacles."""
 
     def __init__(self, options):
         super().__init__("planner_server", options)
         self._paths = self.create_publisher(Path, "plan", 10)
+        self._costmaps = self.create_publisher(OccupancyGrid, "global_costmap/costmap", LATCHED)
         self.create_subscription(PoseStamped, GOAL, self._on_goal, 10)
 
     def on_activate(self, state):
@@ -146,6 +147,12 @@ class PlannerServer(LocatedNode):
                 f"Timed out waiting for transform from {self.options.base_frame} to {MAP} to"
                 " become available, tf error: frame does not exist"
             )
+        costmap = OccupancyGrid(data=[0] * 400)
+        costmap.header.frame_id = MAP
+        costmap.info.width = costmap.info.height = 20
+        costmap.info.resolution = 0.5
+        costmap.info.origin.position.x = costmap.info.origin.position.y = -5.0
+        self._costmaps.publish(costmap)
         return super().on_activate(state)
 
     def _on_goal(self, goal):

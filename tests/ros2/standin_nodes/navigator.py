@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import FollowWaypoints, NavigateThroughPoses, NavigateToPose
+from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from standin_nodes.driving import ALIGNMENT, GOAL, MAP, STATE
 from standin_nodes.lifecycle import StandinNode
@@ -31,7 +32,7 @@ class _Task:
     poses: list[PoseStamped]
     first: int = 0
     begin: int = 0
-    index: int = field(default=0)
+    index: int = 0
 
 
 class Navigator(StandinNode):
@@ -43,6 +44,7 @@ class Navigator(StandinNode):
     def __init__(self, options):
         super().__init__("bt_navigator", options)
         self._task = None
+        self._logs = self.create_publisher(BehaviorTreeLog, "behavior_tree_log", 10)
         self._goals = self.create_publisher(PoseStamped, GOAL, 10)
         self.create_subscription(String, STATE, self._on_state, 100)
         self._servers = [
@@ -78,6 +80,7 @@ class Navigator(StandinNode):
         self._task = _Task(kind, handle, _poses_of(handle.request))
         self._drive(nanoseconds(self._task.poses[0].header.stamp))
         self._task.first = self._task.begin
+        self._log("IDLE", "RUNNING")
 
     def _drive(self, now):
         """Let the robot drive to the current pose, from the next round time on."""
@@ -112,11 +115,18 @@ class Navigator(StandinNode):
         else:
             self._end("succeed")
 
+    def _log(self, previous, current):
+        change = BehaviorTreeStatusChange(
+            node_name="FollowPath", previous_status=previous, current_status=current
+        )
+        self._logs.publish(BehaviorTreeLog(event_log=[change]))
+
     def _end(self, ending, code=0, text=""):
         """Hand in the result of the current goal; stop, unless the robot has arrived."""
         task, self._task = self._task, None
         if ending != "succeed":
             self._goals.publish(PoseStamped())
+        self._log("RUNNING", "SUCCESS" if ending == "succeed" else "FAILURE")
         self.get_logger().info(f"Goal ended: {ending} {text}".rstrip())
 
         def finish(handle):
