@@ -8,7 +8,7 @@ a ROS 2 stack the tree are its keys at the top of the file, as they were written
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
 
@@ -100,6 +100,15 @@ class SutLayer:
     parameter_files: tuple[str, ...] = ()
     launched: bool = False
 
+    def changed(self, changes: ParameterValues) -> SutLayer:
+        """Return the layer with other values.
+
+        Raises :class:`InputError` for a ``null`` where nothing is inherited.
+        """
+        if self.launched:
+            changes = spread_common(changes, self.settings)
+        return replace(self, settings=merge_parameters(self.settings, changes))
+
 
 def kind_layer(kind: str, where: Where) -> SutLayer:
     """Return a system that is called by its kind at ``where``: an empty file.
@@ -131,14 +140,15 @@ def read_sut(
     base = _base(path, document, text, find, above, below)
     kind = _kind(document, text, base)
     _refuse_keys_of_others(document, text, kind)
-    layer = SutLayer(text, document, kind) if base is None else base
-    settings, warnings, launched = layer.settings, list(layer.warnings), layer.launched
+    layer = replace(base or SutLayer(text, document, kind), text=text, document=document)
+    warnings = list(layer.warnings)
     if ros is not None and ros.source.launch:
         # What reads launch files is loaded by systems that have some.
         from daemon.campaign._launch import load_launched
 
-        settings = merge_parameters(settings, load_launched(ros, changes, warnings))
-        launched = True
+        started = load_launched(ros, changes, warnings)
+        settings = merge_parameters(layer.settings, started)
+        layer = replace(layer, settings=settings, launched=True)
     elif base is None or (ros is not None and ros.source.folder):
         refuse_lone_changes(changes)
     loaded: list[ParameterValues] = []
@@ -151,26 +161,15 @@ def read_sut(
     else:
         attached = {**attached, **_attached(document, files)}
     for values in (*loaded, _written(document, text, kind)):
-        settings = merge_over(settings, values, launched=launched)
+        layer = layer.changed(values)
     parameter_files = (setting.where.file for values in loaded for setting in values.values())
-    return SutLayer(
-        text,
-        document,
-        kind,
-        settings,
-        (str(path), *layer.files),
-        tuple(warnings),
-        attached,
-        tuple(dict.fromkeys((*layer.parameter_files, *parameter_files))),
-        launched,
+    return replace(
+        layer,
+        files=(str(path), *layer.files),
+        warnings=tuple(warnings),
+        attached=attached,
+        parameter_files=tuple(dict.fromkeys((*layer.parameter_files, *parameter_files))),
     )
-
-
-def merge_over(
-    settings: ParameterValues, changes: ParameterValues, *, launched: bool
-) -> ParameterValues:
-    """Return settings, from launch files or not, changed by files above them."""
-    return merge_parameters(settings, spread_common(changes, settings) if launched else changes)
 
 
 def _attached(

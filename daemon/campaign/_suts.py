@@ -17,11 +17,10 @@ from daemon.campaign._parameters import (
     parameter_place,
     parameter_tree,
 )
-from daemon.campaign._sut_files import SutLayer, merge_over
+from daemon.campaign._sut_files import SutLayer
 from daemon.model.attachments import attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
-from daemon.stacks.kind import StackKind
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
 from grammars.text.overrides import Override, split_key
@@ -60,10 +59,9 @@ def complete_sut(layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedS
 
     Raises :class:`InputError` with everything wrong, each where it stands.
     """
-    kind, document, settings = layer.kind, layer.document, layer.settings
     if overrides:
-        changes = _settings(overrides, settings, kind)
-        settings = merge_over(settings, changes, launched=layer.launched)
+        layer = layer.changed(_changes(overrides, layer))
+    kind, document, settings = layer.kind, layer.document, layer.settings
     if kind.files == "parameters":
         settings = apply_common_costmap(settings)
     _refuse_missing(settings)
@@ -145,10 +143,9 @@ def _remedy(paths: Iterable[ParameterPath]) -> str:
 _OF_FILES: Final = frozenset(("sut", "about", "like", "kind", "ros", "files", "parameters"))
 
 
-def _settings(
-    overrides: Sequence[Override], settings: ParameterValues, kind: StackKind[Any]
-) -> ParameterValues:
-    """Return overrides as settings: dots and slashes lead into namespaces."""
+def _changes(overrides: Sequence[Override], layer: SutLayer) -> ParameterValues:
+    """Return overrides as parameters of a layer: dots and slashes lead into namespaces."""
+    settings = layer.settings
     changes: ParameterValues = {}
     for override in overrides:
         path = _parameter_path(override.key, settings)
@@ -160,7 +157,7 @@ def _settings(
             raise InputError.at(override.where, message, hint)
         before = settings.get(path)
         value = override.value
-        if kind.plain_numbers and not (before and isinstance(before.value, str)):
+        if layer.kind.plain_numbers and not (before and isinstance(before.value, str)):
             value = _plain(value)
         changes[path] = ParameterValue(value, override.where)
     return changes
