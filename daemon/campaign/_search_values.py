@@ -265,7 +265,8 @@ def _in_document(document: YamlDocument, model: type[StrictModel], key: str) -> 
     for part in above:
         node = node[part] if isinstance(part, int) else getattr(node, part, None)
     field = type(node).model_fields.get(str(name)) if isinstance(node, BaseModel) else None
-    if field is None:
+    # A section or a list is no value: the file says so of a number in its place.
+    if field is None or isinstance(getattr(node, str(name)), BaseModel | list):
         return None
     path: KeyPath = (*above, name)
     written: Any = document.data

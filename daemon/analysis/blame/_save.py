@@ -120,9 +120,16 @@ def _earliest_repeat(
 def _copied(case: RunCase, scenario: ResolvedScenario, folder: _Folder) -> ResolvedScenario:
     """Return a scenario that names copies of its layers, in ``folder``."""
 
+    copies: dict[Path, str] = {}
+
     def copy(reference: LayerReference, kind: LayerKind) -> LayerReference:
         source = find_layer(case.folder, reference, kind)
-        return replace(reference, name=folder.copy(f"{kind.folder}/{source.name}", source))
+        if source not in copies:
+            name = f"{kind.folder}/{source.name}"
+            if name in copies.values():  # a layer in another folder is called so as well
+                name = f"{kind.folder}/{len(copies)}/{source.name}"
+            copies[source] = folder.copy(name, source)
+        return replace(reference, name=copies[source])
 
     settings, map_file = case.spec.map, None
     if settings.file:

@@ -269,6 +269,7 @@ OVER = "    over: {doors_moving.closes: 5 .. 7 s, doors_moving.opens: 20 .. 40 s
         ),
         (HEAD + "    over: {robot.laser.noises: 1 .. 2 cm}\n", 'mean "noise"?'),
         (HEAD + "    over: {courier.x: 1 .. 2 cm}\n", 'unknown key "x"'),
+        (HEAD + "    over: {robot.laser: 1 .. 2 cm}\n", "laser: must be keys with values"),
         (
             HEAD + "    over: {mission.start.y: 0 .. 1, courier.start.y: 0 .. 2}\n",
             "courier.start.y and mission.start.y are the same value",

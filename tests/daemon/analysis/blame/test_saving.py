@@ -83,6 +83,22 @@ def test_doors_by_chance_and_parts_that_are_gone_already_stay_so(folder, monkeyp
     assert named.digest == smallest.digest
 
 
+def test_layers_of_one_name_in_two_folders_are_both_kept(folder, monkeypatch):
+    models, instances = (folder / "doors.scenery").read_text().split("bedroom_door     is a")
+    for name, part in (("kinds", models), ("flat", f"bedroom_door     is a{instances}")):
+        (folder / name).mkdir()
+        (folder / name / "doors.scenery").write_text(part)
+    text = CAMPAIGN.replace("[doors, people]", "[kinds/doors.scenery, flat/doors.scenery]")
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder, text), "rude", "pilot", 0)
+    runner = CandidateRunner(200)
+    found = explain_failure(case, runner)
+    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).specs
+    smallest = found.smallest.spec
+    named = replace(run, campaign=smallest.campaign, scenario=smallest.scenario)
+    assert named.digest == smallest.digest
+
+
 def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(folder, monkeypatch):
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder), "rude", "pilot", 1)
