@@ -28,7 +28,7 @@ the published evaluation of the reference stack has; five of five that pass show
 
 
 def default_repeats(suts: Iterable[SutReference]) -> int:
-    """Return how often a cell of any of these is run when nobody said it."""
+    """Return the number of runs of a cell of any of these by default."""
     return max((1 if sut.repeatable else EXTERNAL_REPEATS for sut in suts), default=1)
 
 

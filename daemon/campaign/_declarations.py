@@ -221,9 +221,9 @@ def _matching(pattern: str, names: Iterable[str]) -> list[str]:
 def _references(
     comparisons: Sequence[ScenarioComparison], draft: Draft
 ) -> tuple[tuple[ReferenceValue, ...], list[Diagnostic]]:
-    """Return the reference values of a campaign, and what is wrong with them.
+    """Return the reference values of a campaign, and the errors in them.
 
-    They are drawn and told beside the results. No verdict follows from them.
+    Reports show them beside the results. No verdict follows from them.
     """
     units = {comparison.name: comparison.unit for comparison in comparisons}
     values: list[ReferenceValue] = []

@@ -91,7 +91,7 @@ def find_unmet(
 
 
 def find_problems(cells: Sequence[CampaignCell]) -> list[Diagnostic]:
-    """Return what is wrong with the scenes of ``cells`` and with what is done in them."""
+    """Return the findings of the pre-flight about the scenes of ``cells`` and their runs."""
     problems: list[Diagnostic] = []
     # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
     for cell in {id(cell.scene): cell for cell in cells}.values():

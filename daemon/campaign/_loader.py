@@ -245,7 +245,7 @@ def _compose_cell(
 
 
 def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> Iterator[Diagnostic]:
-    """Say how often cells are run whose system is not repeatable, where nobody said it."""
+    """Yield the default number of runs of systems that are not repeatable, if it applies."""
     names = dict.fromkeys(sut.name for sut in suts if not sut.repeatable)
     if names and "repeats" not in document.data:
         message = (

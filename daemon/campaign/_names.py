@@ -46,7 +46,7 @@ LayerName: TypeAlias = Annotated[
 
 
 def _name_alone(value: Any) -> Any:
-    """Refuse what is no name but may hold one."""
+    """Return a name; raises for lists, keys and ``null``, which are the likely mistakes."""
     if isinstance(value, list):
         raise wrong_form("takes one name, not a list: write it without brackets")
     if isinstance(value, dict):

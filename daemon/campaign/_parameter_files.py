@@ -227,7 +227,7 @@ _COUNTERPARTS: Final = {
 
 
 def _refuse_nav2(document: YamlDocument) -> None:
-    """Raise :class:`InputError` for a parameter file of ROS 2, with what can be done."""
+    """Raise :class:`InputError` for a parameter file of ROS 2, with the ways to go on."""
     sections = list(_ros2_sections(document.data, ()))
     if not sections:
         return

@@ -40,7 +40,7 @@ def under_namespace(settings: ParameterValues, namespace: ParameterPath) -> Para
 def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterValues:
     """Return ``base`` changed by ``over``.
 
-    Raises :class:`InputError` for a ``null`` where nothing is inherited.
+    Raises :class:`InputError` for a ``null`` without an inherited value.
     """
     # Checked against the base, not the result: two lines of one file may each take something away.
     result = dict(base)
@@ -71,7 +71,7 @@ def _put(
     path: ParameterPath,
     setting: ParameterValue,
 ) -> None:
-    """Set one value in place of what stands at its path, above it or below it.
+    """Set one value in place of any value at its path, above it or below it.
 
     ``namespaces`` are those of the settings and maybe some more; looking through all settings for
     each value would take minutes for the largest files.
@@ -124,7 +124,7 @@ def parameter_place(settings: ParameterValues, path: tuple[str | int, ...]) -> W
 
 
 def _nearest(setting: ParameterValue, below: KeyPath) -> Where:
-    """Return the place of what is at ``below`` in a list, or of the nearest thing around it."""
+    """Return the place of the item at ``below`` in a list, or of the nearest one around it."""
     for length in range(len(below), 0, -1):
         if below[:length] in setting.inside:
             return setting.inside[below[:length]]

@@ -92,7 +92,7 @@ def check_source(change: LaunchChange) -> None:
 
 
 def refuse_lone_changes(changes: tuple[LaunchChange, ...]) -> None:
-    """Refuse what is said about launch files where no file below names any."""
+    """Refuse settings for launch files if no SUT file below names any."""
     if changes:
         raise InputError(
             Diagnostic(

@@ -103,7 +103,7 @@ class SutLayer:
     def changed(self, changes: ParameterValues) -> SutLayer:
         """Return the layer with other values.
 
-        Raises :class:`InputError` for a ``null`` where nothing is inherited.
+        Raises :class:`InputError` for a ``null`` without an inherited value.
         """
         if self.launched:
             changes = spread_common(changes, self.settings)
@@ -127,7 +127,7 @@ def read_sut(
 ) -> SutLayer:
     """Read a SUT file and all it stands on; ``changes`` to its launch files come from ``above``.
 
-    Raises :class:`InputError` for what cannot be read.
+    Raises :class:`InputError` for files that cannot be read or contradict each other.
     """
     document = load_yaml(path)
     text = read_model(document, SutFile)
