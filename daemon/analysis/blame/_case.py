@@ -24,6 +24,7 @@ from daemon.campaign import (
     noise_seed,
 )
 from daemon.model.spec import OracleText, RunSpec
+from daemon.model.submission import Submission
 from daemon.trace import read_spec
 from grammars.model.behaviour import Walk
 from grammars.model.scene import Scene
@@ -101,9 +102,15 @@ def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
 
 def _has_run(path: Path, spec: RunSpec) -> bool:
     try:
-        return spec.digest in expand(load_campaign(path)).digests
+        return spec.digest in _all_runs(load_campaign(path)).digests
     except InputError:
         return False
+
+
+def _all_runs(campaign: Campaign) -> Submission:
+    """Return a campaign whose repeats in reserve are runs like the others."""
+    submission = expand(campaign)
+    return replace(submission, runs=(*submission.runs, *submission.reserve))
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +231,7 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     campaign = load_campaign(path)
     cell = _find_cell(campaign, scenario)
     name = _find_sut(campaign, cell, sut)
-    runs = expand(campaign).specs
+    runs = _all_runs(campaign).specs
     found = [r for r in runs if (r.scenario, r.sut.name, r.repeat) == (scenario, name, repeat)]
     if not found:
         message = f"{scenario} with {name} has no repeat {repeat}"

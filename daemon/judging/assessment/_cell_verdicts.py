@@ -192,7 +192,7 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
         errors=counts[Outcome.ERROR],
         missing=n - len(verdicts),
         n=n,
-        # As if what was not pairs had failed for the lower bound, and passed for the upper one.
+        # As if what was not judged had failed for the lower bound, and passed for the upper one.
         low=proportion_interval(passed, n)[0],
         high=proportion_interval(n - failed, n)[1],
         at_least=at_least(passed, n, confidence),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.analysis.blame import CampaignRun, find_run
+from daemon.analysis.blame import CampaignRun, find_run, load_case
 from daemon.analysis.report import write_campaign_note
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
@@ -83,3 +83,15 @@ def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(folder, places
     execute(submission.specs[0], submission.scenes[0], trace_path=trace)
     meant = CampaignRun(file, "rude", "pilot", 0)
     assert find_run([str(trace)], places) == meant
+
+
+def test_a_repeat_in_reserve_is_a_run_like_others(folder, places):
+    policy = "repeats: {n: 1, pass: rate >= 80 %, until: decided, at-most: 2}"
+    text = CAMPAIGN.replace("16 s", "1 s").replace("repeats: 2", policy)
+    file = write(folder, text)
+    planned = expand(load_campaign(file))
+    spec = planned.spec(planned.reserve[0])
+    trace = folder / "rude.pilot.1.mcap"
+    execute(spec, planned.scenes[0], trace_path=trace)
+    assert find_run([str(trace)], places, file) == CampaignRun(file, "rude", "pilot", 1)
+    assert load_case(file, "rude", "pilot", 1).spec == spec
