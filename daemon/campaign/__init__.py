@@ -23,7 +23,6 @@ from daemon.campaign._layers import (
 from daemon.campaign._loader import examine, load_campaign
 from daemon.campaign._origin import campaign_origin
 from daemon.campaign._parameters import (
-    ParameterValue,
     ParameterValues,
     flatten_parameters,
     merge_parameters,
@@ -53,7 +52,6 @@ __all__ = [
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
-    "ParameterValue",
     "ParameterValues",
     "RefusedSutError",
     "ResolvedScenario",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._parameters import ParameterValue, ParameterValues
+from daemon.campaign._parameters import ParameterValues
 from daemon.campaign._ros_sources import LaunchChange
 from grammars.roslaunch import (
     Launch,
@@ -25,6 +25,7 @@ from grammars.roslaunch import (
     resolve_for_node,
 )
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.ros_yaml import ParameterValue
 
 _MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
 _AMCL: Final[NodeType] = ("amcl", "amcl")

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.text.documents import KeyPath, leaves, paths_inside
-from grammars.text.ros_yaml import ParameterValue as ParameterValue
+from grammars.text.ros_yaml import ParameterValue
 
 ParameterPath: TypeAlias = tuple[str, ...]
 ParameterValues: TypeAlias = dict[ParameterPath, ParameterValue]

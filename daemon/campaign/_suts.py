@@ -12,7 +12,6 @@ from typing import Any, Final
 from daemon.campaign._parameter_files import apply_common_costmap
 from daemon.campaign._parameters import (
     ParameterPath,
-    ParameterValue,
     ParameterValues,
     parameter_place,
     parameter_tree,
@@ -25,6 +24,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
 from grammars.text.overrides import Override, split_key
 from grammars.text.quantity import read_quantity
+from grammars.text.ros_yaml import ParameterValue
 
 _MOST_NAMED: Final = 6
 """So many parameters without effect are named in a warning."""

@@ -14,7 +14,6 @@ from typing import Final, Literal, TypeAlias
 from daemon.campaign import (
     CampaignCell,
     LayerLibrary,
-    ParameterValue,
     ParameterValues,
     merge_parameters,
     parameter_tree,
@@ -23,6 +22,7 @@ from daemon.model.spec import SutReference
 from daemon.model.verdicts import Verdict
 from daemon.stacks.registry import check_parameters, stack_kind
 from grammars.text.diagnostics import Where
+from grammars.text.ros_yaml import ParameterValue
 
 ElementKind: TypeAlias = Literal[
     "objects", "behaviours", "override", "parameter", "object", "waypoint", "behaviour"
