@@ -12,7 +12,7 @@ import sys
 import threading
 from pathlib import Path
 
-from standin_nodes.options import MANAGER, NODES, read_options
+from standin_nodes.options import MANAGER, NODES, read_options, say_interrupted
 
 _STANDIN = Path(__file__).with_name("standin.py")
 
@@ -33,7 +33,7 @@ def main(arguments):
         threads[-1].start()
 
     def interrupt(number, _):
-        print("[WARNING] [launch]: user interrupted with ctrl-c (SIGINT)", flush=True)
+        say_interrupted()
         for process in processes:
             process.send_signal(number)
 

@@ -9,6 +9,7 @@ the goal, whatever is in the way. Options and faults are listed in `standin_node
 """
 
 import os
+import signal
 import sys
 import threading
 import time
@@ -21,10 +22,17 @@ from rclpy.executors import (
     MultiThreadedExecutor,
     SingleThreadedExecutor,
 )
+from rclpy.signals import SignalHandlerOptions
 from standin_nodes.driving import ControllerServer, Localization, PlannerServer
 from standin_nodes.lifecycle import LifecycleManager, StandinNode
 from standin_nodes.navigator import Navigator
-from standin_nodes.options import MANAGER, YAML_ERROR, read_options, without_spent_faults
+from standin_nodes.options import (
+    MANAGER,
+    YAML_ERROR,
+    read_options,
+    say_interrupted,
+    without_spent_faults,
+)
 
 
 class MapServer(StandinNode):
@@ -57,16 +65,20 @@ def main(arguments):
     if options.has("broken-yaml") and options.node in names:
         print(YAML_ERROR.format(time.time(), options.params), file=sys.stderr, flush=True)
         os.abort()
-    rclpy.init(args=[])
-    threads = [threading.Thread(target=_spin, args=(_CLASSES[n](options),)) for n in names]
+    ended = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: ended.set())
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    threads = [
+        threading.Thread(target=_spin, args=(_CLASSES[name](options),), daemon=True)
+        for name in names
+    ]
     for thread in threads:
-        thread.daemon = True
         thread.start()
-    with suppress(KeyboardInterrupt):
-        for thread in threads:
-            thread.join()
-    print(f"interrupted at {time.time():.3f}", flush=True)
+    ended.wait()
+    say_interrupted()
     rclpy.try_shutdown()
+    for thread in threads:
+        thread.join(2.0)
     return 0
 
 

@@ -124,3 +124,8 @@ def without_spent_faults(options):
     count = int(path.read_text("utf-8")) + 1 if path.exists() else 1
     path.write_text(str(count), "utf-8")
     return options if count <= options.starts else replace(options, fault="")
+
+
+def say_interrupted():
+    """Print that SIGINT came, and when [s of wall clock]."""
+    print(f"[WARNING] [launch]: interrupted at {time.time():.3f}", flush=True)
