@@ -31,7 +31,7 @@ from standin_nodes.options import (
     YAML_ERROR,
     read_options,
     say_interrupted,
-    without_spent_faults,
+    without_spent_fault,
 )
 
 
@@ -60,7 +60,7 @@ _CLASSES = {
 
 def main(arguments):
     """Run the nodes that are named, all of them by default, until asked to end."""
-    options = without_spent_faults(read_options(arguments))
+    options = without_spent_fault(read_options(arguments))
     names = options.nodes.split(",")
     if options.has("broken-yaml") and options.node in names:
         print(YAML_ERROR.format(time.time(), options.params), file=sys.stderr, flush=True)

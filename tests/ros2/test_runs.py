@@ -304,7 +304,7 @@ def test_an_abort_is_a_failure_of_the_robot(drive):
 @pytest.mark.short
 @pytest.mark.one_distribution
 def test_a_second_start_follows_one_that_failed(drive, tmp_path):
-    options = f"fault:=late-response node:=amcl seconds:=1 starts:=1 count:={tmp_path / 'count'}"
+    options = f"fault:=late-response node:=amcl seconds:=1 once:={tmp_path / 'once'}"
     run = drive(options, attempts=2)
     assert run.result.ended == "finished", run.result.note
     assert "the first start failed" in run.said

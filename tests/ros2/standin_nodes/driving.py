@@ -33,7 +33,7 @@ from standin_nodes.poses import (
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-MAP, ODOM = "map", "odom"
+MAP, ODOM, BASE = "map", "odom", "base_link"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 TF_QOS = QoSProfile(depth=100)
 CLOCK_QOS = QoSProfile(depth=1000)
@@ -53,6 +53,7 @@ until the first command has heard it by then."""
 _LAG = 100_000_000
 """Age [ns] of the odometry that a command depends on: a tick waits until it has come."""
 _POSITION_TOLERANCE, _YAW_TOLERANCE = 0.12, 0.25
+_SPEED, _TURN_RATE = 0.5, 1.0
 _ACCELERATION_PER_TICK = 0.05
 
 
@@ -61,7 +62,7 @@ class LocatedNode(StandinNode):
 
     def __init__(self, name, options):
         super().__init__(name, options)
-        self._body = options.footprint or options.base_frame
+        self._body = options.footprint or BASE
         self.odometry = deque(maxlen=50)
         self.correction = None
         self.is_located = threading.Event()
@@ -101,7 +102,7 @@ class Localization(LocatedNode):
         )
         if options.footprint:
             # robot_state_publisher does this, of a fixed joint.
-            fixed = TransformStamped(child_frame_id=options.base_frame)
+            fixed = TransformStamped(child_frame_id=BASE)
             fixed.header.frame_id = options.footprint
             fill_transform(fixed.transform, (0.0, 0.0, 0.0))
             self._fixed = self.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -144,7 +145,7 @@ class PlannerServer(LocatedNode):
         """Wait until the robot is on the map, as the global costmap of Nav2 does."""
         while not self.is_located.wait(1.0) and self.context.ok():
             self.get_logger().info(
-                f"Timed out waiting for transform from {self.options.base_frame} to {MAP} to"
+                f"Timed out waiting for transform from {BASE} to {MAP} to"
                 " become available, tf error: frame does not exist"
             )
         costmap = OccupancyGrid(data=[0] * 400)
@@ -178,11 +179,8 @@ class ControllerServer(LocatedNode):
 
     def __init__(self, options):
         super().__init__("controller_server", options)
-        stamped = options.stamped
-        if stamped == "auto":
-            # Kilted has the message, and commands with a stamp.
-            stamped = str(hasattr(nav2_messages, "WaypointStatus"))
-        self._stamped = stamped.lower() == "true"
+        # Kilted has the message, and commands with a stamp.
+        self._stamped = hasattr(nav2_messages, "WaypointStatus")
         self._goal = None
         self._begin = 0
         self._speed = 0.0
@@ -237,11 +235,11 @@ class ControllerServer(LocatedNode):
             return 0.0, 0.0 if self._done else self._limit(2.0 * off)
         if abs(bearing) > 0.7:
             return 0.0, self._limit(2.0 * bearing)
-        speed = min(self.options.speed, 0.1 + 0.8 * rest, self._speed + _ACCELERATION_PER_TICK)
+        speed = min(_SPEED, 0.1 + 0.8 * rest, self._speed + _ACCELERATION_PER_TICK)
         return speed, self._limit(2.0 * bearing)
 
     def _limit(self, turn_rate):
-        return max(-self.options.turn_rate, min(self.options.turn_rate, turn_rate))
+        return max(-_TURN_RATE, min(_TURN_RATE, turn_rate))
 
     def _publish(self, now, speed, turn_rate):
         self._speed = speed
@@ -251,6 +249,6 @@ class ControllerServer(LocatedNode):
             self._commands.publish(twist)
             return
         message = TwistStamped(twist=twist)
-        message.header.frame_id = self.options.base_frame
+        message.header.frame_id = BASE
         fill_stamp(message.header.stamp, now)
         self._commands.publish(message)

@@ -59,17 +59,13 @@ have a value before ros__parameters at line 2, at ./src/parse.c:805, at ./src/rc
 
 @dataclass(frozen=True)
 class Options:
-    """Lengths in m, angles in rad, times in s; defaults suit the courier robot of the demo."""
+    """Nodes, files and the fault of a stand-in; times in s."""
 
     nodes: str = ",".join((*NODES, MANAGER))
     map: str = ""
     params: str = ""
-    stamped: str = "auto"
-    base_frame: str = "base_link"
     footprint: str = ""
-    """Frame of the robot in tf, when it is not `base_frame`, which then hangs below it."""
-    speed: float = 0.5
-    turn_rate: float = 1.0
+    """Frame of the robot in tf, when it is not base_link, which then hangs below it."""
 
     fault: str = ""
     node: str = "controller_server"
@@ -78,9 +74,8 @@ class Options:
     seconds: float = 2.0
     exit_code: int = 3
     signal: int = 0
-    starts: int = 1000
-    """The first so many starts have the fault, counted in the file `count`."""
-    count: str = ""
+    once: str = ""
+    """A file that the first start makes; later ones have no fault."""
     error_code: int = 104
     error_msg: str = "the stand-in was told to abort"
 
@@ -116,14 +111,15 @@ def read_options(arguments):
     return options
 
 
-def without_spent_faults(options):
-    """Count a start of the stack; return the options without faults after the last with them."""
-    if not options.count:
+def without_spent_fault(options):
+    """Return the options of this start of the stack: without a fault that has come once."""
+    if not options.once:
         return options
-    path = Path(options.count)
-    count = int(path.read_text("utf-8")) + 1 if path.exists() else 1
-    path.write_text(str(count), "utf-8")
-    return options if count <= options.starts else replace(options, fault="")
+    try:
+        Path(options.once).touch(exist_ok=False)
+    except FileExistsError:
+        return replace(options, fault="")
+    return options
 
 
 def say_interrupted():
