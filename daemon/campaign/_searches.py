@@ -1,7 +1,7 @@
-"""Searches of a campaign file, checked: what each varies, and within which bounds.
+"""Searches of a campaign file, checked: the parameters of each, and their bounds.
 
-Everything is said where it stands in the file, before the first run. What only shows when a point
-is composed (a door that does not fit any more) is told by :mod:`daemon.search.preparation.checks`.
+Each finding has its place in the file, and comes before the first run. Those about composed points
+(a door that does not fit any more) are of :mod:`daemon.search.preparation.checks`.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ LEAST_CONFIRMED: Final = 3
 def read_searches(draft: Draft) -> tuple[tuple[SearchTask, ...], tuple[Diagnostic, ...]]:
     """Return the searches of a campaign that can be run, and all findings about them."""
     tasks: list[SearchTask] = []
-    found: list[Diagnostic] = []
+    findings: list[Diagnostic] = []
     warnings = len(draft.library.warnings)
     for name, text in draft.text.search.items():
         reader = _SearchReader(name, text, draft)
         task = reader.read()
-        found += reader.findings
+        findings += reader.findings
         if task is not None:
             tasks.append(task)
     # The layers were loaded with values that no scenario has.
     del draft.library.warnings[warnings:]
-    return tuple(tasks), tuple(found)
+    return tuple(tasks), tuple(findings)
 
 
 @dataclass(slots=True)
@@ -143,14 +143,14 @@ class _SearchReader:
         return cells[0]
 
     def _sut(self, cell: CampaignCell) -> SutReference | None:
-        wanted = self.text.sut
-        if not wanted:
+        name = self.text.sut
+        if not name:
             return cell.suts[0]
         for reference, sut in zip(cell.scenario.suts, cell.suts, strict=True):
-            if wanted in (sut.name, reference.name):
+            if name in (sut.name, reference.name):
                 return sut
-        message = f'{cell.name} is not run with a system under test "{wanted}"'
-        hint = did_you_mean(wanted, [sut.name for sut in cell.suts])
+        message = f'{cell.name} is not run with a system under test "{name}"'
+        hint = did_you_mean(name, [sut.name for sut in cell.suts])
         self._error(self._at("sut"), message, hint)
         return None
 
@@ -167,20 +167,20 @@ class _SearchReader:
         picked = {reference.name for reference in cell.scenario.oracles}
         oracles = {oracle.name: oracle for oracle in cell.oracles if oracle.name in picked}
         limited = [oracle for oracle in oracles.values() if not oracle.is_measure]
-        wanted, where = self.text.minimise, self._at("minimise")
-        if wanted in oracles:
-            return tuple(o for o in (oracles[wanted],) if self._leads(o, Severity.ERROR))
-        if wanted == ANY:
-            led = tuple(oracle for oracle in limited if self._leads(oracle, Severity.WARNING))
-            if not led:
+        name, where = self.text.minimise, self._at("minimise")
+        if name in oracles:
+            return tuple(o for o in (oracles[name],) if self._leads(o, Severity.ERROR))
+        if name == ANY:
+            usable = tuple(oracle for oracle in limited if self._leads(oracle, Severity.WARNING))
+            if not usable:
                 message = f"{cell.name} has no oracle with a limit that a search can follow"
                 self._error(where, message, "such as always(clearance >= 0.05 m)")
-            return led
-        if wanted in self.draft.oracles:
-            hint = f"add {wanted} to the oracles: of the scenario"
+            return usable
+        if name in self.draft.oracles:
+            hint = f"add {name} to the oracles: of the scenario"
         else:
-            hint = did_you_mean(wanted, (*(oracle.name for oracle in limited), ANY))
-        self._error(where, f'{cell.name} is not judged by an oracle "{wanted}"', hint)
+            hint = did_you_mean(name, (*(oracle.name for oracle in limited), ANY))
+        self._error(where, f'{cell.name} is not judged by an oracle "{name}"', hint)
         return ()
 
     def _leads(self, oracle: Oracle, severity: Severity) -> bool:
@@ -204,20 +204,20 @@ class _SearchReader:
     def _parameters(
         self, layers: Sequence[SearchLayer], cell: CampaignCell
     ) -> tuple[SearchParameter, ...]:
-        found: list[SearchParameter] = []
-        taken: dict[tuple[str, int, str], str] = {}
+        parameters: list[SearchParameter] = []
+        names: dict[tuple[str, int, str], str] = {}
         for name, over in self.text.over.items():
             where = self._at("over", name)
             try:
                 layer, value = find_value(name, layers, where, cell)
                 place = (layer.slot, layer.index, value.key)
-                if place in taken:
-                    raise InputError.at(where, f"{name} and {taken[place]} are the same value")
-                taken[place] = name
-                found.append(self._parameter(name, layer, value, over))
+                if place in names:
+                    raise InputError.at(where, f"{name} and {names[place]} are the same value")
+                names[place] = name
+                parameters.append(self._parameter(name, layer, value, over))
             except InputError as error:
                 self.findings += error.diagnostics
-        return tuple(found)
+        return tuple(parameters)
 
     def _parameter(
         self, name: str, layer: SearchLayer, value: LayerValue, over: ValueRange | ValueChoices
@@ -281,7 +281,7 @@ class _SearchReader:
 
     def _constraints(self, parameters: Sequence[SearchParameter]) -> tuple[str, ...]:
         """Return the inequalities that can be held against points."""
-        found: list[str] = []
+        constraints: list[str] = []
         if len(parameters) < len(self.text.over):
             return ()  # what they name may be what could not be read
         words = [p.name for p in parameters if any(isinstance(one, str) for one in p.choices)]
@@ -298,12 +298,12 @@ class _SearchReader:
                 if _least_sum(inequality, parameters) > 0.0:
                     message = f'"{text}" never holds within these ranges'
                     self._error(where, message, "widen a range, or leave it out")
-                found.append(text)
+                constraints.append(text)
             except InequalityError as error:
                 self._error(where, error.message, error.hint)
             except ValueError as error:
                 self._error(where, str(error))
-        return tuple(found)
+        return tuple(constraints)
 
 
 def _least_sum(inequality: Inequality, parameters: Sequence[SearchParameter]) -> float:

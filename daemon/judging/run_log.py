@@ -1,4 +1,4 @@
-"""What a trace tells besides signals, a line each: mission, contacts, words of what was tested."""
+"""Lines of the log of a run: its mission, contacts, and what the tested system reported."""
 
 from __future__ import annotations
 

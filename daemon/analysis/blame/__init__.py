@@ -1,6 +1,6 @@
-"""Why a run fails: which layer or parameter flips its verdict, and how little of it still fails.
+"""Causes of a failure: what flips the verdict, and the smallest run that still fails.
 
-:func:`find_run` says which run of which campaign file is meant, :func:`load_case` takes it apart,
+:func:`find_run` finds a run by what people call it, :func:`load_case` takes it apart,
 :func:`explain_failure` searches (bisection and delta debugging, every candidate executed by
 :func:`daemon.run.execute`), :func:`save_campaign` writes the smallest failing run as a campaign.
 """

@@ -1,4 +1,4 @@
-"""Which run is meant, and that run taken apart: its elements, and the run any of them make."""
+"""The run that people name, taken apart: its elements, and the run any of them make."""
 
 from __future__ import annotations
 
@@ -232,11 +232,11 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     cell = _find_cell(campaign, scenario)
     name = _find_sut(campaign, cell, sut)
     runs = _all_runs(campaign).specs
-    found = [r for r in runs if (r.scenario, r.sut.name, r.repeat) == (scenario, name, repeat)]
-    if not found:
+    matching = [r for r in runs if (r.scenario, r.sut.name, r.repeat) == (scenario, name, repeat)]
+    if not matching:
         message = f"{scenario} with {name} has no repeat {repeat}"
         raise InputError(Diagnostic(Where(campaign.file), message, "repeats count from 0"))
-    return case_of(campaign, cell, found[0], path.parent)
+    return case_of(campaign, cell, matching[0], path.parent)
 
 
 def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path) -> RunCase:
@@ -262,12 +262,12 @@ def _parts(whole: CampaignCell, remaining: CampaignCell | None = None) -> tuple[
     """Return the single things of a cell, or those of them that remain in another one."""
     cell = remaining or whole
     # By identity: a place that is visited twice is two waypoints.
-    left = {id(waypoint) for waypoint in cell.mission.waypoints}
+    remaining_ids = {id(waypoint) for waypoint in cell.mission.waypoints}
     waypoints = enumerate(whole.mission.waypoints)
     subjects = (b.object if isinstance(b, Walk) else b.joint for b in cell.behaviours[0])
     return (
         *(Element("object", thing.name) for thing in cell.scene.objects),
-        *(Element("waypoint", one.id, i) for i, one in waypoints if id(one) in left),
+        *(Element("waypoint", one.id, i) for i, one in waypoints if id(one) in remaining_ids),
         *(Element("behaviour", subject) for subject in subjects),
     )
 
@@ -299,7 +299,7 @@ def _find_sut(campaign: Campaign, cell: CampaignCell, name: str) -> str:
 
 
 def _layers(scenario: ResolvedScenario, library: LayerLibrary) -> tuple[ScenarioLayer, ...]:
-    found = []
+    layers = []
     for index, reference in enumerate((*scenario.objects, *scenario.behaviours)):
         objects = index < len(scenario.objects)
         name = library.scenery(reference).name
@@ -308,5 +308,5 @@ def _layers(scenario: ResolvedScenario, library: LayerLibrary) -> tuple[Scenario
             for key, value in reference.overrides.items()
         )
         element = Element("objects" if objects else "behaviours", name, index)
-        found.append(ScenarioLayer(element, reference, overrides))
-    return tuple(found)
+        layers.append(ScenarioLayer(element, reference, overrides))
+    return tuple(layers)

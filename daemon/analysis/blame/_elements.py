@@ -1,4 +1,4 @@
-"""What a failing run has that it could do without, and what blame found, as values.
+"""Elements of a failing run, and the answer about them, as values.
 
 Also the parameters in which a system under test differs from the one it is like.
 """
@@ -32,7 +32,7 @@ TestOutcome: TypeAlias = Literal["pass", "fail", "unresolved"]
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """Something a failing run has that it could do without.
+    """A part of a failing run that it could do without.
 
     ``objects`` and ``behaviours``: a scenery layer; ``override``: what the campaign says about a
     parameter of one; ``parameter``: a value in which the system under test differs from the one
@@ -48,7 +48,7 @@ class Element:
 
     @property
     def short_name(self) -> str:
-        """The name for what has been told in full."""
+        """The name of an element that has been reported in full before."""
         return self.setting or self.name
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class Without:
-    """How the run ends without one of the elements that it needs to fail."""
+    """End of the run without one of the elements that it needs to fail."""
 
     element: Element
     word: TestOutcome
@@ -97,7 +97,7 @@ class NoFailureError(ValueError):
 
 _DEEP: Final = 2
 _LONG: Final = 60
-"""Names and values of parameters are shown so far."""
+"""Levels of a parameter's name, and characters of its value, that are shown."""
 
 
 @dataclass(frozen=True, slots=True)

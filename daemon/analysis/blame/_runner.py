@@ -35,7 +35,7 @@ class BudgetSpentError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class CandidateResult:
-    """How a candidate ended by the oracle in question."""
+    """End of a candidate by the oracle in question."""
 
     word: TestOutcome
     verdict: Verdict

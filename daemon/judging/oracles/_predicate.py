@@ -2,7 +2,7 @@
 
 A predicate becomes a margin per sample: >= 0 where it holds, < 0 where it does not, NaN where it
 cannot be known. Negations are pushed down to the comparisons, so that ``<`` and ``<=`` keep their
-exact meaning. Judged is the whole of a run, or the leg of one waypoint.
+exact meaning. An oracle judges the whole of a run, or the leg of one waypoint.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class PredicateSeries:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Where the signals come from, each said once."""
+        """Notes on the signals of its clauses, each once."""
         return tuple(dict.fromkeys(c.value.note for c in self.clauses if c.value.note))
 
 

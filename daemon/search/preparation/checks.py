@@ -1,6 +1,6 @@
-"""What only shows when a search is tried: points that make no run, methods that cannot be used.
+"""Findings about a search that show when it is tried: points without a run, unusable methods.
 
-What can be said of the file alone is said when it is loaded (:mod:`daemon.campaign`).
+Loading finds what the file alone shows (:mod:`daemon.campaign`).
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import YamlDocument, parse_yaml
 
 _MOST_CHOICES: Final = 20
-"""Of a longer list the first and the last choices are tried."""
+"""Choices to try of a list, the first and the last ones of a longer one."""
 _HINT: Final = "narrow the range, or write what must hold under such that: [a < b]"
 _DRAWN: Final = 1_000
-"""So many points are held against the inequalities."""
+"""Number of points that are held against the inequalities."""
 _RARE: Final = 0.01
 
 
@@ -38,18 +38,18 @@ def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
     """
     task = case.task
     places = _Places(parse_yaml(case.campaign.source, case.campaign.file), task.name)
-    found = list(_check_method(case, places))
+    findings = list(_check_method(case, places))
     try:
         space = SearchSpace(task)
     except ValueError as error:
-        return (*found, Diagnostic(places.at(), f"{task.name}: {error}"))
-    found += _check_inequalities(case, space, places)
-    return (*found, *_check_points(case, space, places))
+        return (*findings, Diagnostic(places.at(), f"{task.name}: {error}"))
+    findings += _check_inequalities(case, space, places)
+    return (*findings, *_check_points(case, space, places))
 
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Where the parts of a search are written; of one that is in no file, the file."""
+    """Places of the parts of a search; the file for one that no file has."""
 
     document: YamlDocument
     name: str
@@ -75,7 +75,7 @@ def _check_inequalities(
     where = places.at("such that")
     if not space.constraints:
         return
-    # Of a seed of its own: what is told does not depend on that of the search.
+    # With a seed of its own: findings do not depend on that of the search.
     draws = np.random.default_rng(np.random.SeedSequence(0)).random((_DRAWN, space.dimensions))
     kept = sum(space.allowed(space.at(draw)) for draw in draws) / _DRAWN
     texts = ", ".join(case.task.constraints)
@@ -92,7 +92,7 @@ def _check_inequalities(
 
 
 def _check_points(case: SearchCase, space: SearchSpace, places: _Places) -> Iterator[Diagnostic]:
-    """Yield the values that make no run."""
+    """Yield an error for each value that makes no run."""
     task, centre = case.task, space.at([0.5] * space.dimensions)
     pairs = zip(task.parameters, centre, strict=True)
     base = tuple(middle if p.written is None else p.written for p, middle in pairs)
@@ -102,7 +102,7 @@ def _check_points(case: SearchCase, space: SearchSpace, places: _Places) -> Iter
         message = f"{task.name}: the scenario as written makes no run: {_first(error.diagnostics)}"
         yield Diagnostic(places.at(), message)
         return
-    # What is wrong with the scenario as it stands is told of it, not of every value.
+    # Problems of the scenario as it stands are reported once, not of every value.
     known = frozenset(_errors(written))
 
     def refusal(point: Point) -> str:
