@@ -50,7 +50,7 @@ _NOT_UP: Final = "the stack did not come up"
 _POLL: Final = 0.05
 _SETTLING: Final = 0.2
 """What a process prints last may come after the news of its death, so long [s of wall clock]."""
-_NEWS_OF_LAUNCH: Final = 1.0
+_EXIT_CODE_LIMIT: Final = 1.0
 """Launch prints the exit code of a process so soon [s of wall clock] after its end, if at all."""
 _ORDINALS: Final = ("first", "second", "third")
 
@@ -83,7 +83,7 @@ class StackSession:
         """Look whether the stack goes on living; return whether it does not."""
         self._look()
         if not self.fault and (process := self.process.dead_process()):
-            self._look_until(_NEWS_OF_LAUNCH)
+            self._look_until(_EXIT_CODE_LIMIT)
             self.fault = self.fault or f"{process} died"
         return bool(self.fault)
 

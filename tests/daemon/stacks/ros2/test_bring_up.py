@@ -362,7 +362,7 @@ def test_the_process_of_a_node_that_ends_is_named_also_when_launch_says_nothing(
     machine, briefing, monkeypatch, printed, reason
 ):
     system, _, process = driving(machine, briefing)
-    monkeypatch.setattr(bring_up, "_NEWS_OF_LAUNCH", 0.0 if not printed else 60.0)
+    monkeypatch.setattr(bring_up, "_EXIT_CODE_LIMIT", 0.0 if not printed else 60.0)
     assert process.watched == NODES
     process.dead = "amcl"
     # Launch prints a little later.
