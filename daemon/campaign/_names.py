@@ -50,7 +50,7 @@ def _name_alone(value: Any) -> Any:
     if isinstance(value, list):
         raise wrong_form("takes one name, not a list: write it without brackets")
     if isinstance(value, dict):
-        raise wrong_form("takes a name, not keys: what is named has a file of its own")
+        raise wrong_form("takes a name, not keys: what is named is written elsewhere")
     if value is None:
         raise wrong_form("names nothing")
     return value
@@ -58,13 +58,8 @@ def _name_alone(value: Any) -> Any:
 
 def _no_mapping(value: Any) -> Any:
     if isinstance(value, dict):
-        raise wrong_form("takes names, not keys: what is named has a file of its own")
+        raise wrong_form("takes names, not keys: what is named is written elsewhere")
     return value
-
-
-def layer_name(value: LayerName) -> str:
-    """Return the name of a layer, with or without overrides beside it."""
-    return value if isinstance(value, str) else next(iter(value))
 
 
 OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]
