@@ -34,7 +34,7 @@ _LONGEST_REASON: Final = 200
 
 
 class JudgementReceiver(Protocol):
-    """Who watches a run, through whatever lies in between."""
+    """Receiver of the judgements of a watched run."""
 
     def wanted(self) -> JudgingWanted:
         """Say what is wanted right now; asked with every snapshot."""

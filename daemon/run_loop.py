@@ -45,7 +45,7 @@ CLOCK_RATE: Final = 10.0
 """The simulated time is recorded this often [Hz]."""
 SNAPSHOT_RATE: Final = 1.0
 WATCHED_RATE: Final = 10.0
-"""How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
+"""Rate at which a watcher is asked whether it wants a snapshot [Hz, simulated]."""
 
 _LINE_LENGTH: Final = 120
 """Characters of what an external system waits for, or reports: snapshots go through a pipe, whole.

@@ -35,7 +35,7 @@ _POSE_PERIOD: Final = 3.0
 _LOOK: Final = 0.1
 """Seconds after which it looks whether it has to end."""
 _ENDING: Final = 2.0
-"""How long the end of a conversation is waited for [s]; a relay that was stopped answers never."""
+"""Longest wait [s] for the end of a conversation; a relay that was stopped never answers."""
 
 
 def usual_settings() -> Ros2Settings:
@@ -54,7 +54,7 @@ def _bridge_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
 
 @dataclass(frozen=True, slots=True)
 class _Moment:
-    """What was observed, of which world, and ROS time at the begin of that world [ns]."""
+    """An observation, its world, and ROS time at the begin of that world [ns]."""
 
     observation: Observation
     briefing: Briefing
@@ -168,7 +168,7 @@ class RosBridge:
 
 
 class _TopicExchange:
-    """What one stack is told and says, from its first cycle to its last."""
+    """Conversation with one stack, from its first cycle to its last."""
 
     def __init__(self, settings: Ros2Settings) -> None:
         self._settings = settings

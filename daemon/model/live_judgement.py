@@ -1,4 +1,4 @@
-"""What a run that goes on would be judged by now: signals so far, verdicts so far, its log.
+"""Judgement of a running run as if it ended now: signals, verdicts and log so far.
 
 Made only while somebody looks, by the code that judges finished runs, from what is recorded; it
 never enters a trace or a result. Every message tells the whole, so that one that is lost, or a

@@ -1,4 +1,4 @@
-"""What somebody who watches a run sees beyond its progress: laser returns, plan, contacts.
+"""View of a watched run beyond its progress: laser returns, plan, contacts.
 
 Made only while somebody watches, and small: a snapshot is to fit into a pipe's buffer.
 """
@@ -35,7 +35,7 @@ _INSCRIBED, _LETHAL = 253, 254
 
 @dataclass(slots=True)
 class LiveView:
-    """What was seen last: scans, from where; and the contacts since the snapshot before."""
+    """Latest scans with their places, and the contacts since the previous snapshot."""
 
     lasers: Sequence[Laser]
     scans: dict[str, tuple[Pose2, npt.NDArray[np.floating]]] = field(default_factory=dict)

@@ -49,7 +49,7 @@ _STATUSES: Final = frozenset({"IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"
 
 
 class StackState:
-    """What a stack reported last: running nodes of its tree, costmaps, limits."""
+    """Latest reports of a stack: running nodes of its tree, costmaps, limits."""
 
     def __init__(self) -> None:
         self._costmaps: dict[str, CostmapPicture] = {}

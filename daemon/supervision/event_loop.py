@@ -13,7 +13,7 @@ from .output_file import OutputFile
 from .remains import reap_children
 
 HUNG_UP = select.EPOLLRDHUP
-"""What happens to a socket when its other end is shut down or gone, whatever is still unread."""
+"""Event of a socket whose other end is shut down or gone, whatever is still unread."""
 _MOST_READS = 64
 """Reads of 64 KiB from somebody who does not stop printing, before something else is looked at."""
 

@@ -43,9 +43,9 @@ PARTIAL: Final = ".partial"
 
 _SECOND: Final = 1_000_000_000
 _CHUNK: Final = 10 * _SECOND
-"""What a chunk covers [ns]."""
+"""Simulated time that a chunk covers [ns]."""
 _LATEST_ARRIVAL: Final = 1_200_000_000
-"""How long after its time a message is recorded at most [ns] to have its place in the order: plans
+"""Longest delay [ns] with which a message is recorded and still has its place in the order: plans
 wait for a second and the next tick of the clock, estimates come within a tenth of one. Chunk and
 this are lost when a writer dies, and how far behind somebody is who judges a run as it goes on."""
 _WAITING_BYTES: Final = 8 << 20

@@ -211,7 +211,7 @@ def _find_marker(data: bytes, marker: bytes) -> int:
 
 
 COVARIANCE_SLOTS: Final = (0, 1, 5, 6, 7, 11, 30, 31, 35)
-"""Where x, y, yaw of a (3, 3) covariance lie in a row-major (6, 6) one over x..yaw."""
+"""Indices of a (3, 3) covariance of x, y, yaw in a row-major (6, 6) one over x..yaw."""
 
 
 @functools.cache

@@ -48,7 +48,7 @@ class Topic:
 
     @property
     def is_costmap_report(self) -> bool:
-        """Whether it is a costmap that a system is asked to record."""
+        """True for a costmap that a system is asked to record."""
         return self.report is not None and self.kind == GRID
 
 

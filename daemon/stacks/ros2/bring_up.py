@@ -41,17 +41,17 @@ same from run to run, however long it took to come up."""
 _ALIGNING_PAUSE: Final = 0.005
 _ASK_PERIOD: Final = 0.25
 _POSE_PERIOD: Final = 3.0
-"""The initial pose is told again after so long [s of wall clock] until the stack has a pose."""
+"""The initial pose is sent again at this interval [s of wall clock] until the stack has a pose."""
 _POSE_PATIENCE: Final = 5.0
-"""A stack that is ready otherwise is given so long [s of wall clock] to say where it is."""
+"""Time [s of wall clock] for a stack that is otherwise ready to publish its pose."""
 _FAR: Final = 0.5
-"""A stack that believes to be farther from the start [m, rad] was told in vain."""
+"""Largest distance [m, rad] between start and believed pose without a warning."""
 _NOT_UP: Final = "the stack did not come up"
 _POLL: Final = 0.05
 _SETTLING: Final = 0.2
-"""What a process prints last may come after the news of its death, so long [s of wall clock]."""
+"""Last lines of a process may come this long [s of wall clock] after the news of its death."""
 _EXIT_CODE_LIMIT: Final = 1.0
-"""Launch prints the exit code of a process so soon [s of wall clock] after its end, if at all."""
+"""Longest wait [s of wall clock] for launch to print the exit code of a process that ended."""
 _ORDINALS: Final = ("first", "second", "third")
 
 
@@ -67,7 +67,7 @@ class StackSession:
         self.fault = ""
         """Why the stack is not what it was; empty while it is."""
         self.is_aborted = False
-        """Whether Nav2's lifecycle manager has given up bringing its nodes up."""
+        """True when Nav2's lifecycle manager has given up bringing its nodes up."""
         self._alarms = 0
         self._events: list[SutEvent] = []
         # A long wait for a command must not hide a death.

@@ -50,7 +50,7 @@ _CONSEQUENCES: Final = (
     "does not have error state implemented",
     "Failed to parse global arguments",
 )
-"""What is printed because of an error that came before; the first may also be a late answer."""
+"""Texts printed because of an earlier error; the first may also be a late answer."""
 _MOST_LINES: Final = 20
 _PARAMETERS: Final = "ros__parameters"
 _ALL_NODES: Final = "**"

@@ -1,4 +1,4 @@
-"""What keeps stacks apart: those that run at the same time, the user's own, and our Python.
+"""Separation of stacks: from those that run at the same time, the user's own, and our Python.
 
 A stack gets a ROS domain that nobody else on the machine has, folders of its own, and an
 environment without what belongs to us alone. Its environment is made by a shell script, the same

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from daemon.stacks.ros2.relay_link import RelayLink
 
 _ACKNOWLEDGEMENT: Final = "Timed out while waiting for action server to acknowledge goal request"
-"""What bt_navigator logs when a server did not acknowledge within ``default_server_timeout``. That
+"""Log text of bt_navigator when a server has not acknowledged in ``default_server_timeout``. That
 is a time of the wall clock, so a loaded machine aborts missions that the robot was fine with."""
 
 
@@ -41,7 +41,7 @@ class GoalSequence:
 
     @property
     def active(self) -> bool:
-        """Whether a goal has been accepted and has no result yet."""
+        """True while a goal has been accepted and has no result."""
         return self._accepted
 
     def send_next(self, time: int) -> None:

@@ -72,7 +72,7 @@ class RelayLink:
         self.address = address
         """The value of ``SCENARIO_SOCKET``: a path, or ``tcp://127.0.0.1:PORT``."""
         self.is_interrupted: Callable[[], bool] = lambda: False
-        """Whether nothing is to be awaited any more; a wait asks ten times a second."""
+        """Return whether to stop waiting; a wait asks ten times a second."""
 
     @classmethod
     def listen(cls, path: Path | str, nonce: str) -> RelayLink:

@@ -1,4 +1,4 @@
-"""What a stack says besides commands, for the trace: pose, plan, particles, its log.
+"""Messages of a stack except commands, for the trace: pose, plan, particles, its log.
 
 Everything here is looked at or recorded; a message that cannot be read is told once and left out.
 """
@@ -45,7 +45,7 @@ _SHOWN_PARTICLES: Final = 100
 
 @dataclass(slots=True)
 class Heard:
-    """What the messages of one cycle come to; ``None`` where nothing new came."""
+    """Content of the messages of one cycle; ``None`` for anything without news."""
 
     estimate: Estimate | None = None
     cloud: Cloud | None = None
