@@ -133,10 +133,19 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     except ValueError as error:
         name = words[0] if words else ""
         message = _about_search(name, paths)
-        if not message and len(words) == 1:
+        if not message and len(words) == 1 and not _has_traces(name, paths):
             message = why_without_traces(name, DaemonTarget(state=state))
         message = message or str(error)
         raise typer.BadParameter(message, param_hint="RUN") from error
+
+
+def _has_traces(name: str, paths: StatePaths) -> bool:
+    from daemon.analysis.rejudge import find_traces
+
+    try:
+        return bool(find_traces([name], paths))
+    except ValueError:
+        return False
 
 
 def _about_search(run: str, paths: StatePaths) -> str:

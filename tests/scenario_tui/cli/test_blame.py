@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from daemon.batch.ledger import LedgerWriter
+from daemon.batch.paths import StatePaths
+from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
@@ -81,3 +84,17 @@ def test_an_interrupt_tells_what_was_found(campaign, monkeypatch, capsys):
 def test_wrong_words_are_wrong_usage(campaign, words, message, capsys):
     assert invoke(["blame", campaign, *words]) == 2
     assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+def test_a_campaign_that_has_traces_is_not_called_one_without(campaign, tmp_path, capsys):
+    submission, places = expand(load_campaign(campaign)), StatePaths(tmp_path / "state")
+    places.state.mkdir()
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(submission, 0.0)
+    folder = places.traces / submission.campaign
+    folder.mkdir(parents=True)
+    for name in ("rude.hasty.0.mcap", "rude.hasty.1.mcap"):
+        (folder / name).touch()
+    assert invoke(["blame", submission.campaign]) == 2
+    told = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert "names 2 runs, name one of them" in told
