@@ -82,7 +82,11 @@ def find_layer(
             return _shortened(path)
         if _is_folder_of(path, kind):
             return path
-        raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
+        files = [
+            f"{name}{ending}" for ending in kind.endings if is_file(folder / f"{name}{ending}")
+        ]
+        hint = f"a path has an ending: {files[0]}" if files else ""
+        raise InputError.at(reference.where, f'no file "{name}" for the {kind.title}', hint)
     places = layer_places(folder, kind, shipped=shipped)
     for place in places:
         for ending in kind.endings:

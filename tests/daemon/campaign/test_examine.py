@@ -144,6 +144,15 @@ def test_more_runs_than_the_daemon_takes_are_told_before_anything_is_drawn(folde
     assert caught.value.diagnostics[0].where.line == 3
 
 
+def test_a_path_without_its_ending_is_told_the_file_that_is_there(folder):
+    (folder / "more").mkdir()
+    shutil.copy(folder / "more.scenery", folder / "more" / "more.scenery")
+    change(folder, "tiny.yaml", ("[doors, more]", "[doors, more/more]"))
+    (error,) = findings_of(folder / "tiny.yaml")
+    assert error.message == 'no file "more/more" for the scenery'
+    assert error.hint == "a path has an ending: more/more.scenery"
+
+
 def test_a_layer_with_objects_is_to_be_named_once(folder):
     change(folder, "tiny.yaml", ("[doors_open, moods]", "[doors_open, moods, doors]"))
     assert said(folder) == ["tiny.yaml:11 E doors is named under objects and behaviours"]
