@@ -31,9 +31,10 @@ from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.geometry import Twist2
 
 _NANO: Final = 1_000_000_000
-_PATIENCE: Final = {"": 1.0, "not answering": 3.0}
+_PATIENCE: Final = {"": 1.0, "not answering": 8.0}
 """A node of these states may come back within so long [s of wall clock]: discovery forgets nodes
-and finds them again, and a loaded machine answers late."""
+and finds them again, and on a machine with eight times more work than cores live nodes were silent
+for five seconds. The end of a process is noticed without this."""
 _LOST: Final = {"": "left the graph", "not answering": "did not answer any more"}
 _FAILED: Final = ("aborted", "canceled", "rejected", "unanswered")
 _NEWS: Final = 3.0

@@ -1,6 +1,7 @@
 """From the command to a stack that is ready: its clock, its pose."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -403,6 +404,19 @@ def test_a_node_that_is_no_longer_active_is_named(machine, briefing, monkeypatch
     with pytest.raises(SutFailure) as failed:
         update(system)
     assert failed.value.reason == reason
+
+
+def test_a_node_may_answer_late_on_a_loaded_machine(machine, briefing, monkeypatch):
+    system, stack, _ = driving(machine, briefing)
+    clock = SimpleNamespace(monotonic=lambda: 0.0)
+    monkeypatch.setattr(ros2_stack, "wall_clock", clock)
+    stack.answer = replace(stack.answer, inactive={"/amcl": "not answering"})
+    update(system)
+    clock.monotonic = lambda: 7.5
+    update(system)
+    clock.monotonic = lambda: 8.5
+    with pytest.raises(SutFailure, match="amcl did not answer any more"):
+        update(system)
 
 
 def out_of_sight(machine, briefing):
