@@ -59,7 +59,7 @@ class PlayingScreen(MapActions):
         Binding("J", "pan(0, -1)", "Pan down", show=False, id="pan-down", tooltip="When zoomed"),
         Binding("K", "pan(0, 1)", "Pan up", show=False, id="pan-up", tooltip="When zoomed"),
         Binding("L", "pan(1, 0)", "Pan right", show=False, id="pan-right", tooltip="When zoomed"),
-        Binding("o", "costmap", "Costmap", show=False, id="costmap",
+        Binding("O", "costmap", "Costmap", show=False, id="costmap",
                 tooltip="Another costmap of the stack on the map, or none"),
         Binding("right_square_bracket", "signals(1)", "More signals", show=False, id="signals-on",
                 tooltip="Signals further down"),

@@ -4,6 +4,7 @@ from rich.text import Text
 from textual.app import App
 
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard.widgets import tables
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, VerdictList
 
@@ -33,9 +34,11 @@ async def test_a_cell_of_a_matrix_changes_its_colour():
             assert str(table.get_row_at(0)[0].style) == colour
 
 
-async def test_a_verdict_changes_its_colour():
+async def test_a_verdict_changes_its_colour(monkeypatch):
     async with Tables().run_test(size=(40, 20)) as pilot:
         verdicts = pilot.app.query_one(VerdictList)
         for colour in ("red", "blue"):
-            verdicts._fill([VERDICT], [Text("calm", colour)])
+            text = Text("calm", colour)
+            monkeypatch.setattr(tables, "verdict_text", lambda _, text=text, **__: text)
+            verdicts.show([VERDICT])
             assert str(verdicts.get_option_at_index(0).prompt.style) == colour

@@ -89,7 +89,7 @@ async def test_a_key_shows_the_other_costmap_or_none():
         screen = "\n".join(screen_text(pilot))
         assert "collision monitor: stop by Front" in screen
         assert "⠿⠿ blocked in the costmap" in screen
-        await pilot.press("o")
+        await pilot.press("O")
         top = pilot.app.screen.query_one(TopView)
         assert [top.next_costmap() for _ in range(3)] == ["", "local", "global"]
 
