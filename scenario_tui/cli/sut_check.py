@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
     from daemon.model.sut import Briefing, Observation
     from daemon.stacks.ros2.inspection import CheckLine, Inspection
-    from daemon.stacks.ros2.settings import Ros2Settings
     from grammars.model.behaviour import Behaviour
     from grammars.model.mission import Mission
     from grammars.model.robot import Robot
     from grammars.model.scene import Scene
+    from grammars.text.diagnostics import Diagnostic
 
 _KIND: Final = "ros2"
 _SIGNS: Final = {
@@ -129,7 +129,7 @@ def check(
     found = _load(sut, Path() if campaign is None else campaign.parent)
     settings = read_settings(found.reference.local_parameters)
     name = found.reference.name
-    briefing, first = _first_moment(campaign, settings)
+    briefing, first = _first_moment(campaign, found.warnings)
     folder = Path("scenario-results", "sut-check", name) if out is None else out
     check_folder(folder, "--out")
     outputs: list[str] = []
@@ -207,8 +207,13 @@ def _load(typed: str, folder: Path) -> LoadedSut:
     return found
 
 
-def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefing, Observation]:
-    """Return what a stack is told of the run, and what its robot measures first."""
+def _first_moment(
+    campaign: Path | None, reported: Sequence[Diagnostic]
+) -> tuple[Briefing, Observation]:
+    """Return the briefing of a stack, and the first measurements of its robot.
+
+    Warnings of the campaign are printed, except those that are ``reported`` already.
+    """
     import numpy as np
 
     from daemon.model.spec import MapSettings
@@ -225,7 +230,7 @@ def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefi
 
         prepared = prepare_submission(campaign)
         submission, warnings = prepared.submission, prepared.warnings
-        report_diagnostics(warnings)
+        report_diagnostics(warning for warning in warnings if warning not in reported)
         spec = submission.spec(submission.runs[0])
         scene = next(one for one in submission.scenes if one.digest == spec.scene)
         robot, mission, behaviours = spec.robot, spec.mission, spec.behaviours

@@ -1,5 +1,6 @@
 """``scenario sut check``: what it starts, what it prints, what it leaves with; and the relay."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -201,3 +202,14 @@ def test_the_first_state_decides_nothing_that_is_only_good_to_know(scenario, sta
     said = scenario("sut", "check", str(sut))
     assert said.code == 0
     assert "my-nav2: nothing is missing\n" in said.err
+
+
+def test_a_warning_of_the_campaign_as_well_is_printed_once(
+    scenario, start, sut, campaigns, tmp_path
+):
+    demo = shutil.copytree(campaigns / "demo", tmp_path / "demo") / "campaign.yaml"
+    sut.write_text(sut.read_text("utf-8").replace(" map:={map}", ""))
+    demo.write_text(demo.read_text("utf-8").replace("sut: [pilot]", f"sut: {sut}"))
+    said = scenario("sut", "check", str(sut), "--campaign", str(demo))
+    assert said.code == 0, said.err
+    assert said.err.count("the stack is not given the map") == 1
