@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -101,6 +101,12 @@ class Playback:
         against = (v for v in verdicts if v.outcome is Outcome.FAIL and v.evidence.time is not None)
         found = {FailureMoment(float(v.evidence.time or 0.0), v.oracle) for v in against}
         self.moments = tuple(sorted(found, key=lambda m: (m.time, m.oracle)))
+        state = StackState()
+        # Once, and not for every frame: a tree reports each of its ticks.
+        self._stack_lines = [state.line]
+        for report in trace.reports:
+            state.take(report)
+            self._stack_lines.append(state.line)
 
     @property
     def waypoints(self) -> int:
@@ -192,10 +198,8 @@ class Playback:
 
     def stack_line(self, time: float) -> str:
         """Return what the stack reported of itself last until ``time``, empty without reports."""
-        state = StackState()
-        for report in itertools.takewhile(lambda one: one.time <= time + 1e-9, self.trace.reports):
-            state.take(report)
-        return state.line
+        taken = bisect_right(self.trace.reports, time + 1e-9, key=lambda report: report.time)
+        return self._stack_lines[taken]
 
     def _costmaps(self, time: float) -> dict[str, Floats]:
         """Return the cells of each costmap that block the robot (n, 2) [m], by its scope."""
