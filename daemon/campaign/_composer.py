@@ -77,12 +77,12 @@ class Composer:
         if references != (*previous.objects, *previous.behaviours):
             layers = tuple(map(library.configured_scenery, references))
         variant, plan = self._plan(base, scenario, robot)
-        while len(self._scenes) >= _MOST_SCENES:
-            del self._scenes[next(iter(self._scenes))]
         objects, scene = layers[: len(scenario.objects)], base.scene
         same = plan == base.plan and objects == base.layers[: len(previous.objects)]
         if previous.without or not same:
             scene = self.scene(plan, objects)
+        while len(self._scenes) > _MOST_SCENES:
+            del self._scenes[next(iter(self._scenes))]
         mission, _ = library.mission(required(scenario.mission))
         resolved = self.behaviours(scenario, scene, layers, [repeat])
         remains = RemainingWorld(scene, mission, tuple(one.behaviours for one in resolved))
