@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import (
-    DiagnosticCollector,
+    Findings,
     SourceText,
     SyntaxNode,
     did_you_mean,
@@ -25,7 +25,7 @@ _UNIT_ADVICE: Final = {
 PlanDimension: TypeAlias = Literal["length", "angle"]
 
 
-class ElementReader(DiagnosticCollector):
+class ElementReader(Findings):
     """Reads the quantities of one plan; broken ones are reported and read as ``None``."""
 
     def __init__(self, source: SourceText) -> None:
@@ -44,8 +44,8 @@ class ElementReader(DiagnosticCollector):
                 self.error(variable, message, "a plan has lengths and angles alone")
         for name, nodes in self._variables.items():
             for node in nodes[1:]:
-                first = self.source.at(nodes[0]).line
-                self.warn(node, f'variable "{name}" is already defined in line {first}')
+                first = self.where(nodes[0]).line
+                self.warning(node, f'variable "{name}" is already defined in line {first}')
 
     def length(self, node: SyntaxNode) -> float | None:
         """Return a length in metres."""
@@ -75,7 +75,7 @@ class ElementReader(DiagnosticCollector):
             self.error(place, f"{node.number} is too large", "the limit is 1000 km")
             return None
         if kind == "angle" and not node.unit and abs(number) > math.tau:
-            self.warn(
+            self.warning(
                 place,
                 f"{node.number} without a unit means radians",
                 f'write "{node.number} deg" for degrees',
@@ -90,7 +90,7 @@ class ElementReader(DiagnosticCollector):
             self.error(node, f'unknown variable "{name}"', hint)
             return None
         if len(known) > 1:
-            lines = " and ".join(str(self.source.at(v).line) for v in known)
+            lines = " and ".join(str(self.where(v).line) for v in known)
             self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
             return None
         variable = known[0]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 from grammars.floorplan._attributes import ElementReader, read_location
@@ -32,10 +33,9 @@ from grammars.floorplan._spaces import (
 from grammars.floorplan.model import FloorPlan, Opening, Wall
 from grammars.model.geometry import signed_area
 from grammars.text.diagnostics import (
-    DiagnosticCollector,
+    Findings,
     SourceText,
     SyntaxNode,
-    in_source_order,
 )
 
 _TOUCHING: Final = 1e-3
@@ -44,9 +44,7 @@ _OVERLAP: Final = 1e-2
 """Area two rooms may share before it is worth a word [m²]."""
 
 
-def check_geometry(
-    plan: FloorPlan, drafts: Sequence[SpaceDraft], findings: DiagnosticCollector
-) -> None:
+def check_geometry(plan: FloorPlan, drafts: Sequence[SpaceDraft], findings: Findings) -> None:
     """Warn of rooms, openings and features that are placed suspiciously."""
     _check_winding(drafts, findings)
     _check_gaps(drafts, findings)
@@ -56,17 +54,17 @@ def check_geometry(
     _check_floor(plan, findings)
 
 
-def _check_winding(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> None:
+def _check_winding(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
     for draft in drafts:
         if draft.ring is not None and signed_area(draft.ring) > 0.0:
-            findings.warn(
+            findings.warning(
                 draft.node.shape,
                 f'the outline of "{draft.name}" runs counter-clockwise: its walls grow inwards',
                 "list the points clockwise",
             )
 
 
-def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> None:
+def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
     """Warn of facing walls that overlap because the gap is smaller than both together."""
     for draft in drafts:
         location, other = draft.location, draft.against
@@ -78,7 +76,7 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> 
         gap = location.get("translation.y")
         needed = (draft.thickness or 0.0) + (other.thickness or 0.0)
         if gap < needed - 1e-9:
-            findings.warn(
+            findings.warning(
                 draft.node,
                 f'the facing walls of "{draft.name}" and "{other.name}" overlap: '
                 f"{gap:g} m apart, {needed:g} m thick together",
@@ -86,24 +84,24 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> 
             )
 
 
-def _check_opening(opening: Opening, walls: Sequence[Wall], findings: DiagnosticCollector) -> None:
+def _check_opening(opening: Opening, walls: Sequence[Wall], findings: Findings) -> None:
     label = f'{opening.kind} "{opening.name}"'
     for wall in walls:
         along = [wall.frame.inverse().apply((x, y))[0] for x, y, _ in opening.near]
         low, high = _ends(wall, min(along), max(along))
         beyond = max(low - min(along), max(along) - high)
         if beyond > _TOUCHING:
-            findings.warn(
+            findings.warning(
                 opening.where,
                 f"{label} reaches {beyond:.3g} m beyond the end of {wall.id}",
                 f"the wall reaches from x = {low:.6g} m to {high:.6g} m",
             )
         if opening.z_max > wall.height + _TOUCHING:
-            findings.warn(
+            findings.warning(
                 opening.where, f"{label} reaches above {wall.id} ({wall.height:g} m high)"
             )
     if opening.z_min < -_TOUCHING:
-        findings.warn(
+        findings.warning(
             opening.where,
             f"{label} reaches below the floor (z = {opening.z_min:g} m)",
             "z is the height of its middle: half its height for a door",
@@ -124,21 +122,21 @@ def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def _check_pair(opening: Opening, first: Wall, second: Wall, findings: DiagnosticCollector) -> None:
+def _check_pair(opening: Opening, first: Wall, second: Wall, findings: Findings) -> None:
     relative = first.frame.inverse() @ second.frame
     label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
     # Facing each other is half a turn apart.
     if math.cos(relative.yaw) > -1.0 + 1e-6:
-        findings.warn(opening.where, f"{label} do not face each other")
+        findings.warning(opening.where, f"{label} do not face each other")
     elif abs(relative.y - opening.depth) > _TOUCHING:
-        findings.warn(
+        findings.warning(
             opening.where,
             f"{label} do not touch: {relative.y:.3f} m between their inner faces, "
             f"{opening.depth:.3f} m thick together",
         )
 
 
-def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
+def _check_floor(plan: FloorPlan, findings: Findings) -> None:
     """Warn of rooms that share floor and of features outside their space."""
     import shapely
 
@@ -150,7 +148,7 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
         if a < b:
             area = outlines[a].intersection(outlines[b]).area
             if area > _OVERLAP:
-                findings.warn(
+                findings.warning(
                     plan.spaces[b].where,
                     f'"{plan.spaces[b].name}" and "{plan.spaces[a].name}" overlap ({area:.2f} m²)',
                 )
@@ -159,7 +157,7 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
         if feature.space and not by_name[feature.space].intersects(
             shapely.Polygon(feature.footprint)
         ):
-            findings.warn(
+            findings.warning(
                 feature.where, f'{feature.kind} "{feature.name}" stands outside "{feature.space}"'
             )
 
@@ -190,7 +188,7 @@ def compile_plan(
     openings = _draft_openings(tree.openings, spaces, reader)
     if not drafts and not reader.errors:
         reader.error(tree, f'plan "{tree.name}" has no spaces', 'add one: "Space room: …"')
-    reader.refuse_if_errors()
+    reader.raise_errors()
     return _build(tree.name, drafts, features, openings, reader)
 
 
@@ -223,7 +221,7 @@ def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str,
             if dimension.key in values:
                 reader.error(dimension, f'"{dimension.key}" is given twice')
             elif value is not None and value <= 0.0:
-                reader.warn(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
+                reader.warning(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
             values[dimension.key] = value
     return values
 
@@ -242,7 +240,7 @@ def _draft_space(
             'give it in "walls:" of the space or of Defaults',
         )
     if node.name in ("this", "world"):
-        reader.warn(node, f'a space called "{node.name}" cannot be referred to by its name')
+        reader.warning(node, f'a space called "{node.name}" cannot be referred to by its name')
     ring = floor_outline(node.shape, reader)
     location = read_location(node, "space", reader)
     draft = SpaceDraft(node, node.name, ring, sizes.get("thickness"), sizes.get("height"), location)
@@ -256,7 +254,7 @@ def _check_names(nodes: Sequence[SyntaxNode], what: str, reader: ElementReader) 
     first: dict[str, SyntaxNode] = {}
     for node in nodes:
         if node.name in first:
-            line = reader.source.at(first[node.name]).line
+            line = reader.where(first[node.name]).line
             reader.error(node, f'{what} "{node.name}" is already defined in line {line}')
         first.setdefault(node.name, node)
 
@@ -315,6 +313,4 @@ def _build(
         tuple(build_opening(o, tuple(walls[key] for key in o.walls), reader) for o in openings),
     )
     check_geometry(plan, drafts, reader)
-    return FloorPlan(
-        plan.name, plan.spaces, plan.features, plan.openings, in_source_order(reader.warnings)
-    )
+    return replace(plan, warnings=reader.warnings)

@@ -37,7 +37,9 @@ def draft_feature(
     ring = floor_outline(node.shape, reader)
     height = reader.length(node.height)
     if height is not None and height <= 0.0:
-        reader.warn(node.height, f'{node.kind.lower()} "{node.name}" has no height ({height:g} m)')
+        reader.warning(
+            node.height, f'{node.kind.lower()} "{node.name}" has no height ({height:g} m)'
+        )
     location = read_location(node, node.kind.lower(), reader)
     if location is None:
         return None
@@ -84,9 +86,9 @@ def build_feature(
     name = draft.node.name
     space = "" if draft.owner is None else draft.owner.name
     scoped = name if unique or not space else f"{space}-{name}"
-    where = reader.source.at(draft.node)
+    where = reader.where(draft.node)
     if scoped != name:
-        reader.warn(
+        reader.warning(
             where, f'the name "{name}" is used in several spaces', f'it is published as "{scoped}"'
         )
     kind: Literal["column", "divider"] = "column" if draft.node.kind == "Column" else "divider"
@@ -182,7 +184,7 @@ def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementR
             location.get("translation.z"),
             location.get("rotation.y"),
         ),
-        reader.source.at(draft.node),
+        reader.where(draft.node),
         Placement(f"{kind}-{draft.node.name}-frame", f"{walls[0].id}-frame", offset, draft.ring),
     )
 

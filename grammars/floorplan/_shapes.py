@@ -111,7 +111,7 @@ def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...] 
     if points is None:
         return None
     if points and all(len(point) == 2 for point in points):
-        reader.warn(
+        reader.warning(
             shape,
             "points of an opening are (x, y, z); the second number is taken as z",
             "write (x, 0 m, z)",
@@ -155,7 +155,7 @@ def _corners(
         reader.error(shape, f"a polygon needs 3 different points, not {len(set(ring))}")
         return None
     if len(ring) < len(points):
-        reader.warn(
+        reader.warning(
             shape,
             "repeated points of the polygon are left out",
             "walls are counted without them; do not repeat the first point at the end",

@@ -85,7 +85,7 @@ def find_wall(
         return False, None
     # Version 2 of the published tools takes it, so plans may have it.
     if index < 0:
-        reader.warn(
+        reader.warning(
             node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
         )
     return True, index % count
@@ -156,7 +156,7 @@ def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -
         if location.parts["wrt"].frame.name == "world":
             reader.error(spaced, '"spaced" means the gap between two walls, but "wrt" is the world')
         elif not wall_to_wall:
-            reader.warn(spaced, '"spaced" has no effect: it needs a wall in "of" and in "wrt"')
+            reader.warning(spaced, '"spaced" has no effect: it needs a wall in "of" and in "wrt"')
         if location.get("translation.y"):
             reader.error(
                 location.parts["translation"],
@@ -165,7 +165,9 @@ def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -
             )
     unaligned = location.parts.get("not aligned")
     if unaligned is not None and not wall_to_wall:
-        reader.warn(unaligned, '"not aligned" has no effect: it needs a wall in "of" and in "wrt"')
+        reader.warning(
+            unaligned, '"not aligned" has no effect: it needs a wall in "of" and in "wrt"'
+        )
 
 
 def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
@@ -247,7 +249,7 @@ def build_space(draft: SpaceDraft, pose: Pose2, reader: ElementReader) -> Space:
         offset_of(draft),
         tuple((x, y, 0.0) for x, y in ring),
     )
-    where = reader.source.at(draft.node)
+    where = reader.where(draft.node)
     return space_at(draft.name, pose, ring, thickness, height, where, placement)
 
 

@@ -26,9 +26,8 @@ from grammars.jsonld.vocabulary import FP, GEOM, OBJ, POLY, SCN, local_name
 from grammars.model.geometry import Ring
 from grammars.text.diagnostics import (
     Diagnostic,
-    DiagnosticCollector,
+    Findings,
     InputError,
-    SourceText,
     Where,
     did_you_mean,
 )
@@ -351,7 +350,7 @@ class _PlanReader:
             raise InputError(self.nodes.errors)
 
     def _warnings(self, plan: FloorPlan) -> tuple[Diagnostic, ...]:
-        findings = DiagnosticCollector(SourceText("", self.file))
+        findings = Findings()
         check_geometry(plan, (), findings)
         return (*self.nodes.diagnostics, *findings.warnings)
 

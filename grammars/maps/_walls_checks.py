@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from grammars.floorplan import FloorPlan, Opening
 from grammars.model.geometry import Pose2, Ring
-from grammars.text.diagnostics import DiagnosticCollector, Where
+from grammars.text.diagnostics import Findings, Where
 
 if TYPE_CHECKING:
     import shapely
@@ -25,7 +25,7 @@ _BESIDE: Final = 0.2
 """Steps off the faces of an entryway to see whether there is floor [m]."""
 
 
-class WallsChecker(DiagnosticCollector):
+class WallsChecker(Findings):
     """Collects what is wrong with the areas of one layer, and with the plan they make."""
 
     def check_area(
@@ -96,7 +96,7 @@ class WallsChecker(DiagnosticCollector):
             area = floors[a].intersection(floors[b]).area if a < b else 0.0
             if area > _OVERLAP:
                 names = f'"{plan.spaces[b].name}" and "{plan.spaces[a].name}"'
-                self.warn(plan.spaces[b].where, f"{names} overlap ({area:.2f} m²)")
+                self.warning(plan.spaces[b].where, f"{names} overlap ({area:.2f} m²)")
 
     def _check_entryway(
         self, opening: Opening, tree: shapely.STRtree, floors: Sequence[Polygon]
@@ -123,7 +123,7 @@ class WallsChecker(DiagnosticCollector):
         for name, jamb in (("from", at(-half, middle)), ("to", at(half, middle))):
             if len(tree.query(Point(jamb), predicate="dwithin", distance=_JAMB)) == 0:
                 x, y = jamb
-                self.warn(
+                self.warning(
                     opening.where,
                     f'{label}: no wall stands at "{name}" [{x:g}, {y:g}]',
                     "an entryway leads from the end of one wall to that of another",
@@ -131,4 +131,4 @@ class WallsChecker(DiagnosticCollector):
         # On one side may be the outside.
         probes = [Point(at(0.0, y)) for y in (-_BESIDE, opening.depth + _BESIDE)]
         if not any(floor.covers(probe) for floor in floors for probe in probes):
-            self.warn(opening.where, f"{label} leads to no space")
+            self.warning(opening.where, f"{label} leads to no space")

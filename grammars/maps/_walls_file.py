@@ -8,6 +8,7 @@ without walls of their own, walls as features, entryways that cut nothing.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,7 +17,7 @@ from pydantic import Field
 from grammars.floorplan import Feature, FloorPlan, Opening, OpeningPrism, Space, opening_at
 from grammars.maps._walls_checks import WallsChecker
 from grammars.model.geometry import Pose2, Ring
-from grammars.text.diagnostics import SourceText, Where, in_source_order
+from grammars.text.diagnostics import Where
 from grammars.text.documents import (
     KeyPath,
     Length,
@@ -106,8 +107,7 @@ def load_walls(path: str | Path) -> FloorPlan:
     reader = _Reader(document, text)
     plan = FloorPlan(text.walls, reader.spaces(), reader.standing(), reader.entryways())
     reader.check(plan)
-    warnings = in_source_order(reader.findings.warnings)
-    return FloorPlan(plan.name, plan.spaces, plan.features, plan.openings, warnings)
+    return replace(plan, warnings=reader.findings.warnings)
 
 
 class _Reader:
@@ -117,7 +117,7 @@ class _Reader:
         self._document = document
         self._text = text
         self._named: dict[str, str] = {}
-        self.findings = WallsChecker(SourceText(document.text, document.file))
+        self.findings = WallsChecker()
 
     def spaces(self) -> tuple[Space, ...]:
         """Return the spaces, in the order of the file."""
@@ -161,9 +161,9 @@ class _Reader:
     def check(self, plan: FloorPlan) -> None:
         """Raise for geometry without a meaning, if any; warn of what is placed suspiciously."""
         # Areas that are none can be measured against nothing.
-        self.findings.refuse_if_errors()
+        self.findings.raise_errors()
         self.findings.check_plan(plan)
-        self.findings.refuse_if_errors()
+        self.findings.raise_errors()
 
     def _rings(self, area: AreaText, path: KeyPath) -> tuple[Ring, tuple[Ring, ...]]:
         outline, holes = area.rings()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final, TypeAlias, TypeVar
@@ -91,15 +92,13 @@ def raise_all(problems: Iterable[Diagnostic]) -> None:
 
 
 def gather(makes: Iterable[Callable[[], T]]) -> list[T]:
-    """Return what each of ``makes`` returns; raises :class:`InputError` with the errors of all."""
+    """Return the results of all ``makes``; raises :class:`InputError` with the errors of all."""
     made: list[T] = []
-    problems: list[Diagnostic] = []
+    findings = Findings()
     for make in makes:
-        try:
+        with findings.collecting():
             made.append(make())
-        except InputError as error:
-            problems.extend(error.diagnostics)
-    raise_all(problems)
+    findings.raise_errors()
     return made
 
 
@@ -181,31 +180,64 @@ class SourceText:
         return self.where(node._tx_position)
 
 
-class DiagnosticCollector:
-    """Errors and warnings found in one source, in the order they were found."""
+class Findings:
+    """Errors and warnings about something that people wrote, in the order of their discovery.
 
-    def __init__(self, source: SourceText) -> None:
-        self.source = source
-        self.errors: list[Diagnostic] = []
-        self.warnings: list[Diagnostic] = []
+    A place is a :class:`Where`, or a node of the syntax tree of ``source``.
+    """
+
+    def __init__(self, source: SourceText | None = None) -> None:
+        self._source = source
+        self._all: list[Diagnostic] = []
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The errors, in source order."""
+        return in_source_order(d for d in self._all if d.severity is Severity.ERROR)
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The warnings, in source order."""
+        return in_source_order(d for d in self._all if d.severity is Severity.WARNING)
+
+    def where(self, place: SyntaxNode | Where) -> Where:
+        """Return the place of a node."""
+        if isinstance(place, Where):
+            return place
+        assert self._source is not None
+        return self._source.at(place)
 
     def error(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
-        """Note something without a meaning; the plan will be refused."""
-        self.errors.append(Diagnostic(self._where(place), message, hint))
+        """Add something without a meaning: :meth:`raise_errors` will refuse it."""
+        self._all.append(Diagnostic(self.where(place), message, hint))
 
-    def warn(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
-        """Note something that has a meaning, though probably not the intended one."""
-        self.warnings.append(Diagnostic(self._where(place), message, hint, Severity.WARNING))
+    def warning(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
+        """Add something that has a meaning, though probably not the intended one."""
+        self._all.append(Diagnostic(self.where(place), message, hint, Severity.WARNING))
 
-    def refuse_if_errors(self) -> None:
-        """Raise :class:`InputError` with everything found, in source order, if any is an error."""
+    def add(self, diagnostics: Iterable[Diagnostic]) -> None:
+        """Add the diagnostics of another reader or checker."""
+        self._all.extend(diagnostics)
+
+    @contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Add the diagnostics of an :class:`InputError` that ends the block, and go on after it."""
+        try:
+            yield
+        except InputError as error:
+            self.add(error.diagnostics)
+
+    def raise_errors(self) -> None:
+        """Raise :class:`InputError` with all errors and warnings, each once, if any is an error."""
         if self.errors:
-            raise InputError(in_source_order(self.errors + self.warnings))
-
-    def _where(self, place: SyntaxNode | Where) -> Where:
-        return place if isinstance(place, Where) else self.source.at(place)
+            raise_all(in_source_order(self._all))
 
 
-def in_source_order(diagnostics: list[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the diagnostics sorted by place; those of one place stay in the order given."""
-    return tuple(sorted(diagnostics, key=lambda d: (d.where.line, d.where.column)))
+def in_source_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return the diagnostics sorted by place, file by file as the files first appear.
+
+    Diagnostics of one place stay in the order given.
+    """
+    given = tuple(diagnostics)
+    files = {file: rank for rank, file in enumerate(dict.fromkeys(d.where.file for d in given))}
+    return tuple(sorted(given, key=lambda d: (files[d.where.file], d.where.line, d.where.column)))

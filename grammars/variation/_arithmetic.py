@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 
 from grammars.floorplan import PolygonNode
 from grammars.text.diagnostics import (
-    DiagnosticCollector,
+    Findings,
     SyntaxNode,
     closest,
     did_you_mean,
@@ -57,7 +57,7 @@ class PlanResolver:
     """Looks up elements and attributes; what is not there is reported and read as ``None``."""
 
     plan: PlanText
-    findings: DiagnosticCollector
+    findings: Findings
     shared_defaults: bool
 
     def element(self, path: SyntaxNode) -> PlanElement | None:
@@ -155,7 +155,7 @@ class ExpressionReader:
     ``shared`` maps named draws to their dimension; ``draws_only`` leaves out the sampled plan.
     """
 
-    findings: DiagnosticCollector
+    findings: Findings
     targets: PlanResolver
     shared: Mapping[str, Dimension]
     draws_only: bool = False

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from grammars.text.diagnostics import DiagnosticCollector, SyntaxNode, did_you_mean
+from grammars.text.diagnostics import Findings, SyntaxNode, did_you_mean
 from grammars.text.units import ANGLE, LENGTH, read_unit
 from grammars.variation._syntax import DiscreteNode, DistributionNode, NormalNode, UniformNode
 
@@ -205,7 +205,7 @@ _SUM: Final = 1e-9
 class DistributionReader:
     """Reads distributions; broken ones are reported and read as ``None``."""
 
-    findings: DiagnosticCollector
+    findings: Findings
 
     def read(self, node: DistributionNode) -> tuple[Distribution, str] | None:
         """Return a distribution and its unit (empty: none written)."""

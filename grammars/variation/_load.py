@@ -10,7 +10,7 @@ from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text import sources
 from grammars.text.diagnostics import (
     Diagnostic,
-    DiagnosticCollector,
+    Findings,
     InputError,
     SourceText,
     SyntaxNode,
@@ -135,10 +135,10 @@ def parse_variation(
     """
     source = SourceText(text, file)
     tree = parse(source)
-    findings = DiagnosticCollector(source)
+    findings = Findings(source)
     # An empty text gives no tree.
     statements = getattr(tree, "statements", ())
-    plan_file = _imported(statements, folder, findings)
+    plan_file = _imported(statements, folder, source, findings)
     plan_text = read_text(plan_file, "plan")
     compiled = parse_floorplan(plan_text, str(plan_file))
     plan = PlanText(plan_text, str(plan_file))
@@ -170,13 +170,13 @@ def read_text(path: Path, what: str) -> str:
 
 
 def _imported(
-    statements: Sequence[SyntaxNode], folder: Path, findings: DiagnosticCollector
+    statements: Sequence[SyntaxNode], folder: Path, source: SourceText, findings: Findings
 ) -> Path:
     """Return the plan's path; nothing else can be checked without it."""
     imports = [node for node in statements if isinstance(node, ImportNode)]
     example = 'write first: import "plan.fpm"'
     if not imports:
-        raise InputError.at(findings.source.where(0), "imports no plan", example)
+        raise InputError.at(source.where(0), "imports no plan", example)
     if imports[0] is not statements[0]:
         findings.error(imports[0], "the import comes first", example)
     for node in imports[1:]:
@@ -195,7 +195,7 @@ class _VariationReader:
     """Reads statement by statement; draws keep the order they are written in."""
 
     source: SourceText
-    findings: DiagnosticCollector
+    findings: Findings
     targets: PlanResolver
     draws: list[VariationDraw] = field(default_factory=list)
     assignments: list[Assignment] = field(default_factory=list)
@@ -223,10 +223,10 @@ class _VariationReader:
         """Report what shows only at the end; raises :class:`InputError` for everything found."""
         for name, node in self._lets.items():
             if name not in self._used and not self.findings.errors:
-                self.findings.warn(node, f'the draw "{name}" is never used')
+                self.findings.warning(node, f'the draw "{name}" is never used')
         if not self.assignments and not self.findings.errors:
             self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
-        self.findings.refuse_if_errors()
+        self.findings.raise_errors()
 
     def _let(self, node: LetNode) -> None:
         name = node.name
@@ -318,7 +318,7 @@ class _VariationReader:
             self.findings.error(node, f"{slot.name} is already varied in line {line}")
             return True
         message = f"{slot.name} and {name} (line {line}) are one shared default: this one counts"
-        self.findings.warn(node, message)
+        self.findings.warning(node, message)
         return False
 
     def _fits(self, node: SyntaxNode, slot: Slot, dimension: Dimension, zero: bool) -> bool:
