@@ -7,7 +7,6 @@ and ``topics/maps``. Everything keeps the place it was written at.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,6 @@ from grammars.roslaunch import (
     LaunchNode,
     LaunchSettings,
     NodeType,
-    launch_files_starting,
     load_launch,
     resolve_for_node,
 )
@@ -56,15 +54,14 @@ _MOST_NAMED: Final = 8
 class _LaunchPlan:
     """Launch files to be read, and all that SUT files say about them.
 
-    ``where`` is the place that names the files, ``folder`` that of the SUT file. ``node`` is the
-    name of the move_base to test with its place, if a file says it.
+    ``where`` is the place that names the files, ``node`` the name of the move_base to test with its
+    place, if a file says it.
     """
 
     files: tuple[tuple[Path, Where], ...]
     settings: LaunchSettings
     node: tuple[str, Where] | None
     where: Where
-    folder: Path
 
 
 def load_launched(
@@ -119,7 +116,6 @@ def _plan_launch(base: LaunchChange, changes: Sequence[LaunchChange]) -> _Launch
         settings=LaunchSettings(places.__getitem__, args, folders, env, tuple(skip)),
         node=node,
         where=base.where("launch"),
-        folder=base.folder,
     )
 
 
@@ -157,7 +153,7 @@ def _choose_move_base(plan: _LaunchPlan, launch: Launch) -> LaunchNode:
         message = f"starts no move_base; it starts {_listed(launch.nodes)}"
         hints = [
             *(f"{node.name} is {_DRIVERS[node.package]}: {_EXTERNAL}" for node in others),
-            *_elsewhere("move_base", plan, launch),
+            *_left_out(launch),
         ]
         raise InputError.at(plan.where, message, "; ".join(hints))
     if len(there) > 1:
@@ -190,27 +186,16 @@ def _choose_amcl(
         for node in launch.nodes
         if node.package in _LOCALISERS
     ]
-    hint = "; ".join([*others, *_elsewhere("amcl", plan, launch)])
+    hint = "; ".join([*others, *_left_out(launch)])
     warnings.append(Diagnostic(plan.where, message, hint, Severity.WARNING))
     return None
 
 
-def _elsewhere(package: str, plan: _LaunchPlan, launch: Launch) -> list[str]:
-    """Return hints on launch files that may start a node which is not started."""
-    included = {Path(file).absolute().resolve() for file in launch.files}
-    others = dict.fromkeys(
-        os.path.relpath(path, plan.folder.absolute())
-        for file, _ in plan.files
-        for path in launch_files_starting(package, file)
-        if path.resolve() not in included
-    )
-    hints = []
-    if others:
-        names = list(others)[:_MOST_NAMED]
-        hints.append(f"{package} is started by {', '.join(names)}: add it to launch")
-    if launch.left_out:
-        hints.append(f"it may be started by what is left out: {', '.join(launch.left_out)}")
-    return hints
+def _left_out(launch: Launch) -> list[str]:
+    """Return a hint on includes of packages that are not given, which may start the node."""
+    if not launch.left_out:
+        return []
+    return [f"it may be started by what is left out: {', '.join(launch.left_out)}"]
 
 
 def _maps(launch: Launch, listener: LaunchNode) -> ParameterValues:

@@ -13,7 +13,6 @@ from grammars.roslaunch._model import (
     NodeType,
 )
 from grammars.roslaunch._names import resolve_for_node
-from grammars.roslaunch._search import launch_files_starting
 
 __all__ = [
     "Launch",
@@ -21,7 +20,6 @@ __all__ = [
     "LaunchRemap",
     "LaunchSettings",
     "NodeType",
-    "launch_files_starting",
     "load_launch",
     "resolve_for_node",
 ]

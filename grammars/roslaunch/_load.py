@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from grammars.roslaunch._messages import needed, said_once
 from grammars.roslaunch._model import Launch, LaunchNode, LaunchSettings, NodeType
 from grammars.roslaunch._names import split_name
-from grammars.roslaunch._nodes import StartedNode
 from grammars.roslaunch._packages import Packages, files_near, is_file
 from grammars.roslaunch._parameters import ParameterServer
 from grammars.roslaunch._reader import LaunchReader
@@ -50,13 +48,18 @@ def load_launch(
     problems = [*reader.errors, *_unknown_args(settings, reader.declared)]
     warnings = [*reader.warnings, *_unused_endings(settings, reader.skipped)]
     nodes = []
-    for started in reader.nodes.values():
-        if started.node.kind in of_interest:
-            problems += _errors_of(started, reader)
-            warnings += _warnings_of(started, reader)
-        nodes.append(_with_parameters(started, server))
+    for node in reader.nodes.values():
+        if node.kind in of_interest:
+            problems += _errors_of(node, reader)
+            warnings += _warnings_of(node, reader)
+        parameters = {**server.below(split_name(node.name)), **node.parameters}
+        nodes.append(replace(node, parameters=parameters))
     if problems:
-        raise InputError(said_once(problems))
+        # Several nodes may lack the same value.
+        each: dict[tuple[Where, str], Diagnostic] = {}
+        for problem in problems:
+            each.setdefault((problem.where, problem.message), problem)
+        raise InputError(each.values())
     return Launch(
         nodes=tuple(nodes),
         parameters=dict(server.values),
@@ -105,18 +108,18 @@ def _unused_endings(settings: LaunchSettings, skipped: set[str]) -> list[Diagnos
     ]
 
 
-def _errors_of(started: StartedNode, reader: LaunchReader) -> list[Diagnostic]:
-    node = started.node
+def _errors_of(node: LaunchNode, reader: LaunchReader) -> list[Diagnostic]:
+    """Return what the names of a node lack, and why parameters of it could not be read."""
     name = split_name(node.name)
-    found = needed(started.missing, node.name, node.where)
-    return found + [
-        reason for part in reader.unread if part.inside(name) for reason in part.reasons
-    ]
+    names = (node.name, *node.remaps, *(remap.to for remap in node.remaps.values()))
+    unknown = [reason for text in names for reason in reader.unknown.reasons_in(text)]
+    unread = [reason for part in reader.unread if part.inside(name) for reason in part.reasons]
+    return unknown + unread
 
 
-def _warnings_of(started: StartedNode, reader: LaunchReader) -> list[Diagnostic]:
+def _warnings_of(node: LaunchNode, reader: LaunchReader) -> list[Diagnostic]:
     """Return notes about parameters of a node, and what may hold some and could not be read."""
-    name = split_name(started.node.name)
+    name = split_name(node.name)
     notes = [note for part in reader.notes if part.inside(name) for note in part.reasons]
     return notes + [
         replace(reason, severity=Severity.WARNING)
@@ -124,8 +127,3 @@ def _warnings_of(started: StartedNode, reader: LaunchReader) -> list[Diagnostic]
         if part.around(name) and not part.inside(name)
         for reason in part.reasons
     ]
-
-
-def _with_parameters(started: StartedNode, server: ParameterServer) -> LaunchNode:
-    found = server.below(split_name(started.node.name)) | started.own
-    return replace(started.node, parameters=found)

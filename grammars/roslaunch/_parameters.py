@@ -9,12 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
-from grammars.roslaunch._names import ParameterName, split_name
-from grammars.text.diagnostics import Diagnostic
+from grammars.roslaunch._names import ParameterName, convert_value, split_name
+from grammars.roslaunch._substitution import UnknownValues
+from grammars.roslaunch._xml import XmlElement
+from grammars.text.diagnostics import Diagnostic, InputError
 from grammars.text.documents import KeyPath, YamlDocument, paths_inside
-from grammars.text.ros_yaml import ParameterValue
+from grammars.text.ros_yaml import ParameterValue, parse_ros_yaml
+
+_NOT_READ: Final = {
+    "textfile": "is the text of a file, which is not read",
+    "binfile": "is the content of a file, which is not read",
+    "command": "is what a command prints, and commands of launch files are never run",
+}
+SOURCES: Final = ("value", *_NOT_READ)
+"""The attributes of a ``<param>`` of which one gives its value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +47,33 @@ class UnreadParameters:
         return node[: len(self.namespace)] == self.namespace
 
 
+def read_param(
+    element: XmlElement, source: str, text: str, unknown: UnknownValues
+) -> ParameterValue:
+    """Return the value that a ``<param>`` has by one of its attributes.
+
+    Raises :class:`InputError` for a value that is not of the type it is said to be.
+    """
+    where = element.place(source)
+    name = element.attributes.get("name", "")
+    if source != "value":
+        hint = 'write the value under "parameters" if the node needs it'
+        lack = Diagnostic(where, f"{name}: {_NOT_READ[source]}", hint)
+        return ParameterValue(text, where, (lack,))
+    written = text.strip()
+    reasons = (*unknown.reasons_in(written), *unknown.reasons_in(name))
+    if reasons:
+        return ParameterValue(written, where, reasons)
+    kind = (element.attributes.get("type") or "auto").strip().lower()
+    if kind == "yaml":
+        document, _ = parse_ros_yaml(written, where.file, locate=lambda *_: where, any_value=True)
+        return ParameterValue(document.data, where)
+    try:
+        return ParameterValue(convert_value(written, kind), where)
+    except ValueError as error:
+        raise InputError.at(where, f"{name}: {error}") from error
+
+
 @dataclass(slots=True)
 class ParameterUpload:
     """The parameters of one launch, as roslaunch gathers them."""
@@ -54,19 +91,18 @@ class ParameterUpload:
         self.values[name] = parameter
 
     def load(
-        self, namespace: ParameterName, document: YamlDocument, missing: tuple[Diagnostic, ...]
+        self, namespace: ParameterName, document: YamlDocument, unknown: UnknownValues
     ) -> None:
-        """Set what a YAML document holds; names that begin with a slash leave the namespace.
-
-        ``missing`` concerns the values in which a substitution still stands.
-        """
+        """Set what a YAML document holds; names that begin with a slash leave the namespace."""
         for path, value in _leaves(document.data, ()):
             name = namespace
             for part in map(str, path):
                 name = split_name(part) if part.startswith("/") else (*name, *split_name(part))
-            unfilled = missing if missing and "$(" in str(value) else ()
             inside = {below: document.where((*path, *below)) for below in paths_inside(value)}
-            self.set(name, ParameterValue(value, document.where(path), unfilled, inside))
+            parameter = ParameterValue(
+                value, document.where(path), unknown.reasons_in(str(value)), inside
+            )
+            self.set(name, parameter)
 
 
 def _leaves(data: Any, above: KeyPath) -> Iterable[tuple[KeyPath, Any]]:

@@ -12,15 +12,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from grammars.roslaunch._conversion import SOURCES, read_param
-from grammars.roslaunch._messages import line_and_column, needed, remedies, truth
 from grammars.roslaunch._model import LaunchNode, LaunchSettings
-from grammars.roslaunch._names import ParameterName, absolute_name, join_names, split_name
-from grammars.roslaunch._nodes import StartedNode, start_node
+from grammars.roslaunch._names import (
+    ParameterName,
+    absolute_name,
+    join_names,
+    split_name,
+    to_bool,
+)
 from grammars.roslaunch._packages import PackageError, Packages, files_near, follow_links, is_file
-from grammars.roslaunch._parameters import ParameterUpload, UnreadParameters
+from grammars.roslaunch._parameters import (
+    SOURCES,
+    ParameterUpload,
+    UnreadParameters,
+    read_param,
+)
 from grammars.roslaunch._scope import Scope, WrittenRemap
-from grammars.roslaunch._substitution import Substituted, Substitution
+from grammars.roslaunch._substitution import Substitution, UnknownValues
 from grammars.roslaunch._xml import XmlElement, parse_xml
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.ros_yaml import parse_ros_yaml
@@ -60,7 +68,8 @@ class LaunchReader:
     upload: ParameterUpload = field(default_factory=ParameterUpload)
     unread: list[UnreadParameters] = field(default_factory=list)
     notes: list[UnreadParameters] = field(default_factory=list)
-    nodes: dict[str, StartedNode] = field(default_factory=dict)
+    unknown: UnknownValues = field(default_factory=UnknownValues)
+    nodes: dict[str, LaunchNode] = field(default_factory=dict)
     declared: dict[str, bool] = field(default_factory=dict)
     files: dict[str, XmlElement] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
@@ -74,8 +83,7 @@ class LaunchReader:
         """Read the launch file that is started; its parameters are in ``upload`` afterwards."""
         self.upload = ParameterUpload()
         self._started = set()
-        args = {name: Substituted(text) for name, text in self.settings.args.items()}
-        scope = Scope(path, args=args, outermost=True)
+        scope = Scope(path, args=dict(self.settings.args), outermost=True)
         try:
             self._children(self._root(path), scope, 0)
         except InputError as error:
@@ -104,9 +112,9 @@ class LaunchReader:
                 self.errors += error.diagnostics
                 name = child.attributes.get("name")
                 if child.tag == "arg" and name:
-                    # Whoever uses it lacks it for the same reason, which is said once.
-                    unknown = Substituted(f"$(arg {name})", error.diagnostics)
-                    scope.args.setdefault(name, unknown)
+                    # Every use of it fails for the same reason, which is reported once.
+                    self.unknown.add(f"$(arg {name})", error.diagnostics)
+                    scope.args.setdefault(name, f"$(arg {name})")
 
     def _child(self, element: XmlElement, scope: Scope, depth: int) -> None:
         if element.tag in _IGNORED or not self._known(element) or not self._applies(element, scope):
@@ -148,16 +156,16 @@ class LaunchReader:
     def _substitution(self, scope: Scope) -> Substitution:
         """Return what commands stand for at a place."""
         folder = self.packages.symbolic(scope.file.parent)
-        return Substitution(scope.args, self.settings.env, folder)
+        return Substitution(scope.args, self.settings.env, folder, self.unknown)
 
-    def _attribute(self, element: XmlElement, name: str, scope: Scope) -> Substituted | None:
+    def _attribute(self, element: XmlElement, name: str, scope: Scope) -> str | None:
         """Return the value of an attribute with its commands filled in, None without it."""
         text = element.attributes.get(name)
         if text is None:
             return None
-        return self._substitution(scope).fill_in(text, lambda offset: element.place(name, offset))
+        return self._substitution(scope).fill_in(text, element.place(name))
 
-    def _required(self, element: XmlElement, name: str, scope: Scope) -> Substituted:
+    def _required(self, element: XmlElement, name: str, scope: Scope) -> str:
         """Return the value of an attribute that must be there; raises :class:`InputError`."""
         found = self._attribute(element, name, scope)
         if found is None:
@@ -165,9 +173,16 @@ class LaunchReader:
         return found
 
     def _switch(self, element: XmlElement, name: str, scope: Scope) -> bool:
-        """Return whether an attribute says true."""
-        found = self._attribute(element, name, scope)
-        return found is not None and truth(found, name, element.place(name))
+        """Return whether an attribute says true; raises :class:`InputError`."""
+        text = self._attribute(element, name, scope)
+        if text is None:
+            return False
+        self.unknown.refuse_in(text)
+        try:
+            return to_bool(text)
+        except ValueError as error:
+            message = f"{name}: {error}"
+            raise InputError.at(element.place(name), message, "write true or false") from error
 
     def _applies(self, element: XmlElement, scope: Scope) -> bool:
         """Say whether an element is read, by its ``if`` or ``unless``."""
@@ -179,7 +194,7 @@ class LaunchReader:
     def _inner(self, element: XmlElement, scope: Scope) -> Scope:
         """Return the scope inside of a group, include or node; clears what it is to clear."""
         namespace = self._attribute(element, "ns", scope)
-        if namespace is not None and not namespace.text:
+        if namespace == "":
             raise InputError.at(element.place("ns"), "ns is empty", "leave it out, or write a name")
         inner = scope.child(namespace)
         if element.tag != "node" and self._switch(element, "clear_params", scope):
@@ -190,14 +205,14 @@ class LaunchReader:
 
     def _arg(self, element: XmlElement, scope: Scope, target: Scope) -> None:
         """Declare an arg in ``target`` with a value worked out in ``scope``."""
-        name = self._required(element, "name", scope).text
+        name = self._required(element, "name", scope)
         value = self._attribute(element, "value", scope)
         default = self._attribute(element, "default", scope)
         if value is not None and default is not None:
             message = f"arg {name} has a value and a default"
             raise InputError.at(element.where, message, "write one of them")
-        if default is not None and default.missing and target.outermost:
-            default = replace(default, missing=_or_give_arg(default.missing, name))
+        if default is not None and target.outermost:
+            self.unknown.add_remedy(default, f'give the arg {name} under "args"')
         target.declare(name, value, default, element.where)
 
     def _param(self, element: XmlElement, scope: Scope, *, private: bool = False) -> None:
@@ -208,10 +223,8 @@ class LaunchReader:
             raise InputError.at(element.where, message, f"write one of {', '.join(SOURCES)}")
         name = self._required(element, "name", scope)
         text = self._required(element, given[0], scope)
-        kind = (element.attributes.get("type") or "auto").strip().lower()
-        parameter = read_param(element, given[0], text, kind)
-        parameter = replace(parameter, missing=(*parameter.missing, *name.missing))
-        written = name.text.strip()
+        parameter = read_param(element, given[0], text, self.unknown)
+        written = name.strip()
         if private or written.startswith("~"):
             scope.private[written.removeprefix("~")] = parameter
         else:
@@ -220,27 +233,25 @@ class LaunchReader:
     def _remap(self, element: XmlElement, scope: Scope, target: Scope) -> None:
         source = self._required(element, "from", scope)
         to = self._required(element, "to", scope)
-        if not source.text or not to.text:
+        if not source or not to:
             raise InputError.at(element.where, "<remap> from and to must not be empty")
         # Where a name was remapped further out, this one takes its place.
-        target.remaps.pop(source.text, None)
-        target.remaps[source.text] = WrittenRemap(source, to, element.where)
+        target.remaps.pop(source, None)
+        target.remaps[source] = WrittenRemap(source, to, element.where)
 
     def _include(self, element: XmlElement, scope: Scope, depth: int) -> None:
         file = self._required(element, "file", scope)
-        if self._is_skipped(file.text):
+        if self._is_skipped(file):
             return
         where = element.place("file")
         try:
-            path = self.packages.path(file.text, scope.file.parent, where)
+            path = self.packages.path(file, scope.file.parent, where)
         except PackageError as error:
-            self._leave_out(file.text, error.diagnostics[0])
+            self._leave_out(file, error.diagnostics[0])
             return
-        if file.missing:
-            raise InputError(needed(file.missing, "this include", where))
+        self.unknown.refuse_in(file)
         if not is_file(path, where):
-            message = f"no file {path} to include"
-            raise InputError.at(where, message, remedies(path, files_near(path)))
+            raise InputError.at(where, f"no file {path} to include", _remedies(path))
         self._includes += 1
         if depth >= _DEEPEST or self._includes > _MOST_INCLUDES:
             raise InputError.at(where, f"include of {path.name} within include goes on without end")
@@ -288,9 +299,9 @@ class LaunchReader:
             raise InputError.at(element.where, message, 'test a ROS 2 stack by "kind: ros2"')
         name = self._required(element, "name", scope)
         inner = self._inner(element, scope)
-        full = split_name(join_names(inner.namespace, name.text))
-        if "/" in name.text:
-            message = f'name "{name.text}" of a node cannot hold a namespace'
+        full = split_name(join_names(inner.namespace, name))
+        if "/" in name:
+            message = f'name "{name}" of a node cannot hold a namespace'
             raise InputError.at(element.place("name"), message, "write the namespace as ns")
         if self._switch(element, "clear_params", scope):
             self.upload.taken_away.append(full)
@@ -308,33 +319,32 @@ class LaunchReader:
         for key, parameter in (*scope.private.items(), *own.private.items()):
             self.upload.set((*full, *split_name(key)), parameter)
         package, kind = (self._required(element, key, scope) for key in ("pkg", "type"))
-        arguments = self._attribute(element, "args", scope) or Substituted("")
-        node = LaunchNode(absolute_name(full), package.text, kind.text, (), element.where)
-        missing = (*inner.missing, *name.missing, *package.missing, *kind.missing)
-        started = start_node(node, arguments, element.place("args"), own.remaps.values(), missing)
+        arguments = self._attribute(element, "args", scope) or ""
+        node = LaunchNode(absolute_name(full), package, kind, (), element.where)
+        node = own.start(node, arguments, element.place("args"), self.unknown)
         if node.name in self._started:
             message = f"a second node is called {node.name}, roslaunch refuses to start this"
             raise InputError.at(element.where, message, "give one of them another name or ns")
         self._started.add(node.name)
-        self.nodes[node.name] = started
+        self.nodes[node.name] = node
 
     def _rosparam(
         self, element: XmlElement, scope: Scope, namespace: str, owner: ParameterName | None
     ) -> None:
         """Load parameters into ``namespace``; ``owner`` is the node this stands in."""
-        command = self._attribute(element, "command", scope) or Substituted("load")
+        command = self._attribute(element, "command", scope) or "load"
         ns, param = (self._attribute(element, key, scope) for key in ("ns", "param"))
-        below = join_names(ns.text if ns else "", param.text if param else "")
+        below = join_names(ns or "", param or "")
         target = split_name(join_names(namespace, below))
-        if command.text == "delete":
+        if command == "delete":
             self.upload.taken_away.append(target)
-        elif command.text == "load":
+        elif command == "load":
             try:
                 self._load(element, scope, target, owner, any_value=bool(below))
             except InputError as error:
                 self.unread.append(UnreadParameters(target, owner, error.diagnostics))
-        elif command.text != "dump":
-            message = f'command "{command.text}" is none of load, delete, dump'
+        elif command != "dump":
+            message = f'command "{command}" is none of load, delete, dump'
             raise InputError.at(element.place("command"), message)
 
     def _load(
@@ -351,7 +361,7 @@ class LaunchReader:
         source, name = element.text, element.where.file
         file = self._attribute(element, "file", scope)
         if file is not None:
-            if self._is_skipped(file.text):
+            if self._is_skipped(file):
                 return
             path = self._parameter_file(file, scope, element.place("file"))
             source, name, lines = read_text(path), str(path), ()
@@ -368,30 +378,27 @@ class LaunchReader:
             begin = lines[line - 1]
             return Where(name, begin.line, begin.column + column - 1)
 
-        missing: tuple[Diagnostic, ...] = ()
         if self._switch(element, "subst_value", scope):
-            text = source
-            filled = self._substitution(scope).fill_in(
-                text, lambda offset: locate(*line_and_column(text, offset))
-            )
-            source, missing = filled.text, filled.missing
+            substitution = self._substitution(scope)
+            filled = [substitution.fill_in(t, locate(k, 1)) for k, t in enumerate(source_lines, 1)]
+            source = "\n".join(filled)
         document, notes = parse_ros_yaml(source, name, locate=locate, any_value=any_value)
         self.notes.append(UnreadParameters(target, owner, notes))
-        self.upload.load(target, document, missing)
+        self.upload.load(target, document, self.unknown)
 
-    def _parameter_file(self, file: Substituted, scope: Scope, where: Where) -> Path:
-        if file.missing:
-            ending = file.text.rpartition("/")[2]
-            hint = f'or, if the node starts without the file, write "{ending}" under "skip"'
-            hint = "" if "$(" in ending else hint
-            raise InputError(needed(file.missing, file.text, where, hint))
-        path = self.packages.path(file.text, scope.file.parent, where)
+    def _parameter_file(self, file: str, scope: Scope, where: Where) -> Path:
+        ending = file.rpartition("/")[2]
+        if "$(" not in ending:
+            remedy = f'if the node starts without the file, write "{ending}" under "skip"'
+            self.unknown.add_remedy(file, remedy)
+        self.unknown.refuse_in(file)
+        path = self.packages.path(file, scope.file.parent, where)
         if not is_file(path, where):
-            raise InputError.at(where, f"no file {path}", remedies(path, files_near(path)))
+            raise InputError.at(where, f"no file {path}", _remedies(path))
         return follow_links(path, self.warnings)
 
 
-def _or_give_arg(missing: tuple[Diagnostic, ...], name: str) -> tuple[Diagnostic, ...]:
-    return tuple(
-        replace(one, hint=f'{one.hint}; or give the arg {name} under "args"') for one in missing
-    )
+def _remedies(path: Path) -> str:
+    """Return what to do about a file that is not there."""
+    skip = f'if it is not needed, write "{path.name}" under "skip"'
+    return "; ".join(filter(None, (files_near(path), skip)))

@@ -1,13 +1,21 @@
-"""What holds at a place of a launch file: namespace, args, remaps and private parameters."""
+"""Declarations in force at a place of a launch file, and the names they give a node."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import shlex
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from grammars.roslaunch._names import join_names
-from grammars.roslaunch._substitution import Substituted
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.roslaunch._model import LaunchNode, LaunchRemap
+from grammars.roslaunch._names import (
+    convert_argument,
+    is_legal,
+    join_names,
+    resolve_for_node,
+    split_name,
+)
+from grammars.roslaunch._substitution import UnknownValues
+from grammars.text.diagnostics import InputError, Where
 from grammars.text.ros_yaml import ParameterValue
 
 
@@ -15,8 +23,8 @@ from grammars.text.ros_yaml import ParameterValue
 class WrittenRemap:
     """A remap as it is written; its names are resolved for each node."""
 
-    source: Substituted
-    target: Substituted
+    source: str
+    target: str
     where: Where
 
 
@@ -27,36 +35,30 @@ class Scope:
     ``declared`` are the args this file has named, true for those that can be passed.
     ``overriding`` is set where all args of the outer file were passed on: values of the file then
     replace them. ``outermost`` is set in a file that is started, whose args are given by people.
-    ``missing`` is what the namespace lacks.
     """
 
     file: Path
     namespace: str = "/"
-    args: dict[str, Substituted] = field(default_factory=dict)
+    args: dict[str, str] = field(default_factory=dict)
     declared: dict[str, bool] = field(default_factory=dict)
     overriding: bool = False
     outermost: bool = False
     remaps: dict[str, WrittenRemap] = field(default_factory=dict)
     private: dict[str, ParameterValue] = field(default_factory=dict)
-    missing: tuple[Diagnostic, ...] = ()
 
-    def child(self, namespace: Substituted | None) -> Scope:
+    def child(self, namespace: str | None) -> Scope:
         """Return a scope inside of this one, in a namespace of its own if there is one."""
-        name, missing = ("", ()) if namespace is None else (namespace.text, namespace.missing)
         return Scope(
             file=self.file,
-            namespace=join_names(self.namespace, name) if name else self.namespace,
+            namespace=join_names(self.namespace, namespace) if namespace else self.namespace,
             args=dict(self.args),
             declared=dict(self.declared),
             outermost=self.outermost,
             remaps=dict(self.remaps),
             private=dict(self.private),
-            missing=(*self.missing, *missing),
         )
 
-    def declare(
-        self, name: str, value: Substituted | None, default: Substituted | None, where: Where
-    ) -> None:
+    def declare(self, name: str, value: str | None, default: str | None, where: Where) -> None:
         """Declare an arg; a ``value`` is fixed, a ``default`` holds where none was passed.
 
         Raises :class:`InputError` for what roslaunch refuses.
@@ -73,3 +75,41 @@ class Scope:
             self.args[name] = value
         elif default is not None:
             self.args.setdefault(name, default)
+
+    def start(
+        self, node: LaunchNode, arguments: str, where: Where, unknown: UnknownValues
+    ) -> LaunchNode:
+        """Return ``node`` with its remaps and arguments, which stand at ``where``.
+
+        Its ``parameters`` are those among its arguments. Raises :class:`InputError` for names that
+        ROS does not have.
+        """
+        try:
+            words = tuple(shlex.split(arguments))
+        except ValueError as error:
+            raise InputError.at(where, f"args: {error}") from error
+        written = [
+            WrittenRemap(source, target, where)
+            for source, sign, target in (word.partition(":=") for word in words)
+            if sign and source and not source.startswith("_")
+        ]
+        # roslaunch appends what remaps say to the arguments, and the last one of a name counts.
+        remaps: dict[str, LaunchRemap] = {}
+        for remap in (*written, *self.remaps.values()):
+            for name in (remap.source, remap.target):
+                if remap not in written and not is_legal(name) and not unknown.reasons_in(name):
+                    raise InputError.at(remap.where, f'"{name}" is no name that ROS has')
+            source = resolve_for_node(remap.source, node.name)
+            remaps[source] = LaunchRemap(resolve_for_node(remap.target, node.name), remap.where)
+        return replace(
+            node,
+            arguments=words,
+            remaps={source: remap for source, remap in remaps.items() if source != remap.to},
+            parameters={
+                split_name(name[1:]): ParameterValue(
+                    convert_argument(value), where, unknown.reasons_in(value)
+                )
+                for name, sign, value in (word.partition(":=") for word in words)
+                if sign and name.startswith("_") and not name.startswith("__")
+            },
+        )

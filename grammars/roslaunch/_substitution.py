@@ -1,18 +1,18 @@
 """``$(arg …)``, ``$(env …)``, ``$(find …)`` and the like in texts of launch files.
 
-What is not known (a variable that is not set, a package that is not given) stays as it is written
-and is noted: it is wrong only where somebody needs it. ``$(find PACKAGE)`` stays in texts in any
-case and becomes a path where a file is opened, so that no parameter depends on a machine's folders.
-Source: roslaunch.substitution_args (ROS Noetic).
+A variable that is not set, and an arg that could not be worked out, stay in the text as they are
+written: they are wrong only where somebody needs the text (:meth:`Substitution.unknown_in`).
+``$(find PACKAGE)`` stays in any case and becomes a path where a file is opened, so that no
+parameter depends on a machine's folders. Source: roslaunch.substitution_args (ROS Noetic).
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from grammars.roslaunch._expressions import ExpressionError, evaluate
 from grammars.roslaunch._names import convert_value
@@ -20,58 +20,59 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mea
 
 _COMMAND: Final = re.compile(r"\$\(([^)]*)\)")
 _COMMANDS: Final = ("anon", "arg", "dirname", "env", "find", "optenv")
-Locate: TypeAlias = Callable[[int], Where]
-"""Where the character at an offset of a text stands."""
 
 
-@dataclass(frozen=True, slots=True)
-class Substituted:
-    """A text with what is known filled in; ``missing`` says what is not."""
+class UnknownValues:
+    """Commands without a value, and why: each is reported once, wherever it is needed."""
 
-    text: str
-    missing: tuple[Diagnostic, ...] = ()
+    def __init__(self) -> None:
+        self._reasons: dict[str, tuple[Diagnostic, ...]] = {}
 
+    def add(self, command: str, reasons: Iterable[Diagnostic]) -> None:
+        """Remember why a command such as ``$(env ROBOT)`` has no value; the first reasons count."""
+        self._reasons.setdefault(command, tuple(reasons))
 
-class MissingValueError(Exception):
-    """Something is needed that is not known; ``missing`` says what."""
+    def add_remedy(self, text: str, remedy: str) -> None:
+        """Add another way out to the hints about what has no value in ``text``."""
+        for match in _COMMAND.finditer(text):
+            reasons = self._reasons.get(match[0], ())
+            self._reasons[match[0]] = tuple(
+                one if remedy in one.hint else replace(one, hint=f"{one.hint}; or {remedy}")
+                for one in reasons
+            )
 
-    def __init__(self, missing: tuple[Diagnostic, ...]) -> None:
-        self.missing = missing
-        super().__init__("\n".join(map(str, missing)))
+    def reasons_in(self, text: str) -> tuple[Diagnostic, ...]:
+        """Return what keeps ``text`` from being the text meant."""
+        commands = (match[0] for match in _COMMAND.finditer(text))
+        return tuple(reason for one in commands for reason in self._reasons.get(one, ()))
+
+    def refuse_in(self, text: str) -> None:
+        """Raise :class:`InputError` if something in ``text`` has no value."""
+        if reasons := self.reasons_in(text):
+            raise InputError(reasons)
 
 
 @dataclass(frozen=True, slots=True)
 class Substitution:
-    """What commands stand for in one file: its args, its folder, the variables that are given."""
+    """The meaning of commands in one file: its args, its folder, the variables that are given."""
 
-    args: Mapping[str, Substituted]
+    args: Mapping[str, str]
     env: Mapping[str, str]
     folder: str
+    unknown: UnknownValues
 
-    def fill_in(self, text: str, locate: Locate) -> Substituted:
-        """Return ``text`` with its commands replaced; ``locate`` says where they stand.
+    def fill_in(self, text: str, where: Where) -> str:
+        """Return ``text``, which stands at ``where``, with its commands replaced.
 
         Raises :class:`InputError` for commands that roslaunch does not know or cannot read.
         """
         if "$(" not in text:
-            return Substituted(text)
+            return text
         if text.startswith("$(eval ") and text.endswith(")"):
-            return self._evaluated(text, locate(0))
-        missing: list[Diagnostic] = []
+            return self._evaluated(text, where)
+        return _COMMAND.sub(lambda match: self._command(match[0], match[1], where), text)
 
-        def replaced(match: re.Match[str]) -> str:
-            try:
-                found = self._command(match[0], match[1], locate(match.start()))
-            except MissingValueError as error:
-                missing.extend(error.missing)
-                return match[0]
-            missing.extend(found.missing)
-            return found.text
-
-        filled = _COMMAND.sub(replaced, text)
-        return Substituted(filled, tuple(dict.fromkeys(missing)))
-
-    def _command(self, whole: str, inside: str, where: Where) -> Substituted:
+    def _command(self, whole: str, inside: str, where: Where) -> str:
         if "$" in inside or "(" in inside:
             message = f"{whole}: nothing can stand inside of a substitution"
             raise InputError.at(where, message, "only $(eval …), alone in its text, has parts")
@@ -84,21 +85,21 @@ class Substitution:
             raise InputError.at(where, f'{whole}: there is no command "{name}"', hint)
         few, many = {"dirname": (0, 0), "optenv": (1, 99)}.get(name, (1, 1))
         if not few <= len(arguments) <= many:
-            raise InputError.at(where, f"{whole}: {name} takes {_counted(few)}")
+            raise InputError.at(where, f"{whole}: {name} takes {('nothing', 'one word')[few]}")
         match name:
             case "arg":
                 return self._arg(arguments[0], where)
             case "env":
-                return Substituted(self._env(arguments[0], where))
+                return self._env(arguments[0], where)
             case "optenv":
-                return Substituted(self.env.get(arguments[0], " ".join(arguments[1:])))
+                return self.env.get(arguments[0], " ".join(arguments[1:]))
             case "dirname":
-                return Substituted(self.folder)
+                return self.folder
             case "anon":
-                return Substituted(_anonymous(arguments[0]))
-        return Substituted(f"$(find {arguments[0]})")
+                return _anonymous(arguments[0])
+        return f"$(find {arguments[0]})"
 
-    def _arg(self, name: str, where: Where) -> Substituted:
+    def _arg(self, name: str, where: Where) -> str:
         if name not in self.args:
             message = f"arg {name} has no value here"
             hint = 'give it under "args", where the file is included, or as a default'
@@ -106,48 +107,59 @@ class Substitution:
         return self.args[name]
 
     def _env(self, name: str, where: Where) -> str:
-        if name not in self.env:
-            hint = f'write it under "env", such as {name}: VALUE'
-            here = os.environ.get(name)
-            if here is not None:
-                hint = f'write it under "env"; in this shell it is {name}: {here}'
-            message = f"environment variable {name} is not given"
-            raise MissingValueError((Diagnostic(where, message, hint),))
-        return self.env[name]
+        if name in self.env:
+            return self.env[name]
+        hint = f'write it under "env", such as {name}: VALUE'
+        value_here = os.environ.get(name)
+        if value_here is not None:
+            hint = f'write it under "env"; in this shell it is {name}: {value_here}'
+        command = f"$(env {name})"
+        message = f"environment variable {name} is not given"
+        self.unknown.add(command, [Diagnostic(where, message, hint)])
+        return command
 
-    def _evaluated(self, text: str, where: Where) -> Substituted:
+    def _evaluated(self, text: str, where: Where) -> str:
+        """Return the value of an expression, or the first text in it that has none."""
+
+        def checked(value: str) -> str:
+            if self.unknown.reasons_in(value):
+                raise _UnknownError(value)
+            return value
+
         def arg(name: str) -> Any:
-            value = self._arg(name, where)
-            if value.missing:
-                raise MissingValueError(value.missing)
-            return convert_value(value.text)
+            return convert_value(checked(self._arg(name, where)))
 
         functions: dict[str, Callable[..., Any]] = {
             "arg": arg,
-            "env": lambda name: self._env(str(name), where),
+            "env": lambda name: checked(self._env(str(name), where)),
             "optenv": lambda name, default="": self.env.get(str(name), default),
             "find": lambda package: f"$(find {package})",
             "dirname": lambda: self.folder,
             "anon": lambda name: _anonymous(str(name)),
         }
         try:
-            value = evaluate(
-                text[len("$(eval ") : -1],
-                lambda name: arg(name) if name in self.args else None,
-                functions,
+            return str(
+                evaluate(
+                    text[len("$(eval ") : -1],
+                    lambda name: arg(name) if name in self.args else None,
+                    functions,
+                )
             )
-        except MissingValueError as error:
-            return Substituted(text, error.missing)
+        except _UnknownError as error:
+            return error.text
         except ExpressionError as error:
             hint = did_you_mean("", self.args) if "no arg is called" in str(error) else ""
             raise InputError.at(where, f"{text}: {error}", hint) from error
-        return Substituted(str(value))
+
+
+class _UnknownError(Exception):
+    """An expression needs ``text``, in which something has no value."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        super().__init__(text)
 
 
 def _anonymous(name: str) -> str:
     """Return a name of its own; roslaunch adds host, process and time, which no run may hang on."""
     return f"{name}_anonymous"
-
-
-def _counted(few: int) -> str:
-    return ("nothing", "one word")[few]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final
 from xml.parsers import expat
 
@@ -23,8 +23,8 @@ _ATTRIBUTE: Final = re.compile(rb"\s+([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')"
 class XmlElement:
     """An element; ``text`` is its own text without that of its children and of comments.
 
-    ``places`` holds where the value of each attribute begins, ``widths`` how long its first line
-    is, ``lines`` where each line of the text begins.
+    ``places`` holds where the value of each attribute begins, ``lines`` where each line of the text
+    begins.
     """
 
     tag: str
@@ -34,17 +34,10 @@ class XmlElement:
     children: tuple[XmlElement, ...] = ()
     text: str = ""
     lines: tuple[Where, ...] = ()
-    widths: Mapping[str, int] = field(default_factory=dict)
 
-    def place(self, attribute: str, offset: int = 0) -> Where:
-        """Return where a character of an attribute's value stands, or the element without one.
-
-        What stands in a later line of the value is said to be at the end of the first.
-        """
-        begin = self.places.get(attribute)
-        if begin is None:
-            return self.where
-        return replace(begin, column=begin.column + min(offset, self.widths[attribute]))
+    def place(self, attribute: str) -> Where:
+        """Return where an attribute's value begins, or the element without one."""
+        return self.places.get(attribute, self.where)
 
 
 def parse_xml(text: str, file: str) -> XmlElement:
@@ -78,7 +71,6 @@ class _Open:
     where: Where
     attributes: dict[str, str]
     places: dict[str, Where]
-    widths: dict[str, int]
     children: list[XmlElement] = field(default_factory=list)
     text: list[str] = field(default_factory=list)
     lines: list[Where] = field(default_factory=list)
@@ -92,7 +84,7 @@ class _Builder:
         self.data = data
         self.parser: Any = None
         self._starts = [0, *(m.end() for m in re.finditer(b"\n", data))]
-        self._open: list[_Open] = [_Open("", Where(file), {}, {}, {})]
+        self._open: list[_Open] = [_Open("", Where(file), {}, {})]
 
     def root(self) -> XmlElement:
         """Return the outermost element."""
@@ -104,7 +96,7 @@ class _Builder:
         if len(self._open) > _DEEPEST:
             raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
         values = dict(zip(attributes[::2], attributes[1::2], strict=True))
-        self._open.append(_Open(tag, where, values, *self._attribute_places(tag)))
+        self._open.append(_Open(tag, where, values, self._attribute_places(tag)))
 
     def end(self, _: str) -> None:
         """End the innermost element."""
@@ -112,7 +104,7 @@ class _Builder:
         self._open[-1].children.append(
             XmlElement(
                 done.tag, done.where, done.attributes, done.places,
-                tuple(done.children), "".join(done.text), tuple(done.lines), done.widths,
+                tuple(done.children), "".join(done.text), tuple(done.lines),
             )
         )  # fmt: skip
 
@@ -131,16 +123,14 @@ class _Builder:
     def _here(self) -> Where:
         return Where(self.file, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
 
-    def _attribute_places(self, tag: str) -> tuple[dict[str, Where], dict[str, int]]:
-        """Return where the attributes of the element here have their values, and their widths."""
+    def _attribute_places(self, tag: str) -> dict[str, Where]:
+        """Return where the attributes of the element here have their values."""
         position = self.parser.CurrentByteIndex + 1 + len(tag.encode())
-        found, widths = {}, {}
+        places = {}
         while match := _ATTRIBUTE.match(self.data, position):
-            position, name = match.end(), match[1].decode()
-            found[name] = self._at(match.start(2) + 1)
-            first, *_ = re.split(b"[\r\n]", match[2][1:-1], maxsplit=1)
-            widths[name] = len(first.decode(errors="replace"))
-        return found, widths
+            position = match.end()
+            places[match[1].decode()] = self._at(match.start(2) + 1)
+        return places
 
     def _at(self, offset: int) -> Where:
         line = bisect_right(self._starts, offset)

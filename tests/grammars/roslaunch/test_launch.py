@@ -196,7 +196,7 @@ def test_subst_value_fills_in_the_file(tmp_path):
     found = node(started(tmp_path, body), "/amcl").parameters
     assert found["frame",].value == "r1/odom"
     (missing,) = found["other",].missing
-    assert str(missing.where) == f"{tmp_path / 'a.yaml'}:2:8"
+    assert str(missing.where) == f"{tmp_path / 'a.yaml'}:2:1"
     assert parameters(started(tmp_path, body, env={"ROBOT": "x"}), "/amcl")["other"] == "x"
     unfilled = started(tmp_path, body.replace('subst_value="true"', ""))
     assert parameters(unfilled, "/amcl")["frame"] == "$(arg prefix)odom"
@@ -232,18 +232,19 @@ def test_commands_and_files_of_params_are_not_read(tmp_path):
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
-        (AMCL.format('<rosparam file="$(env HOME)/pose.yaml"/>'),
-         'a.launch:2:58: environment variable HOME is not given, which is needed for '
-         '$(env HOME)/pose.yaml (a.launch:2)'),
+        (AMCL.format('<rosparam file="$(env ROBOT)/pose.yaml"/>'),
+         'a.launch:2:58: environment variable ROBOT is not given\n    write it under "env", such '
+         'as ROBOT: VALUE; or if the node starts without the file, write "pose.yaml" under "skip"'),
         (AMCL.format('<rosparam file="$(find robot)/pose.yaml"/>'),
          'package robot is not given\n    name the folder of robot, or one above it'),
         (AMCL.format('<rosparam file="$(dirname)/b.launch"/>'),
          'no file b.launch\n    did you mean "a.launch"?; if it is not needed, write "b.launch"'),
         (AMCL.format("<rosparam>\n  a: 1\n  b: [\n</rosparam>"), "a.launch:5:1: is not valid YAML"),
         (AMCL.format("<rosparam>[1]</rosparam>"), "expected parameters, NAME: VALUE"),
-        (AMCL.format('<remap from="$(env A)" to="b"/>'), "A is not given, which is needed for /a"),
+        (AMCL.format('<remap from="$(env A)" to="b"/>'),
+         "a.launch:2:55: environment variable A is not"),
         ('<group ns="$(env A)">' + AMCL.format("") + "</group>", "environment variable A is not"),
-        ('<group if="$(env A)"/>', "environment variable A is not given, which is needed for if"),
+        ('<group if="$(env A)"/>', "a.launch:2:12: environment variable A is not"),
         ('<group if="maybe"/>', 'if: "maybe" is neither true nor false'),
         ('<group if="1" unless="1"/>', "has both if and unless"),
         ('<arg name="a"/><group ns="$(arg a)"/>', "a.launch:2:27: arg a has no value here"),
@@ -251,7 +252,7 @@ def test_commands_and_files_of_params_are_not_read(tmp_path):
         ('<arg name="a" value="1"/><arg name="a" value="1"/>', "arg a is declared twice"),
         ('<include file="$(dirname)/b.launch"/>', "no file b.launch to include"),
         ('<include file="$(dirname)/a.launch"/>', "goes on without end"),
-        ('<include file="$(env A).launch"/>', "needed for this include (a.launch:2)"),
+        ('<include file="$(env A).launch"/>', "a.launch:2:16: environment variable A is not"),
         ('<param name="a"/>', "<param> has no value"),
         ('<param name="a" value="x" type="int"/>', 'a.launch:2:24: a: "x" is not a whole number'),
         ('<param name="a" value="x" type="list"/>', 'there is no type "list"'),
