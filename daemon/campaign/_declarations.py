@@ -21,7 +21,14 @@ from daemon.model.assessments import (
     ScenarioComparison,
 )
 from grammars.oracle import Leg, Oracle, leg_number, parse_oracle, unit_of
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, raise_all
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    SourceText,
+    Where,
+    did_you_mean,
+    raise_all,
+)
 from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.quantity import parse_in
 
@@ -84,7 +91,7 @@ def time_legs(
         leg = comparison.leg
         if leg is None or cell.scenario.name not in (comparison.left, comparison.right):
             continue
-        where = _sentence_place(comparison.name, document)
+        where = document.where_text("compare", comparison.name)
         number = int(leg) if leg.isdigit() else 0
         try:
             leg_number(Leg(number, "" if number else leg), cell.mission)
@@ -100,25 +107,15 @@ def _leg_measure(name: str, leg: str, where: Where) -> Oracle:
     return parse_oracle(name, f"max(mission.leg.elapsed) on leg {quoted}", where)
 
 
-def _sentence_place(name: str, document: YamlDocument) -> Where:
-    """Return where the sentence of a comparison begins: after its key, when on the same line."""
-    # YAML knows where keys and list items stand, not where a value in the middle of a line does;
-    # a complaint about "S3.5" is to point at it.
-    key, text = document.where(("compare", name)), document.data["compare"][name]
-    lines = document.text.splitlines()
-    line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
-    column = line.find(str(text), key.column)
-    return Where(key.file, key.line, column + 1) if column >= 0 else key
-
-
 def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
-    where = _sentence_place(name, draft.document)
+    where = draft.document.where_text("compare", name)
+    source = SourceText(sentence, where.file, within=where)
     parts = _SENTENCE.fullmatch(sentence)
     if parts is None:
         raise InputError(Diagnostic(where, f'"{sentence}" is not a comparison', _EXAMPLE))
 
     def at(part: str) -> Where:
-        return Where(where.file, where.line, where.column + parts.start(part))
+        return source.where(parts.start(part))
 
     left, right, quantity = parts["left"], parts["right"], parts["quantity"]
     problems = [d for part in ("left", "right") for d in _unknown(parts[part], at(part), draft)]

@@ -238,13 +238,4 @@ def _read(document: YamlDocument, name: str, text: object) -> Oracle:
         )
     if not isinstance(text, str):
         raise InputError.at(key, f'oracle "{name}" is not a line of text')
-    return parse_oracle(name, text, _value_place(document, key, text))
-
-
-def _value_place(document: YamlDocument, key: Where, text: str) -> Where:
-    """Return where ``text`` begins: after its key, when it stands on the same line."""
-    lines = document.text.splitlines()
-    line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
-    column = line.find(text, key.column)
-    # Over several lines, or with escapes, the text is laid out otherwise than it reads.
-    return Where(key.file, key.line, column + 1) if column >= 0 else Where(key.file, key.line)
+    return parse_oracle(name, text, document.where_text(name))

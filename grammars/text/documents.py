@@ -30,7 +30,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where, closest, di
 from grammars.text.quantity import read_as
 from grammars.text.sources import read_text as read_text
 from grammars.text.yaml_composer import KeyPath as KeyPath
-from grammars.text.yaml_composer import compose, kind_of, source_at
+from grammars.text.yaml_composer import compose, kind_of, source_at, source_line
 
 M = TypeVar("M", bound="StrictModel")
 
@@ -140,6 +140,20 @@ class YamlDocument:
             if place is not None:
                 return place
         return Where(self.file)
+
+    def where_text(self, *path: str) -> Where:
+        """Return where the text at ``path`` begins, behind its key.
+
+        It is the line of the key, without a column, when the text is laid out otherwise than it
+        reads: over several lines, with escapes, on a line of its own.
+        """
+        # YAML marks the key; a complaint about a part of the value is to point at that part.
+        key, value = self.where(path), self.data
+        for part in path:
+            value = value[part]
+        line = source_line(self.text, key)
+        column = line.find(value, line.find(":", key.column))
+        return Where(key.file, key.line, column + 1)
 
 
 def paths_inside(value: Any) -> Iterator[KeyPath]:

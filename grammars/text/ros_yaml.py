@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 
 import yaml
 
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
 from grammars.text.documents import KeyPath, YamlDocument, read_text
 from grammars.text.yaml_composer import mark_place, yaml_loader
 
@@ -76,9 +76,10 @@ def parse_ros_yaml(
     ``locate`` places a text that is a part of its file. With ``any_value`` the text may be a
     list or a single value as well, otherwise it is a mapping.
     """
+    whole = SourceText(text, file)
 
     def place(mark: Any) -> Where:
-        where = mark_place(text, file, mark)
+        where = mark_place(whole, mark)
         return where if locate is None else locate(where.line, where.column)
 
     begin = Where(file, 1, 1) if locate is None else locate(1, 1)

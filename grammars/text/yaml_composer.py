@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 
 import yaml
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where
 
 Key: TypeAlias = str | int
 KeyPath: TypeAlias = tuple[Key, ...]
@@ -40,16 +40,17 @@ def compose(text: str, file: str) -> tuple[Any, Places]:
     what is no YAML, is written twice, no text as a key, nested or larger than a person writes it,
     and for aliases, merge keys and tags.
     """
+    source = SourceText(text, file)
     control = _CONTROL.search(text)
     if control is not None:
         sign = f"U+{ord(control[0]):04X}"
         message = f"is not valid YAML: holds the control character {sign}"
-        raise InputError.at(_place_of(text, file, control.start()), message, "take it out")
-    composer = _Composer(text, file)
+        raise InputError.at(source.where(control.start()), message, "take it out")
+    composer = _Composer(source)
     try:
         return composer.read(yaml.parse(text, Loader=yaml_loader()))
     except yaml.YAMLError as error:
-        raise InputError(_explain(text, file, error)) from error
+        raise InputError(_explain(source, error)) from error
     except (ValueError, OverflowError) as error:
         # Its scanner has no words of its own for the escape of a sign there is none of.
         message = f"is not valid YAML: {error}"
@@ -64,11 +65,10 @@ def yaml_loader() -> Any:
 class _Composer:
     """Reads the events of one document; what can be said of several places is said at once."""
 
-    def __init__(self, text: str, file: str) -> None:
-        self.places: Places = {(): Where(file, 1, 1)}
-        self.last_place = Where(file, 1, 1)
-        self._text = text
-        self._file = file
+    def __init__(self, source: SourceText) -> None:
+        self.last_place = source.where(0)
+        self.places: Places = {(): self.last_place}
+        self._source = source
         self._events: Iterator[Any] = iter(())
         self._findings: list[Diagnostic] = []
         self._nodes = 0
@@ -90,8 +90,7 @@ class _Composer:
         return data, self.places
 
     def _place(self, event: Any) -> Where:
-        mark = event.start_mark
-        return Where(self._file, mark.line + 1, mark.column + 1)
+        return mark_place(self._source, event.start_mark)
 
     def _value(self, event: Any, path: KeyPath) -> Any:
         where = self._check(event, len(path))
@@ -161,7 +160,7 @@ class _Composer:
         value = self._value(event, (*path, ""))
         if isinstance(value, str):
             return value
-        written = source_at(self._text, where, _KEY) or str(value)
+        written = source_at(self._source.text, where, _KEY) or str(value)
         message = f"key {written} is {kind_of(value)}, not text"
         hint = "" if isinstance(value, list | dict) else f'write it as "{written}"'
         self._note(where, message, hint)
@@ -224,18 +223,20 @@ _KEY: Final = re.compile(r"[^\s:]+")
 
 def source_at(text: str, where: Where, pattern: re.Pattern[str]) -> str:
     """Return what the file says at a place, empty when it is not what the pattern expects."""
-    lines = text.splitlines()
-    line = lines[where.line - 1] if 0 < where.line <= len(lines) else ""
-    found = pattern.match(line, max(0, where.column - 1))
+    found = pattern.match(source_line(text, where), max(0, where.column - 1))
     return "" if found is None else found[found.lastindex or 0]
 
 
-def mark_place(text: str, file: str, mark: Any) -> Where:
-    """Return the place of a mark of PyYAML, which counts from 0."""
-    if mark.index >= len(text):
-        # libyaml ends a text that has no line end with a line of its own.
-        return _place_of(text, file, len(text))
-    return Where(file, mark.line + 1, mark.column + 1)
+def source_line(text: str, where: Where) -> str:
+    """Return the line of a text that holds a place."""
+    lines = text.split("\n")
+    return lines[where.line - 1] if 0 < where.line <= len(lines) else ""
+
+
+def mark_place(source: SourceText, mark: Any) -> Where:
+    """Return the place of a mark of PyYAML."""
+    # Its offset alone: YAML 1.1 ends lines at U+0085, U+2028 and U+2029 too, where editors do not.
+    return source.where(min(mark.index, len(source.text)))
 
 
 # PyYAML tells its errors apart by nothing but their text.
@@ -252,28 +253,22 @@ _REMEDIES: Final = (
 """What YAML's own messages mean to a person: part of the message, our words, what to do."""
 
 
-def _explain(text: str, file: str, error: Any) -> Diagnostic:
+def _explain(source: SourceText, error: Any) -> Diagnostic:
     """Return what is wrong in the words of people."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
         position = getattr(error, "position", None)
-        where = Where(file, 1, 1) if position is None else _place_of(text, file, position)
-        return Diagnostic(where, f"is not valid YAML: {first_line}")
-    where = mark_place(text, file, mark)
+        return Diagnostic(source.where(position or 0), f"is not valid YAML: {first_line}")
+    where = mark_place(source, mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
     # libyaml and PyYAML's own parser say these two in words that have nothing in common.
-    if text.startswith("\t", mark.index):
+    if source.text.startswith("\t", mark.index):
         return Diagnostic(where, "is not valid YAML: indents with a tab", "indent with spaces")
-    if mark.index >= len(text) and "expected" in problem.split():
+    if mark.index >= len(source.text) and "expected" in problem.split():
         message = "is not valid YAML: ends in the middle of a list or mapping"
         return Diagnostic(where, message, "a bracket or value is missing")
     for part, ours, hint in _REMEDIES:
         if part in problem:
             return Diagnostic(where, f"is not valid YAML: {ours or problem}", hint)
     return Diagnostic(where, f"is not valid YAML: {problem}")
-
-
-def _place_of(text: str, file: str, offset: int) -> Where:
-    line = text.count("\n", 0, offset) + 1
-    return Where(file, line, offset - text.rfind("\n", 0, offset))

@@ -125,6 +125,8 @@ def test_any_change_of_what_is_declared_is_another_campaign(folder):
     [
         ("(rude.1 vs calm.1) <=", "(rude.1 vs calm.2) <=",
          ['tiny.yaml:22:27: no scenario "calm.2" here', 'did you mean "calm.1"?']),
+        (": delay(rude.1 vs calm.1) <=", ": >\n   delay(calm.1\n   vs calm.2) <=",
+         ['tiny.yaml:22: no scenario "calm.2" here']),
         ("(rude.1 vs calm.1) <=", "(base vs calm.1) <=", ["tiny.yaml:22:17", "is abstract"]),
         ("(rude.1 vs calm.1) <=", "(calm.1 vs calm.1) <=", ["compared with itself"]),
         ("(rude.1 vs calm.1) <=", "(rude.1, calm.1) <=",

@@ -149,3 +149,41 @@ def test_a_key_of_another_name_is_told_from_one_of_another_place(key, said):
     with pytest.raises(InputError) as caught:
         read_model(parse_yaml(f"{key}: 1\n", "corridor.yaml"), Corridor)
     assert said in str(caught.value)
+
+
+LINE_ENDS_TO_YAML_ALONE = "\u2028\u2029\x85"
+
+
+@pytest.mark.parametrize("sign", LINE_ENDS_TO_YAML_ALONE)
+def test_lines_are_those_that_an_editor_counts(sign):
+    text = f"rooms:\n  a: {{name: 'x{sign}y', widht: 1 m}}\n"
+    assert [problem.splitlines()[0] for problem in problems(text)] == [
+        'house.yaml:2:3: key "width" is missing',
+        'house.yaml:2:20: unknown key "widht"',
+    ]
+    assert problems(f"owner: 'x{sign}y'\nrooms: {{a: {{name: 3.10, width: 1 m}}}}\n")[0] == (
+        'house.yaml:2:13: name: must be text\n    3.10 is a number: write it as "3.10"'
+    )
+
+
+@given(st.text(alphabet=f"ab:-[]{{}}'#\n {LINE_ENDS_TO_YAML_ALONE}", max_size=30))
+def test_every_place_is_one_that_the_file_has(text):
+    lines = text.split("\n")
+    try:
+        places = list(parse_yaml(text, "x.yaml").places.values())
+    except InputError as error:
+        places = [problem.where for problem in error.diagnostics]
+    assert all(place.column <= len(lines[place.line - 1]) + 1 for place in places)
+
+
+@pytest.mark.parametrize(
+    ("line", "place"),
+    [
+        ("d: d", "x.yaml:1:4"),
+        ('{a: 1, "d": "d"}', "x.yaml:1:14"),
+        ('d: "\\x64"', "x.yaml:1"),
+        ("d:\n  d", "x.yaml:1"),
+    ],
+)
+def test_a_text_begins_behind_its_key_unless_it_is_laid_out_otherwise(line, place):
+    assert str(parse_yaml(line, "x.yaml").where_text("d")) == place

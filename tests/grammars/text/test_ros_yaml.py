@@ -73,6 +73,13 @@ def test_every_value_knows_its_place():
     assert str(document.where(("a", "b", 1))) == "f.yaml:3:7"
 
 
+@pytest.mark.parametrize("sign", "\u2028\u2029\x85")
+def test_lines_are_those_that_an_editor_counts(sign):
+    document, warnings = parse_ros_yaml(f"a: 'x{sign}y'\nb: 1\nb: 2\n", "f.yaml")
+    assert str(document.where(("b",))) == "f.yaml:3:4"
+    assert str(warnings[0].where) == "f.yaml:3:1"
+
+
 def test_an_empty_file_sets_nothing():
     assert read("# nothing\n") == {}
 
