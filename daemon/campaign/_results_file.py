@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from daemon.campaign._names import Names
 from daemon.model.assessments import PolicyRule, RepeatPolicy
-from grammars.text.documents import Ratio, StrictModel
+from grammars.text.documents import Ratio, StrictModel, text_or
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
@@ -134,15 +134,8 @@ class GateText(StrictModel):
     """By how much a margin or the duration may get worse, such as 10 %."""
 
 
-def _as_text(value: Any) -> Any:
-    """Take a plain number for its text: a count needs no unit, and so no quotes."""
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
-    return str(value) if plain else value
-
-
-_Amount: TypeAlias = Annotated[
-    str, BeforeValidator(_as_text, json_schema_input_type=str | int | float)
-]
+# A count needs no unit, and so no quotes.
+_Amount: TypeAlias = Annotated[str, text_or(int, float)]
 
 
 class ValueText(StrictModel):

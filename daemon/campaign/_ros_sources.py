@@ -10,23 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.documents import ONE_OR_MORE, StrictModel, YamlDocument
-
-
-def _as_text(value: Any) -> Any:
-    """Return a number or truth value as launch files write it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return str(value) if isinstance(value, int | float) else value
-
+from grammars.text.documents import ONE_OR_MORE, StrictModel, YamlDocument, text_or
 
 _Texts: TypeAlias = Annotated[list[Annotated[str, Field(min_length=1)]], ONE_OR_MORE]
-_Text: TypeAlias = Annotated[
-    str, BeforeValidator(_as_text, json_schema_input_type=str | bool | int | float)
-]
+_Text: TypeAlias = Annotated[str, text_or(bool, int, float)]
 
 
 class RosSource(StrictModel):

@@ -19,7 +19,14 @@ from daemon.model.search import (
     WINDOW,
     PointValue,
 )
-from grammars.text.documents import ONE_OR_MORE, OtherName, StrictModel, as_list, wrong_form
+from grammars.text.documents import (
+    ONE_OR_MORE,
+    OtherName,
+    StrictModel,
+    as_list,
+    text_or,
+    wrong_form,
+)
 from grammars.text.quantity import read_as, read_quantity
 
 _MOST_CHOICES: Final = 1_000
@@ -197,16 +204,6 @@ def _checked(read: Callable[[str], Any]) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _counted(unit: str) -> BeforeValidator:
-    """Return a validator that takes a plain number for so many of ``unit``."""
-
-    def take(value: Any) -> Any:
-        plain = isinstance(value, int) and not isinstance(value, bool)
-        return f"{value} {unit}" if plain else value
-
-    return BeforeValidator(take, json_schema_input_type=str | int)
-
-
 def _no_keys(value: Any) -> Any:
     if isinstance(value, dict):
         raise wrong_form("takes words, not keys")
@@ -259,7 +256,7 @@ class SearchText(StrictModel):
     )  # fmt: skip
     """Inequalities that hold in every run, between sums of parameters and quantities: a < b,
     a + 1 s <= b."""
-    budget: Annotated[str, _checked(read_budget), _counted("runs")] = "60 runs"
+    budget: Annotated[str, _checked(read_budget), text_or(int, unit="runs")] = "60 runs"
     """Runs, or wall time, or both: 60 runs, 10 min; what is spent first ends the search."""
     stop: Annotated[str, _checked(read_stop)] = "budget"
     """first failure, so many failures (5 failures), when settled: when nothing better is found any
@@ -267,7 +264,7 @@ class SearchText(StrictModel):
     method: str = Field(default="auto", min_length=1)
     """auto, halton, random, tpe, cma or boundary. auto: 16 runs of a scrambled
     Halton sequence, then TPE, and CMA-ES from 150 runs on."""
-    confirm: Annotated[str, _checked(read_confirm), _counted("repeats")] = "5 repeats"
+    confirm: Annotated[str, _checked(read_confirm), text_or(int, unit="repeats")] = "5 repeats"
     """How often a failure that is told is run again with other noise."""
     then: _Steps = Field(default=["nearest", "shrink"])
     """What follows a failure. nearest: the smallest change of the scenario that still fails;

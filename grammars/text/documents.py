@@ -7,6 +7,8 @@ diagnostic where the offending value stands.
 
 from __future__ import annotations
 
+import functools
+import operator
 import re
 import threading
 import types
@@ -31,6 +33,7 @@ from grammars.text.quantity import read_as
 from grammars.text.sources import read_text as read_text
 from grammars.text.yaml_composer import KeyPath as KeyPath
 from grammars.text.yaml_composer import compose, kind_of, source_at, source_line
+from grammars.text.yaml_text import flow_text
 
 M = TypeVar("M", bound="StrictModel")
 
@@ -109,6 +112,17 @@ def as_list(value: Any) -> Any:
 
 ONE_OR_MORE: Final = BeforeValidator(as_list, json_schema_input_type=str | list[str])
 """Marks a list of texts for which a single text may stand."""
+
+
+def text_or(*kinds: type[bool | int | float], unit: str = "") -> BeforeValidator:
+    """Mark a text for which a value of ``kinds`` may stand, by itself a count of ``unit``."""
+
+    def read(value: Any) -> Any:
+        # By its very type: to Python, true is a whole number.
+        return f"{flow_text(value, plain=True)} {unit}".rstrip() if type(value) in kinds else value
+
+    return BeforeValidator(read, json_schema_input_type=functools.reduce(operator.or_, kinds, str))
+
 
 Length: TypeAlias = Annotated[float, QuantityField("length")]
 Angle: TypeAlias = Annotated[float, QuantityField("angle")]
@@ -279,15 +293,8 @@ def _example(model: type[BaseModel], path: KeyPath) -> str:
     fields = getattr(_model_at(model, path[:-1]), "model_fields", {})
     for name, field in fields.items():
         if path and (field.alias or name) == path[-1] and field.examples:
-            return f"such as: {path[-1]}: {_flow(field.examples[0])}"
+            return f"such as: {path[-1]}: {flow_text(field.examples[0], plain=True)}"
     return ""
-
-
-def _flow(value: Any) -> str:
-    """Return a value as YAML has it on one line."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {_flow(part)}" for key, part in value.items()) + "}"
-    return f"[{', '.join(map(_flow, value))}]" if isinstance(value, list) else str(value)
 
 
 def _text_hint(written: str, given: Any) -> str:

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from grammars.text.yaml_composer import read_plain
 
-_PLAIN_KEY: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_PLAIN_KEY: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
 _PLAIN_WORDS: Final = re.compile(
-    r"(?:-?[0-9]|[A-Za-z_]|\.\./)[A-Za-z0-9_./^%+-]*(?: [A-Za-z0-9_./^%*+-]+)*\Z"
+    r"(?:-?[0-9]|[A-Za-z_]|\.\./)[A-Za-z0-9_./^%+-]*(?: [A-Za-z0-9_./^%*+<>=-]+)*\Z"
 )
 _FLAGS: Final = frozenset({"yes", "no", "on", "off"})
 """Text to YAML 1.2 and flags to older readers."""
@@ -29,10 +29,10 @@ def yaml_text(tree: Mapping[str, Any], indent: str = "", *, plain: bool = False)
         if isinstance(value, Mapping) and value:
             lines.append(f"{indent}{name}:\n{yaml_text(value, indent + '  ', plain=plain)}")
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            items = (f"{indent}  - {_flow(item, plain)}\n" for item in value)
+            items = (f"{indent}  - {flow_text(item, plain)}\n" for item in value)
             lines.append(f"{indent}{name}:\n{''.join(items)}")
         else:
-            lines.append(f"{indent}{name}: {_flow(value, plain)}\n")
+            lines.append(f"{indent}{name}: {flow_text(value, plain)}\n")
     return "".join(lines)
 
 
@@ -42,17 +42,17 @@ def comment_text(text: str) -> str:
 
 
 def _key(key: str, plain: bool) -> str:
-    return key if _PLAIN_KEY.match(key) and not _quoted(key) else _flow(key, plain)
+    return key if _PLAIN_KEY.match(key) and not _quoted(key) else flow_text(key, plain)
 
 
-def _flow(value: Any, plain: bool) -> str:
-    """Return a value on one line."""
+def flow_text(value: Any, plain: bool) -> str:
+    """Return a value as YAML on one line."""
     if isinstance(value, Mapping):
-        name = _key if plain else _flow
-        pairs = (f"{name(key, plain)}: {_flow(part, plain)}" for key, part in value.items())
+        name = _key if plain else flow_text
+        pairs = (f"{name(key, plain)}: {flow_text(part, plain)}" for key, part in value.items())
         return "{" + ", ".join(pairs) + "}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_flow(part, plain) for part in value)}]"
+        return f"[{', '.join(flow_text(part, plain) for part in value)}]"
     if plain and isinstance(value, str) and not _quoted(value):
         return value
     if isinstance(value, float):
