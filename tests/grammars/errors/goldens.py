@@ -8,7 +8,8 @@ A golden file, ``LANGUAGE.txt``, is read from top to bottom::
 
     === two_rooms/          also the files of a folder beside the golden file
 
-    --- wrt: a => wrt: b    a change: words that the files hold exactly once, and their substitutes
+    --- wrt: a => wrt: b    a change: words and their substitutes; the file that is checked, or if it
+                            does not have these words the others together, holds them exactly once
     plan.fpm:3:5: error: …  all that is said of it, up to an empty line
 
     --- var w = 3           a change of another kind: a text in place of the line "…"
@@ -21,6 +22,7 @@ Every line of a change begins with ``---``; the lines between cases are for read
 
 import difflib
 import re
+import shutil
 from pathlib import Path
 
 from scenario_tui.file_check import check_file
@@ -36,7 +38,7 @@ _SUBSTITUTION = re.compile(r"^(.+?) =>(?: |$)", re.MULTILINE)
 
 
 def renew(golden, folder):
-    """Return the text of a golden file with what is said today; ``folder`` is an empty one."""
+    """Return the text of a golden file with what is said today; ``folder`` is not there yet."""
     files, checked, is_complete = {}, "", True
 
     def block(found):
@@ -48,14 +50,15 @@ def renew(golden, folder):
             files[checked] = found["text"].rstrip("\n") + "\n"
             if checked.endswith("/"):
                 del files[checked]
-                for file in sorted((golden.parent / checked).iterdir()):
-                    checked = file.name
+                shared = golden.parent / checked
+                for file in sorted(filter(Path.is_file, shared.rglob("*"))):
+                    checked = str(file.relative_to(shared))
                     files[checked] = file.read_text("utf-8")
             return found[0]
         is_complete = True
         change = "\n".join(line[4:] for line in found["change"].splitlines())
         try:
-            return found["change"] + _messages(_changed(files, change), folder, checked)
+            return found["change"] + _messages(_changed(files, change, checked), folder, checked)
         except Exception as error:
             error.add_note(f"{golden.name}: {change}")
             raise
@@ -63,13 +66,14 @@ def renew(golden, folder):
     return _BLOCK.sub(block, golden.read_text("utf-8"))
 
 
-def _changed(files, change):
+def _changed(files, change, checked):
     """Return the files with the change of a case made."""
     added, *parts = _SUBSTITUTION.split(change)
     added = added.removesuffix("\n")
     files = {name: text.replace(f"{_PLACE}\n", f"{added}\n") for name, text in files.items()}
     for old, new in zip(parts[::2], parts[1::2], strict=True):
-        (name,) = (name for name, text in files.items() for _ in range(text.count(old)))
+        names = [checked] if old in files[checked] else files
+        (name,) = (name for name in names for _ in range(files[name].count(old)))
         files[name] = files[name].replace(old, new.removesuffix("\n"))
     return files
 
@@ -80,8 +84,7 @@ def _messages(files, folder, checked):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, "utf-8")
     _, found = check_file(folder / checked)
-    for name in files:
-        (folder / name).unlink()
+    shutil.rmtree(folder)
     lines = [
         f"{one.where}: {one.severity}: {one.message}\n" + (f"    {one.hint}\n" if one.hint else "")
         for one in found
