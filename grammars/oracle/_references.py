@@ -11,6 +11,7 @@ from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.oracle._model import ROBOT, Leg, Oracle, Reached, Signal, signals_of
 from grammars.oracle._signals import SIGNALS, custom_signal_names, mover_hint
 from grammars.text.diagnostics import Diagnostic, did_you_mean
+from grammars.text.words import count_noun
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,8 @@ def leg_number(leg: Leg, mission: Mission) -> int:
     count = len(mission.waypoints)
     if not leg.waypoint:
         if not 1 <= leg.number <= count:
-            raise ValueError(f'no {leg} in mission "{mission.name}": it has {count} waypoints')
+            waypoints = count_noun(count, "waypoint")
+            raise ValueError(f'no {leg} in mission "{mission.name}": it has {waypoints}')
         return leg.number
     ids = [waypoint.id for waypoint in mission.waypoints]
     found = [number for number, name in enumerate(ids, start=1) if name == leg.waypoint]

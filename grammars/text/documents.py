@@ -318,6 +318,7 @@ _PLAIN_MESSAGES: Final = {
     "dataclass_type": "must be keys with values",
     "unexpected_keyword_argument": "nothing reads this",
     "too_short": "must have {min_length} or more",
+    "string_too_short": "must not be empty",
     "too_long": "must have {max_length} or fewer",
     "string_too_long": "must have {max_length} characters or fewer",
 }
@@ -341,6 +342,9 @@ _PATTERNS: Final = {
     ),
     "^[~/]?[A-Za-z][A-Za-z0-9_/]*$": "must be a name such as scan or /robot1/scan",
     "^/[A-Za-z][A-Za-z0-9_/]*$": "must be a full name such as /robot1/amcl",
+    "^[a-z][a-z0-9_]*$": (
+        'must be small letters (a to z), digits and "_", and begin with a letter'
+    ),
 }
 
 
