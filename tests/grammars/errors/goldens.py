@@ -8,8 +8,8 @@ A golden file, ``LANGUAGE.txt``, is read from top to bottom::
 
     === two_rooms/          also the files of a folder beside the golden file
 
-    --- wrt: a => wrt: b    a change: words and their substitutes; the file that is checked, or if it
-                            does not have these words the others together, holds them exactly once
+    --- wrt: a => wrt: b    a change: words and their substitutes; the file that is checked holds
+                            the words exactly once, otherwise one of the other files does
     plan.fpm:3:5: error: …  all that is said of it, up to an empty line
 
     --- var w = 3           a change of another kind: a text in place of the line "…"
