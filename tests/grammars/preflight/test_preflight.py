@@ -258,6 +258,12 @@ def test_a_mover_that_stands_in_a_wall_is_found_unless_it_walks(robot):
     assert run(robot, scene, task, walk) == ()
 
 
+def test_a_thin_mover_in_a_wall_turns_in_no_rebate(robot):
+    thin = PERSON.replace("25 cm", "7 cm").replace("x -4 m", "x -5.1 m")
+    (text,) = texts(run(robot, scene_with(thin), mission((3, 0))))
+    assert "the body of v starts inside of hall-wall-3" in text
+
+
 def test_a_mover_at_rest_may_be_in_the_way(robot):
     scene = scene_with(PERSON.replace("in hall, x -4 m", "in kitchen, x 0.5 m, y -1.7 m"))
     (found,) = run(robot, scene, mission((0.5, 4)))
