@@ -5,11 +5,12 @@ Also the way from and to files: reading a plan or a layer that is written in JSO
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from grammars.floorplan import FloorPlan
-from grammars.jsonld._expand import expand
+from grammars.jsonld._expand import expand_text
 from grammars.jsonld._files import (
     ModelPath,
     model_nodes,
@@ -44,13 +45,13 @@ def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Node
             "@context": plan_context(writer.base, addresses),
             "@graph": writer.files[name],
         }
-        nodes.merge(expand(document, name))
+        nodes.merge(expand_text(json.dumps(document), name))
     # Places in the .fpm text instead of those in JSON that nobody has seen.
     nodes.places.update(writer.places)
     layer_writer = LayerWriter(writer, layers)
     for layer in layers:
         layer_writer.write_layer(layer)
-    nodes.merge(expand(layer_writer.document(), "layers"))
+    nodes.merge(expand_text(json.dumps(layer_writer.document()), "layers"))
     nodes.places.update(layer_writer.places)
     return nodes
 

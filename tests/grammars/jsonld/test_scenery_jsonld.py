@@ -15,7 +15,7 @@ from grammars.jsonld import (
     check_jsonld,
     compose,
     decompose,
-    expand,
+    expand_text,
     load_scenery_jsonld,
     read_layers,
     scenery_document,
@@ -279,7 +279,8 @@ def test_a_layer_comes_back_however_its_sentences_are_written(sentences, space, 
 
 def read_back(one):
     """Return a layer that was written as JSON-LD and read from it."""
-    return read_layers(expand(scenery_document(one, two_rooms()), "layer.jsonld"), "objects")[0]
+    text = json.dumps(scenery_document(one, two_rooms()))
+    return read_layers(expand_text(text, "layer.jsonld"), "objects")[0]
 
 
 def test_what_is_wrong_with_a_sentence_is_said_at_its_line(tmp_path):
@@ -342,7 +343,7 @@ VALUES = st.sampled_from(
 
 @given(st.data())
 def test_mutated_scenery_gives_diagnostics_and_nothing_else(data):
-    from grammars.jsonld import expand, read_layers, refuse_broken, replace_legacy_terms
+    from grammars.jsonld import expand_text, read_layers, refuse_broken, replace_legacy_terms
 
     mutated = json.loads(json.dumps(SCENERY))
     nodes = mutated["@graph"]
@@ -354,7 +355,7 @@ def test_mutated_scenery_gives_diagnostics_and_nothing_else(data):
         else:
             victim.pop(key, None)
     try:
-        read = replace_legacy_terms(expand(mutated, "door.json"))
+        read = replace_legacy_terms(expand_text(json.dumps(mutated), "door.json"))
         refuse_broken(read, partial=True)
         read_layers(read, "door.json")
     except InputError as error:
