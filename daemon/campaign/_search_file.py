@@ -210,7 +210,7 @@ def _no_keys(value: Any) -> Any:
     return value
 
 
-_Inequalities: TypeAlias = Annotated[list[str], ONE_OR_MORE, BeforeValidator(_no_keys)]
+_Constraints: TypeAlias = Annotated[list[str], ONE_OR_MORE, BeforeValidator(_no_keys)]
 _Step: TypeAlias = Literal["nearest", "shrink"]
 _Steps: TypeAlias = Annotated[
     list[_Step],
@@ -250,12 +250,12 @@ class SearchText(StrictModel):
     """What is varied, LAYER.PARAMETER of a layer of the scenario: a range with its unit (48 .. 72
     deg/s; with ", log" behind it evenly over its magnitudes), or a list of choices. In place of
     the layer's name mission, robot, sut and floorplan are understood."""
-    such_that: _Inequalities = Field(
+    such_that: _Constraints = Field(
         default_factory=list, alias="such that", max_length=MOST_PARAMETERS,
         examples=[["doors_moving.bedroom_closes < doors_moving.bedroom_opens"]],
     )  # fmt: skip
-    """Inequalities that hold in every run, between sums of parameters and quantities: a < b,
-    a + 1 s <= b."""
+    """What holds in every run: comparisons of parameters and quantities, a < b, a + 1 s <= b, also
+    joined by and, or and not."""
     budget: Annotated[str, _checked(read_budget), text_or(int, unit="runs")] = "60 runs"
     """Runs, or wall time, or both: 60 runs, 10 min; what is spent first ends the search."""
     stop: Annotated[str, _checked(read_stop)] = "budget"

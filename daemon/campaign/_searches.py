@@ -34,7 +34,7 @@ from grammars.model.robot import Robot
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath
-from grammars.text.inequalities import Inequality, InequalityError, read_inequality
+from grammars.text.expressions import read_predicate
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""
@@ -280,7 +280,7 @@ class _SearchReader:
         self._warn(where, message, hint)
 
     def _constraints(self, parameters: Sequence[SearchParameter]) -> tuple[str, ...]:
-        """Return the inequalities that can be held against points."""
+        """Return what holds in every run, as written, where it can be read."""
         constraints: list[str] = []
         if len(parameters) < len(self.text.over):
             return ()  # what they name may be what could not be read
@@ -294,28 +294,12 @@ class _SearchReader:
                 self._error(where, message, "write a range, or plain numbers in the list")
                 continue
             try:
-                inequality = read_inequality(text, units)
-                if _least_sum(inequality, parameters) > 0.0:
-                    message = f'"{text}" never holds within these ranges'
-                    self._error(where, message, "widen a range, or leave it out")
+                read_predicate(text, units, where)
+            except InputError as error:
+                self.findings += error.diagnostics
+            else:
                 constraints.append(text)
-            except InequalityError as error:
-                self._error(where, error.message, error.hint)
-            except ValueError as error:
-                self._error(where, str(error))
         return tuple(constraints)
-
-
-def _least_sum(inequality: Inequality, parameters: Sequence[SearchParameter]) -> float:
-    """Return the smallest sum that any point of the ranges has; above 0 it never holds."""
-    named = {parameter.name: parameter for parameter in parameters}
-    least = inequality.constant
-    for name, factor in inequality.factors:
-        parameter = named[name]
-        values = parameter.choices or (parameter.low, parameter.high)
-        least += min(factor * float(value) for value in values)
-    slack = 1e-9 * max(1.0, abs(inequality.constant))
-    return least + slack if inequality.strict and least >= -slack else least - slack
 
 
 def _scales(oracles: Sequence[Oracle], robot: Robot) -> tuple[OracleScale, ...]:

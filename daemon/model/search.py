@@ -107,7 +107,7 @@ class SearchTask:
     """A search as it is asked for, checked and complete.
 
     ``minimise`` names an oracle, or is :data:`ANY`; ``scales`` has all oracles it is about, one or
-    several. ``constraints`` are inequalities between parameters as written. The search ends when
+    several. ``constraints`` are predicates over parameters as written. The search ends when
     ``runs`` proposals are made, when ``seconds`` of wall clock are over (0: never), or as ``stop``
     says: after so many ``failures``, or when nothing got better for a while (``settled``).
     Every failure that is told is run ``confirm`` times more with other noise. With a system that

@@ -17,7 +17,9 @@ import numpy as np
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.search.points import written_point
 from grammars.model.geometry import Floats
-from grammars.text.inequalities import read_inequality
+from grammars.text.diagnostics import Where
+from grammars.text.expressions import Name, evaluate, read_predicate
+from grammars.text.units import to_si
 
 _FINEST: Final = 2**40
 """Values along a range beyond which a step makes no difference."""
@@ -92,16 +94,17 @@ class SearchSpace:
     """What the parameters of a search may be.
 
     ``written`` is the scenario as written; ``None`` where a parameter is written nowhere. Raises
-    ``ValueError`` with a message for people where a range or a constraint makes no sense; a search
-    that was checked has none of these.
+    ``ValueError`` with a message for people where a range makes no sense, and ``InputError`` where
+    a constraint does; a search that was checked has none of these.
     """
 
     def __init__(self, task: SearchTask) -> None:
         self.axes: Final = tuple(_axis(parameter) for parameter in task.parameters)
         units = {axis.parameter.name: axis.parameter.unit for axis in self.axes if _counts(axis)}
-        self.constraints: Final = tuple(read_inequality(text, units) for text in task.constraints)
-        named = {name for constraint in self.constraints for name in constraint.names}
-        self._columns: Final = {p.name: k for k, p in enumerate(task.parameters) if p.name in named}
+        self.constraints: Final = tuple(
+            read_predicate(text, units, Where(task.name)) for text in task.constraints
+        )
+        self._columns: Final = {axis.parameter.name: k for k, axis in enumerate(self.axes)}
         self.written: Final = written_point(task)
 
     @property
@@ -133,10 +136,12 @@ class SearchSpace:
 
     def allowed(self, point: Point) -> bool:
         """Return whether every constraint holds."""
-        if not self.constraints:
-            return True
-        values = {name: float(point[column]) for name, column in self._columns.items()}
-        return all(constraint.holds(values) for constraint in self.constraints)
+
+        def value_of(name: Name) -> float:
+            column = self._columns[name.name]
+            return to_si(float(point[column]), self.axes[column].parameter.unit)
+
+        return all(evaluate(constraint, value_of) == 1.0 for constraint in self.constraints)
 
     def points(self) -> Iterator[Point]:
         """Return every point of a space that has a size, the last parameter changing fastest."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path as FilePath
 from typing import Final, TypeAlias
 
@@ -21,22 +20,12 @@ from grammars.scenery.model import (
     SceneryLayer,
     Sentence,
     Setting,
-    Statement,
     Subject,
 )
-from grammars.text.diagnostics import (
-    Diagnostic,
-    InputError,
-    SourceText,
-    SyntaxNode,
-    Where,
-    did_you_mean,
-)
+from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
 from grammars.text.sources import read_text
 
-_Part: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
-_SPACE: Final = re.compile(r'("[^"\n]*")|(?:\s|//[^\n]*)+')
-"""What is between words, and names in quotes, which keep theirs."""
+_Statement: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")
 
 
@@ -45,17 +34,16 @@ def load_scenery(path: str | FilePath) -> SceneryLayer:
     return parse_scenery(read_text(path), str(path))
 
 
-def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryLayer:
+def parse_scenery(text: str, file: str) -> SceneryLayer:
     """Read the text of a layer; ``file`` is the name used in messages, its stem names the layer.
 
-    ``within`` is the place of a text that is part of another file. Raises :class:`InputError` with
-    every problem found (of a syntax error only the first).
+    Raises :class:`InputError` with every problem found (of a syntax error only the first).
     """
-    source = SourceText(text, file, within=within)
+    source = SourceText(text, file)
     reader = NodeReader(source)
     tree = parse_tree(source)
     nodes = getattr(tree, "statements", ())  # an empty text gives no tree
-    values: list[_Part] = reader.read_all(nodes, partial(_read, reader, source))
+    values: list[_Statement] = reader.read_all(nodes, lambda node: node.read(reader))
     _check_names(reader, values)
     if reader.diagnostics:
         raise InputError(sorted(reader.diagnostics, key=lambda d: (d.where.line, d.where.column)))
@@ -71,15 +59,7 @@ def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryL
     )
 
 
-def _read(reader: NodeReader, source: SourceText, node: SyntaxNode) -> _Part:
-    part: _Part = node.read(reader)
-    if not isinstance(part, Statement):
-        return part
-    written = source.text[node._tx_position : node._tx_position_end]
-    return replace(part, text=_SPACE.sub(lambda space: space[1] or " ", written))
-
-
-def _check_names(reader: NodeReader, values: Sequence[_Part]) -> None:
+def _check_names(reader: NodeReader, values: Sequence[_Statement]) -> None:
     seen: dict[str, Where] = {}
     for value in values:
         if not isinstance(value, ObjectModel | Instance | Group | Parameter):
@@ -126,7 +106,9 @@ def configure(
             findings.extend(error.diagnostics)
     if findings:
         raise InputError(findings)
-    return replace(layer, groups=tuple(groups.values()), parameters=tuple(parameters.values()))
+    return dataclasses.replace(
+        layer, groups=tuple(groups.values()), parameters=tuple(parameters.values())
+    )
 
 
 def _regrouped(group: Group, value: object, where: Where) -> Group:
@@ -142,8 +124,7 @@ def _regrouped(group: Group, value: object, where: Where) -> Group:
             message = f'{group.name}: "{name}" is not the name of an object'
             raise InputError.at(where, message, "write names, such as door_1")
         paths.append(Path(match[1], match[2] or "", where))
-    members = Subject(False, tuple(paths), (), where)
-    return Group(group.name, members, where, text=f"group {group.name}: {members}")
+    return Group(group.name, Subject(False, tuple(paths), (), where), where)
 
 
 def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
@@ -162,5 +143,4 @@ def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
             f"{parameter.name}: {error.diagnostics[0].message}",
             f"write {parameter.name}: {parameter.value.text}",
         ) from error
-    text = f"parameter {parameter.name} = {given}"
-    return Parameter(parameter.name, given, where, text=text)
+    return Parameter(parameter.name, given, where)

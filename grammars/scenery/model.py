@@ -1,7 +1,9 @@
 """What a ``.scenery`` file means, before it meets a floor plan: one layer of a scenario.
 
 A layer only refers to other layers by name, it never edits them. Everything keeps the place where
-it was written, for diagnostics; quantities keep their unit and text as well, sentences their text.
+it was written, for diagnostics; quantities keep their unit and text as well. The class and field
+names here are the words of the JSON-LD form of a layer (:mod:`grammars.jsonld`): they are a file
+format.
 """
 
 from __future__ import annotations
@@ -23,13 +25,6 @@ class Name:
 
     def __str__(self) -> str:
         return self.text
-
-
-@dataclass(frozen=True, slots=True)
-class Statement:
-    """Part of a layer that keeps its ``text``: one line, without comments."""
-
-    text: str = field(default="", compare=False, repr=False, kw_only=True)
 
 
 Amount: TypeAlias = Measure | Name
@@ -110,7 +105,7 @@ class In:
 
 
 @dataclass(frozen=True, slots=True)
-class Instance(Statement):
+class Instance:
     """An object placed in a floor plan; ``starts`` is a state, a position or nothing said."""
 
     name: str
@@ -148,7 +143,7 @@ class Subject:
 
 
 @dataclass(frozen=True, slots=True)
-class Group(Statement):
+class Group:
     """A named set of objects; a campaign may give it other members."""
 
     name: str
@@ -157,7 +152,7 @@ class Group(Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter(Statement):
+class Parameter:
     """A named quantity with its default; a campaign may give it another value."""
 
     name: str
@@ -166,7 +161,7 @@ class Parameter(Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Starts(Statement):
+class Starts:
     """The subject starts in another state than its instance says."""
 
     subject: Subject
@@ -175,7 +170,7 @@ class Starts(Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Freezes(Statement):
+class Freezes:
     """The subject never moves."""
 
     subject: Subject
@@ -197,7 +192,7 @@ class MotionAs:
 
 
 @dataclass(frozen=True, slots=True)
-class Stays(Statement):
+class Stays:
     """Held for the whole run."""
 
     subject: Subject
@@ -206,7 +201,7 @@ class Stays(Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Moves(Statement):
+class Moves:
     """Moved at given times: ``frames`` are (position, time).
 
     ``listed``: their order is that of the list, whatever their times.
@@ -216,11 +211,12 @@ class Moves(Statement):
     frames: tuple[tuple[Amount, Amount], ...]
     motion: MotionAs
     where: Where = field(compare=False)
+    # Last, and with a default: graphs from before it was there still read.
     listed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Toggles(Statement):
+class Toggles:
     """Starts at ``first`` and may change to the other position every so often, by chance."""
 
     subject: Subject
@@ -237,7 +233,7 @@ class Toggles(Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Goes(Statement):
+class Goes:
     """Moves when the robot comes near, and back when it is ``again`` away (if that is given).
 
     ``begin`` is where it is at first, if that is not ``start``.
@@ -268,7 +264,7 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
-class Alternates(Statement):
+class Alternates:
     """Starts at ``first`` and changes to the other position again and again after waiting."""
 
     subject: Subject
@@ -310,7 +306,7 @@ EventPhrase: TypeAlias = OnLeg | OnWaypoint | OnObject
 
 
 @dataclass(frozen=True, slots=True)
-class Reacts(Statement):
+class Reacts:
     """Moves once when something happens, ``after`` some time."""
 
     subject: Subject
@@ -332,7 +328,7 @@ class RoutePoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Walks(Statement):
+class Walks:
     """A mover walks a route; see :class:`grammars.model.behaviour.Walk` for what it means."""
 
     subject: Subject

@@ -30,6 +30,7 @@ _LONGEST: Final = 40
 _COMMENT: Final = re.compile(r"(\"[^\"\n]*\"|'[^'\n]*')|//[^\n]*")
 
 _BRACKET: Final = re.compile(r"[()\[\]{}]")
+_EXPRESSIONS: Final = Path(__file__).with_name("expressions.tx")
 
 # textX reads every grammar with one parser of the textX language, memoised for the whole process:
 # two threads that load a language at once disturb each other's parse tree.
@@ -39,17 +40,31 @@ _TEXTX_LOCK: Final = threading.Lock()
 def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool = False) -> Any:
     """Return textX's metamodel of a language; safe from any thread.
 
-    ``classes`` are made for the nodes of the rules they are named after. In a pattern of the
-    grammar ``{unit}`` stands for a product of units and ``{factor}`` for one of its factors: all
-    languages know the units of :mod:`grammars.text.units`.
+    ``classes`` are made for the nodes of the rules they are named after.
     """
     from textx import metamodel_from_str
 
-    text = grammar.read_text(encoding="utf-8")
-    for name, pattern in (("{unit}", UNIT), ("{factor}", FACTOR)):
-        text = text.replace(name, f"(?:{pattern})".replace("/", r"\/"))
+    text = grammar_text(grammar)
     with _TEXTX_LOCK:
         return metamodel_from_str(text, classes=list(classes), autokwd=autokwd)
+
+
+def grammar_text(grammar: Path) -> str:
+    """Return a grammar with everything that all languages share.
+
+    ``{expressions}`` stands for those rules of ``expressions.tx`` that the grammar does not have
+    itself. In a pattern ``{unit}`` stands for a product of the units of
+    :mod:`grammars.text.units` and ``{factor}`` for one of its factors.
+    """
+    text = grammar.read_text(encoding="utf-8")
+    if "{expressions}" in text:
+        own = re.findall(r"(?m)^(\w+):", text)
+        _, *rules = re.split(r"(?m)^(?=\w+:)", _EXPRESSIONS.read_text(encoding="utf-8"))
+        shared = [rule for rule in rules if rule.partition(":")[0] not in own]
+        text = text.replace("{expressions}", "".join(shared))
+    for name, pattern in (("{unit}", UNIT), ("{factor}", FACTOR)):
+        text = text.replace(name, f"(?:{pattern})".replace("/", r"\/"))
+    return text
 
 
 def without_comments(text: str) -> str:

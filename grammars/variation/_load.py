@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from grammars.floorplan import FloorPlan, parse_floorplan
@@ -18,25 +19,24 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.units import ANGLE, DIMENSIONS, RATIO, Dimension, read_unit
-from grammars.variation._arithmetic import ExpressionReader, PlanResolver, joined_dimension
-from grammars.variation._distributions import Distribution, DistributionReader
-from grammars.variation._expressions import (
-    Constant,
+from grammars.text.expressions import (
+    DimensionCheck,
     Expression,
-    NamedDraw,
-    Requirement,
-    dimension_name,
-    parts,
+    Name,
+    Number,
+    read_expression,
+    walk,
 )
+from grammars.text.units import DIMENSIONS, LENGTH, RATIO, Dimension, read_unit
+from grammars.variation._distributions import Distribution, DistributionReader
+from grammars.variation._names import Meaning, Measure, NameReader, dimension_name
 from grammars.variation._syntax import (
+    DISTRIBUTIONS,
     BlockNode,
     ImportNode,
     LetNode,
     RequireNode,
     SingleNode,
-    SumNode,
-    ValueNode,
     parse,
 )
 from grammars.variation.plan_text import PlanElement, PlanText, Slot
@@ -62,12 +62,26 @@ class Assignment:
     where: Where
 
 
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A predicate that every variant must fulfil; ``text`` is how it was written.
+
+    ``needs_plan``: something must be measured on the compiled plan.
+    """
+
+    predicate: Expression
+    text: str
+    where: Where
+    needs_plan: bool
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Variation:
     """A loaded variation: the plan as text and as geometry, what is drawn and what must hold.
 
-    ``draws`` are in file order, the order they take numbers from a random stream; ``reported``
-    names the values of a variant (named draws and attributes) in file order.
+    ``draws`` are in file order, the order they take numbers from a random stream; ``meanings`` has
+    what the names in assignments and requirements mean; ``reported`` names the values of a variant
+    (named draws and attributes) in file order.
     """
 
     file: str
@@ -77,6 +91,7 @@ class Variation:
     draws: tuple[VariationDraw, ...]
     assignments: tuple[Assignment, ...]
     requirements: tuple[Requirement, ...]
+    meanings: Mapping[Name, Meaning]
     reported: tuple[str, ...]
     warnings: tuple[Diagnostic, ...] = ()
 
@@ -111,24 +126,15 @@ class Variant:
     tries: int = 1
 
 
-def load_variation(path: str | Path, *, shared_defaults: bool = False) -> Variation:
+def load_variation(path: str | Path) -> Variation:
     """Read a ``.variation`` file (UTF-8) and the plan it imports.
 
-    Varying an inherited wall thickness or height overrides it for that space alone;
-    ``shared_defaults`` changes the plan's ``Defaults`` instead, as the published tool does.
     Raises :class:`InputError` with everything that is wrong with either file.
     """
-    return parse_variation(
-        read_text(Path(path), "variation"),
-        str(path),
-        Path(path).parent,
-        shared_defaults=shared_defaults,
-    )
+    return parse_variation(read_text(Path(path), "variation"), str(path), Path(path).parent)
 
 
-def parse_variation(
-    text: str, file: str, folder: Path, *, shared_defaults: bool = False
-) -> Variation:
+def parse_variation(text: str, file: str, folder: Path) -> Variation:
     """Compile the text of a variation; its plan is looked for from ``folder``.
 
     Raises :class:`InputError` with everything that is wrong with it or its plan.
@@ -142,8 +148,7 @@ def parse_variation(
     plan_text = read_text(plan_file, "plan")
     compiled = parse_floorplan(plan_text, str(plan_file))
     plan = PlanText(plan_text, str(plan_file))
-    targets = PlanResolver(plan, findings, shared_defaults)
-    reader = _VariationReader(source, findings, targets)
+    reader = _VariationReader(source, findings, NameReader(plan, source, findings))
     for node in statements:
         reader.read(node)
     reader.finish(tree)
@@ -155,6 +160,7 @@ def parse_variation(
         draws=tuple(reader.draws),
         assignments=tuple(reader.assignments),
         requirements=tuple(reader.requirements),
+        meanings=reader.names.meanings,
         reported=tuple(reader.reported),
         warnings=(*compiled.warnings, *findings.warnings),
     )
@@ -196,15 +202,13 @@ class _VariationReader:
 
     source: SourceText
     findings: Findings
-    targets: PlanResolver
+    names: NameReader
     draws: list[VariationDraw] = field(default_factory=list)
     assignments: list[Assignment] = field(default_factory=list)
     requirements: list[Requirement] = field(default_factory=list)
     reported: list[str] = field(default_factory=list)
-    _shared: dict[str, Dimension] = field(default_factory=dict)
     _lets: dict[str, SyntaxNode] = field(default_factory=dict)
-    _used: set[str] = field(default_factory=set)
-    _varied: dict[int | str, tuple[str, SyntaxNode]] = field(default_factory=dict)
+    _varied: dict[str, SyntaxNode] = field(default_factory=dict)
 
     def read(self, node: SyntaxNode) -> None:
         """Read one statement."""
@@ -216,13 +220,14 @@ class _VariationReader:
             case BlockNode():
                 self._block(node)
             case SingleNode():
-                slot = self.targets.variable(node.target)
+                slot = self.names.variable(".".join(node.target.parts), node.target)
                 self._assign(node, slot, node.value)
 
     def finish(self, tree: SyntaxNode) -> None:
         """Report what shows only at the end; raises :class:`InputError` for everything found."""
+        meanings = self.names.meanings.values()
         for name, node in self._lets.items():
-            if name not in self._used and not self.findings.errors:
+            if name not in meanings and not self.findings.errors:
                 self.findings.warning(node, f'the draw "{name}" is never used')
         if not self.assignments and not self.findings.errors:
             self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
@@ -234,32 +239,33 @@ class _VariationReader:
             line = self.source.at(self._lets[name]).line
             self.findings.error(node, f'the draw "{name}" is already named in line {line}')
             return
-        if name in self.targets.plan.variables or name in self.targets.plan.elements:
+        if name in self.names.plan.variables or name in self.names.plan.elements:
             self.findings.error(node, f'"{name}" is already the name of something in the plan')
             return
         self._lets[name] = node
-        if isinstance(node.value, SumNode):
+        if not isinstance(node.value, DISTRIBUTIONS):
             hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
             self.findings.error(node, "let names a distribution", hint)
-            self._shared[name] = RATIO
+            self.names.draws[name] = RATIO
             return
         read = DistributionReader(self.findings).read(node.value)
         unit = "" if read is None else read[1]
-        self._shared[name] = read_unit(unit)[1]
+        self.names.draws[name] = read_unit(unit)[1]
         if read is not None:
             self.draws.append(VariationDraw(name, *read, self.source.at(node)))
             self.reported.append(name)
 
     def _block(self, node: BlockNode) -> None:
+        address = ".".join(node.target.parts)
         if not node.attributes:
             hint = "write what to vary between the braces"
-            self.findings.error(node, f'nothing of "{".".join(node.target.parts)}" is varied', hint)
-        element = self.targets.element(node.target)
+            self.findings.error(node, f'nothing of "{address}" is varied', hint)
+        element = self.names.element(address, node.target)
         for attribute in node.attributes:
             path = ".".join(attribute.path.parts)
             slot = None
             if element is not None:
-                slot = self.targets.attribute(attribute, element, path)
+                slot = self.names.attribute(element, path, attribute)
                 self._check_gap(attribute, element, path)
             self._assign(attribute, slot, attribute.value)
 
@@ -270,59 +276,45 @@ class _VariationReader:
             message = f'"{element.address}" is spaced: its y translation cannot be varied'
             self.findings.error(node, message, "vary the wall thickness, or take out spaced")
 
-    def _assign(self, node: SyntaxNode, slot: Slot | None, value: ValueNode) -> None:
+    def _assign(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
         """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
         where = self.source.at(node)
         if slot is not None and slot.number is None:
             hint = f'write "{slot.remedy}" there, then vary it'
             self.findings.error(node, f"{slot.name} is not written in the plan", hint)
             slot = None
-        if slot is not None and self._is_twice(node, slot):
+        if slot is not None and slot.name in self._varied:
+            line = self.source.at(self._varied[slot.name]).line
+            self.findings.error(node, f"{slot.name} is already varied in line {line}")
             return
-        if isinstance(value, SumNode):
-            typed = self._arithmetic(draws_only=True).read(value)
-            if typed is None:
+        if slot is not None:
+            self._varied[slot.name] = node
+        if isinstance(value, DISTRIBUTIONS):
+            read = DistributionReader(self.findings).read(value)
+            if read is None or slot is None:
                 return
-            self._use(typed[0])
-            if slot is not None and self._fits(node, slot, typed[1], typed[0] == Constant(0.0)):
-                source = typed[0].name if isinstance(typed[0], NamedDraw) else typed[0]
-                self.assignments.append(Assignment(slot, source, typed[1], where))
+            distribution, unit = read
+            dimension = read_unit(unit)[1]
+            if self._fits(node, slot, dimension):
+                self.draws.append(VariationDraw(slot.name, distribution, unit, where))
+                self.assignments.append(Assignment(slot, slot.name, dimension, where))
                 self.reported.append(slot.name)
             return
-        read = DistributionReader(self.findings).read(value)
-        if read is None or slot is None:
-            return
-        distribution, unit = read
-        dimension = read_unit(unit)[1]
-        if self._fits(node, slot, dimension, False):
-            self.draws.append(VariationDraw(slot.name, distribution, unit, where))
-            self.assignments.append(Assignment(slot, slot.name, dimension, where))
+        expression = read_expression(value, self.source)
+        found = self._check(draws_only=True).quantity(expression)
+        zero = isinstance(expression, Number) and expression.value == 0.0
+        if found is not None and slot is not None and (zero or self._fits(node, slot, found)):
+            # A draw alone keeps the unit it is drawn in.
+            source = expression.name if isinstance(expression, Name) else expression
+            self.assignments.append(Assignment(slot, source, found, where))
             self.reported.append(slot.name)
 
-    def _arithmetic(self, *, draws_only: bool = False) -> ExpressionReader:
-        return ExpressionReader(self.findings, self.targets, self._shared, draws_only)
+    def _check(self, *, draws_only: bool = False) -> DimensionCheck:
+        kind_of = partial(self.names.kind_of, draws_only=draws_only)
+        return DimensionCheck(self.source, self.findings, kind_of, bare=LENGTH)
 
-    def _use(self, expression: Expression) -> None:
-        for part in parts(expression):
-            if isinstance(part, NamedDraw):
-                self._used.add(part.name)
-
-    def _is_twice(self, node: SyntaxNode, slot: Slot) -> bool:
-        """Report a slot that is varied already; other spaces may share it on purpose."""
-        before = self._varied.get(slot.key)
-        self._varied[slot.key] = (slot.name, node)
-        if before is None:
-            return False
-        name, line = before[0], self.source.at(before[1]).line
-        if name == slot.name:
-            self.findings.error(node, f"{slot.name} is already varied in line {line}")
-            return True
-        message = f"{slot.name} and {name} (line {line}) are one shared default: this one counts"
-        self.findings.warning(node, message)
-        return False
-
-    def _fits(self, node: SyntaxNode, slot: Slot, dimension: Dimension, zero: bool) -> bool:
-        if dimension in (RATIO, DIMENSIONS[slot.kind]) or zero:
+    def _fits(self, node: SyntaxNode, slot: Slot, dimension: Dimension) -> bool:
+        if dimension in (RATIO, DIMENSIONS[slot.kind]):
             return True
         given = dimension_name(dimension)
         hint = "lengths are in m" if slot.kind == "length" else "angles are in deg or rad"
@@ -330,18 +322,10 @@ class _VariationReader:
         return False
 
     def _require(self, node: RequireNode) -> None:
-        left = self._arithmetic().read(node.left)
-        right = self._arithmetic().read(node.right)
-        if left is None or right is None:
-            return
-        self._use(left[0])
-        self._use(right[0])
-        if joined_dimension(left, right) is None:
-            message = f"{dimension_name(left[1])} is compared with {dimension_name(right[1])}"
-            hint = "write its unit: 45 deg" if ANGLE in (left[1], right[1]) else ""
-            self.findings.error(node, message, hint)
-            return
+        predicate = read_expression(node.predicate, self.source)
+        self._check().predicate(predicate)
         written = self.source.text[node._tx_position : node._tx_position_end]
-        text = " ".join(written.split())
-        where = self.source.at(node)
-        self.requirements.append(Requirement(left[0], node.comparison, right[0], text, where))
+        names = (part for part in walk(predicate) if isinstance(part, Name))
+        needs_plan = any(isinstance(self.names.meanings.get(name), Measure) for name in names)
+        text, where = " ".join(written.split()), self.source.at(node)
+        self.requirements.append(Requirement(predicate, text, where, needs_plan))

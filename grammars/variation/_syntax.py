@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, TypeAlias
 
 from grammars.text.diagnostics import (
     InputError,
@@ -28,15 +28,13 @@ class LetNode(TypedNode):
     """``let wide = uniform(0.8 .. 1.4)``."""
 
     name: str
-    value: ValueNode
+    value: SyntaxNode
 
 
 class RequireNode(TypedNode):
     """``require hall.area >= 12 m^2``."""
 
-    left: SumNode
-    comparison: Literal["<=", "<", ">=", ">", "==", "!="]
-    right: SumNode
+    predicate: SyntaxNode
 
 
 class BlockNode(TypedNode):
@@ -50,7 +48,7 @@ class SingleNode(TypedNode):
     """``ceiling: uniform([2.4, 2.7])``."""
 
     target: SyntaxNode
-    value: ValueNode
+    value: SyntaxNode
 
 
 class UniformNode(TypedNode):
@@ -73,56 +71,11 @@ class NormalNode(TypedNode):
     options: list[SyntaxNode]
 
 
-class SumNode(TypedNode):
-    """Products that are added; every one of ``rest`` has an ``operator`` and an ``operand``."""
-
-    first: SyntaxNode
-    rest: list[SyntaxNode]
-
-
-class MinusNode(TypedNode):
-    """``-x``."""
-
-    operand: FactorNode
-
-
-class GroupNode(TypedNode):
-    """``(x + y)``."""
-
-    expression: SumNode
-
-
-class CallNode(TypedNode):
-    """``min(x, y)``."""
-
-    function: str
-    arguments: list[SumNode]
-
-
-class LiteralNode(TypedNode):
-    """``0.8 m``."""
-
-    number: str
-    unit: str | None
-
-
-class ReferenceNode(TypedNode):
-    """``hall.pillar.height``."""
-
-    path: SyntaxNode
-
-
 DistributionNode: TypeAlias = UniformNode | DiscreteNode | NormalNode
-ValueNode: TypeAlias = DistributionNode | SumNode
-FactorNode: TypeAlias = MinusNode | GroupNode | CallNode | LiteralNode | ReferenceNode
-NODES: Final = (
-    *(ImportNode, LetNode, RequireNode, BlockNode, SingleNode),
-    *(UniformNode, DiscreteNode, NormalNode),
-    *(SumNode, MinusNode, GroupNode, CallNode, LiteralNode, ReferenceNode),
-)
+DISTRIBUTIONS: Final = (UniformNode, DiscreteNode, NormalNode)
+"""Nodes that are distributions; the value of an attribute may also be a sum."""
 
 
-_DEEPEST: Final = 30
 _LARGEST: Final = 200_000
 
 _START: Final = re.compile(
@@ -130,15 +83,14 @@ _START: Final = re.compile(
 )
 _BRACE: Final = re.compile(r"[{}]")
 _DISTRIBUTIONS: Final = ("uniform", "discrete", "normal")
+FUNCTIONS: Final = ("abs", "min", "max", "distance")
 _WORDS: Final = {
     "ID": "a name",
+    "Name": "a name",
     "REAL": "a number",
     "UNSIGNED": "a number",
     "UNIT": "a unit (such as m, cm or deg)",
     "QUOTED": "a file name in quotes",
-    "COMPARISON": "a comparison (<=, <, >=, > or ==)",
-    "LET": '"let"',
-    "REQUIRE": '"require"',
     "EOF": "the end of the file",
 }
 _CONTINUES: Final = {"UNIT", ".", "[+-]", "[*\\/]", "EOF"}
@@ -152,9 +104,9 @@ _HINTS: Final = {
 
 
 class _VariationLanguage(Language):
-    classes = NODES
+    classes = (ImportNode, LetNode, RequireNode, BlockNode, SingleNode, *DISTRIBUTIONS)
     words = _WORDS
-    openers = frozenset({"LET"})
+    openers = frozenset({"let"})
 
     def statement_starts(self, text: str) -> Sequence[int]:
         """Return where every statement outside of braces begins."""
@@ -172,15 +124,15 @@ class _VariationLanguage(Language):
         return starts
 
     def ends_early(self, fault: SyntaxFault) -> bool:
-        at_end = bool(fault.done) and not fault.word and "LET" not in fault.expected
+        at_end = bool(fault.done) and not fault.word and "let" not in fault.expected
         return at_end or super().ends_early(fault)
 
     def phrases(self, fault: SyntaxFault) -> Sequence[str]:
         left = {key for key in fault.expected if not key.startswith("(abs")}
         phrases: list[str] = []
-        if {"LET", "REQUIRE"} <= left:
+        if {"let", "require"} <= left:
             phrases.append("the next statement")
-            left -= {"LET", "REQUIRE", "import", "ID", *_CONTINUES}
+            left -= {"let", "require", "import", "ID", *_CONTINUES}
         elif left >= set(_DISTRIBUTIONS):
             phrases.append("a distribution (uniform, discrete or normal)")
             left -= {*_DISTRIBUTIONS, "(", "-", "UNSIGNED"}
@@ -195,9 +147,9 @@ class _VariationLanguage(Language):
             return 'a variation starts with the plan it varies: import "plan.fpm"'
         if word in _HINTS:
             return _HINTS[word]
-        last = re.search(r"\w*$", done)
-        if word == "(" and last and last[0] not in _DISTRIBUTIONS:
-            return did_you_mean(last[0], _DISTRIBUTIONS)
+        called = re.search(r"(\w+)\s*\([^()]*$", done)
+        if called and called[1] not in (*_DISTRIBUTIONS, *FUNCTIONS):
+            return did_you_mean(called[1], _DISTRIBUTIONS)
         if done.endswith(",") and word in ("]", ")"):
             return "no comma behind the last one"
         if word == "," and "," not in keys and done.endswith(")"):
@@ -212,7 +164,7 @@ class _VariationLanguage(Language):
         return f'did you mean "{close}"?' if close else ""
 
 
-_LANGUAGE: Final = _VariationLanguage(Path(__file__).with_name("variation.tx"))
+_LANGUAGE: Final = _VariationLanguage(Path(__file__).with_name("variation.tx"), autokwd=True)
 
 
 def parse(source: SourceText) -> SyntaxNode:
@@ -220,22 +172,6 @@ def parse(source: SourceText) -> SyntaxNode:
 
     Raises :class:`InputError` with one diagnostic per statement that cannot be read.
     """
-    _refuse_oversized(source)
-    return _LANGUAGE.parse(source)
-
-
-def _refuse_oversized(source: SourceText) -> None:
-    """Refuse what nobody could read: the parser recurses on parentheses."""
     if len(source.text) > _LARGEST:
         raise InputError.at(source.where(0), f"is longer than {_LARGEST} characters")
-    bare = without_comments(source.text)
-    depth = 0
-    for match in re.finditer(r"[()]|-(?=\s*-)", bare):
-        depth += {"(": 1, ")": -1}.get(match[0], 0)
-        if depth > _DEEPEST:
-            place = source.where(match.start())
-            message = f"parentheses are nested deeper than {_DEEPEST}"
-            raise InputError.at(place, message, "name parts of it with let")
-    signs = re.search(rf"(?:-\s*){{{_DEEPEST},}}", bare)
-    if signs:
-        raise InputError.at(source.where(signs.start()), "too many signs in a row")
+    return _LANGUAGE.parse(source)

@@ -11,11 +11,11 @@ from typing import Final, Literal
 
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.expressions import Expression, Name, evaluate
 from grammars.text.files import write_atomically
 from grammars.text.terminal_text import printable
 from grammars.text.units import RATIO, Dimension, from_si, to_si
-from grammars.variation._expressions import Expression, Requirement, evaluate
-from grammars.variation._load import Variant, VariantValue, Variation
+from grammars.variation._load import Requirement, Variant, VariantValue, Variation
 from grammars.variation._soundness import Defect, check_soundness, defects
 from grammars.variation.designs import Method
 from grammars.variation.plan_text import Slot, SlotValue, rewrite
@@ -125,11 +125,15 @@ class VariantBuilder:
 
 
 def _failing(requirements: Iterable[Requirement], drawn: SampledPoint) -> list[Diagnostic]:
-    return [Diagnostic(r.where, r.text) for r in requirements if not r.holds(drawn)]
+    return [
+        Diagnostic(required.where, required.text)
+        for required in requirements
+        if evaluate(required.predicate, drawn.value_of) != 1.0
+    ]
 
 
 class SampledPoint:
-    """One point as settings of slots, and as the answers a requirement asks for."""
+    """One point as settings of slots, and as the values of names in requirements."""
 
     def __init__(self, variation: Variation, point: Sequence[float]) -> None:
         self._variation = variation
@@ -138,17 +142,14 @@ class SampledPoint:
             draw.name: number for draw, number in zip(variation.draws, point, strict=True)
         }
         self.compiled: FloorPlan | None = None
-        self.settings: dict[str, SlotValue] = {}
-        self._by_key: dict[int | str, SlotValue] = {}
-        for assignment in variation.assignments:
-            setting = self._setting(assignment.slot, assignment.source, assignment.dimension)
-            self.settings[assignment.slot.name] = setting
-            self._by_key[assignment.slot.key] = setting
+        self.settings = {
+            a.slot.name: self._setting(a.slot, a.source, a.dimension) for a in variation.assignments
+        }
 
     def _setting(self, slot: Slot, source: str | Expression, dimension: Dimension) -> SlotValue:
         if isinstance(source, str):
             return SlotValue(slot, self._numbers[source], self._units[source])
-        value = evaluate(source, self)
+        value = evaluate(source, self.value_of)
         number = value if dimension == RATIO else from_si(value, slot.unit)
         return SlotValue(slot, round(number, _DECIMALS) if math.isfinite(number) else number)
 
@@ -163,25 +164,25 @@ class SampledPoint:
                 found.append(VariantValue(name, setting.number, setting.unit or setting.slot.unit))
         return tuple(found)
 
-    def shared(self, name: str) -> float:
-        """Return a named draw [m, rad or plain]."""
-        return to_si(self._numbers[name], self._units[name])
+    def value_of(self, name: Name) -> float:
+        """Return what a name means [m, rad or plain]; measures need the compiled plan."""
+        meaning = self._variation.meanings[name]
+        if isinstance(meaning, str):
+            return to_si(self._numbers[meaning], self._units[meaning])
+        if isinstance(meaning, Slot):
+            return self._attribute(meaning)
+        assert self.compiled is not None
+        return meaning.take(self.compiled)
 
-    def attribute(self, slot: Slot) -> float:
+    def _attribute(self, slot: Slot) -> float:
         """Return what the sampled plan says at a place [m or rad]."""
-        setting = self._by_key.get(slot.key)
+        setting = self.settings.get(slot.name)
         if setting is not None:
             return to_si(setting.number, setting.unit or slot.unit)
         if isinstance(slot.value, float):
             return slot.value
         variable = self._variation.plan_text.variables[slot.value.variable]
-        return slot.value.sign * self.attribute(variable)
-
-    @property
-    def plan(self) -> FloorPlan:
-        """The sampled plan, once it is compiled."""
-        assert self.compiled is not None
-        return self.compiled
+        return slot.value.sign * self._attribute(variable)
 
 
 @dataclass(frozen=True, slots=True)

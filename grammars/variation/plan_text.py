@@ -52,11 +52,6 @@ class Slot:
     unit_at: Span | None = None
     remedy: str = ""
 
-    @property
-    def key(self) -> int | str:
-        """Identity: slots that share a place in the text are one slot."""
-        return self.name if self.number is None else self.number[0]
-
 
 @dataclass(frozen=True, slots=True)
 class PlanElement:
@@ -145,18 +140,13 @@ class PlanText:
         kind = NAMES[read_unit(node.unit)[1]]
         return Slot(node.name, kind, node.unit, value, found.span(), unit_at)
 
-    def slot(
-        self, element: PlanElement, path: str, *, shared_defaults: bool = False
-    ) -> Slot | None:
-        """Return the place of an attribute, or ``None`` when the element has no such path.
-
-        ``shared_defaults`` makes inherited wall dimensions mean the plan's ``Defaults``.
-        """
+    def slot(self, element: PlanElement, path: str) -> Slot | None:
+        """Return the place of an attribute, or ``None`` when the element has no such path."""
         if path not in element.paths():
             return None
         name = f"{element.address}.{path}"
         if path in _WALL:
-            return self._wall_slot(element, name, _WALL[path], shared_defaults)
+            return self._wall_slot(element, name, _WALL[path])
         if path.startswith("location."):
             _, part, axis = path.split(".")
             return self._component_slot(element, name, part, axis)
@@ -185,14 +175,12 @@ class PlanText:
         remedy = f"{part}: {axis}: {'0 m' if kind == 'length' else '0 deg'}"
         return Slot(name, kind, _DEFAULT_UNIT[kind], 0.0, remedy=remedy)
 
-    def _wall_slot(self, element: PlanElement, name: str, key: str, shared_defaults: bool) -> Slot:
+    def _wall_slot(self, element: PlanElement, name: str, key: str) -> Slot:
         own = {d.key: d.value for d in element.node.dimensions}
         if key in own:
             return self._quantity(name, own[key], "length")
         shared = {d.key: d.value for d in self._defaults.dimensions}
         inherited = self._quantity(name, shared[key], "length")
-        if shared_defaults:
-            return inherited
         written = self.text[shared[key]._tx_position : shared[key]._tx_position_end]
         remedy = f"walls: {key}: {written}"
         return Slot(name, "length", "m", inherited.value, remedy=remedy)
@@ -208,13 +196,8 @@ class SlotValue:
 
 
 def rewrite(plan: PlanText, settings: Iterable[SlotValue], *, name: str = "") -> str:
-    """Return the text of ``plan`` with all settings written into it, and perhaps a new name.
-
-    A later setting of the same slot wins.
-    """
-    # By place and not by name: several spaces may share one default in the text.
-    latest = {setting.slot.key: setting for setting in settings}
-    replaced = [one for setting in latest.values() for one in _replacements(setting)]
+    """Return the text of ``plan`` with all settings written into it, and perhaps a new name."""
+    replaced = [one for setting in settings for one in _replacements(setting)]
     if name:
         replaced.append((plan.name_at, name))
     pieces: list[str] = []

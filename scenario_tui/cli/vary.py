@@ -125,19 +125,12 @@ def vary(
     tries: Annotated[
         int, typer.Option(min=1, max=1_000_000, help="Draws per variant before giving up.")
     ] = 200,
-    shared_defaults: Annotated[
-        bool,
-        typer.Option(
-            "--shared-defaults",
-            help="An inherited wall thickness or height changes for every space that inherits it.",
-        ),
-    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write variants of a floor plan, drawn from distributions."""
     from grammars.variation import load_variation, sample, source_defects, write_variants
 
-    source = load_variation(file, shared_defaults=shared_defaults)
+    source = load_variation(file)
     report_diagnostics(source.warnings)
     if check is not None:
         report_diagnostics(source_defects(source, check))

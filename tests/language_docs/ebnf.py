@@ -14,8 +14,8 @@ from tests.language_docs.markdown import ROOT
 GRAMMARS = {
     name: ROOT / "grammars" / name / f"{name}.tx"
     for name in ("floorplan", "scenery", "variation", "oracle")
-}
-_WHOLE_WORDS = ("scenery", "oracle")
+} | {"expressions": ROOT / "grammars" / "text" / "expressions.tx"}
+_WHOLE_WORDS = ("scenery", "oracle", "variation")
 """Languages whose keywords end where words end."""
 _WIDTH = 96
 _IN_WORDS = {
@@ -23,8 +23,13 @@ _IN_WORDS = {
     ("floorplan", "UNIT"): "? a unit such as m, cm, deg ?",
     ("variation", "UNIT"): "? a unit such as m, cm, deg ?",
     ("scenery", "UnitText"): "? a unit such as m, deg, s, kg, N m, m/s^2; or % ?",
-    ("oracle", "Name"): "? letters, digits, _ and -, in parts with a dot between ?",
-    ("oracle", "QuantityText"): "? a number, and a unit such as m/s^2, N m or % ?",
+    ("variation", "Name"): "? letters, digits and _, in parts with a dot between ?",
+    (
+        "expressions",
+        "Name",
+    ): "? letters, digits, _ and -, in parts with a dot between; or in quotes ?",
+    ("expressions", "UNSIGNED"): "? a number ?",
+    ("expressions", "UNIT"): "? a unit such as m/s^2, N m or % ?",
 }
 """Tokens whose expression would tell nobody anything."""
 _EVERYWHERE = ("Comment",)
@@ -39,7 +44,9 @@ def rules(language):
     from textx import lang
 
     parser = ParserPython(lang.textx_model, lang.comment, ignore_case=False, reduce_tree=False)
-    tree = parser.parse(GRAMMARS[language].read_text("utf-8"))
+    # What languages share is a grammar of its own.
+    text = GRAMMARS[language].read_text("utf-8").replace("{expressions}", "")
+    tree = parser.parse(text)
     found = {}
     for node in tree:
         if node.rule_name == "textx_rule":
@@ -160,5 +167,5 @@ def words(language):
     """Return every quoted word of a grammar that consists of letters."""
     from grammars.editor import literals
 
-    found = literals(f"grammars.{language}", f"{language}.tx")
+    found = literals(f"grammars.{GRAMMARS[language].parent.name}", f"{language}.tx")
     return frozenset(f"'{word}'" for rule in found.values() for word in rule if word.isalpha())

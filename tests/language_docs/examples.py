@@ -231,10 +231,12 @@ def _exercised(example):
         language = _LANGUAGES[kind]
         if kind == "fpm" and not text.lstrip().startswith("Floor plan"):
             text = f"Floor plan: part\n{text}"
-        return {f"{language} {one}" for one in ebnf.used(language, text)}
+        used = ebnf.used(language, text)
+        return {f"{grammar} {one}" for grammar in (language, "expressions") for one in used}
     data = _yaml(text)
     if kind == "oracles":
-        return {f"oracle {one}" for line in data.values() for one in ebnf.used("oracle", line)}
+        used = frozenset().union(*(ebnf.used("oracle", line) for line in data.values()))
+        return {f"{grammar} {one}" for grammar in ("oracle", "expressions") for one in used}
     if kind == "campaign" and text.startswith(" "):
         data = {"scenarios": data}
     return {f"{kind} {one}" for one in tables.used_keys(kind, data)}

@@ -26,7 +26,7 @@ _MOST_CHOICES: Final = 20
 """Choices to try of a list, the first and the last ones of a longer one."""
 _HINT: Final = "narrow the range, or write what must hold under such that: [a < b]"
 _DRAWN: Final = 1_000
-"""Number of points that are held against the inequalities."""
+"""Number of points that are held against the constraints."""
 _RARE: Final = 0.01
 
 
@@ -43,7 +43,7 @@ def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
         space = SearchSpace(task)
     except ValueError as error:
         return (*findings, Diagnostic(places.at(), f"{task.name}: {error}"))
-    findings += _check_inequalities(case, space, places)
+    findings += _check_constraints(case, space, places)
     return (*findings, *_check_points(case, space, places))
 
 
@@ -69,7 +69,7 @@ def _check_method(case: SearchCase, places: _Places) -> Iterator[Diagnostic]:
             yield Diagnostic(places.at("method"), message, problem.hint, severity)
 
 
-def _check_inequalities(
+def _check_constraints(
     case: SearchCase, space: SearchSpace, places: _Places
 ) -> Iterator[Diagnostic]:
     where = places.at("such that")
@@ -81,8 +81,9 @@ def _check_inequalities(
     texts = ", ".join(case.task.constraints)
     if kept == 0.0:
         message = f"{case.task.name}: no point of the ranges keeps to all of such that: {texts}"
-        yield Diagnostic(where, message, "widen the ranges, or leave an inequality out")
-    elif kept < _RARE:
+        yield Diagnostic(where, message, "widen the ranges, or leave one of them out")
+        return
+    if kept < _RARE:
         message = f"{case.task.name}: of {_DRAWN} points {kept * _DRAWN:.0f} keep to such that"
         yield Diagnostic(where, message, "narrow the ranges", Severity.WARNING)
     if space.written is not None and not space.allowed(space.written):

@@ -11,7 +11,6 @@ from grammars.scenery.composition._compiler import compile_scene
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
-    height_problem,
     mirrored_joints,
     mirrored_links,
     place_instance,
@@ -27,7 +26,6 @@ __all__ = [
     "convex_rings",
     "draw_waits",
     "frame_named",
-    "height_problem",
     "is_convex",
     "mirrored_joints",
     "mirrored_links",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from daemon.search.space import SearchSpace
+from grammars.text.diagnostics import InputError
 from tests.daemon.search.spaces import chosen, ranged, search_task
 
 
@@ -99,5 +100,5 @@ def test_a_range_that_makes_no_sense_is_told(parameter, words):
 
 
 def test_words_are_not_compared():
-    with pytest.raises(ValueError, match='"b" is not varied here'):
+    with pytest.raises(InputError, match='"b" is not varied here'):
         SearchSpace(search_task(ranged(), chosen("b", "x", "y"), constraints=("a < b",)))

@@ -10,11 +10,12 @@ from tests.grammars.editor.textmate import SYNTAXES, grammar, tokens
 
 COLOURED = ("keyword", "support", "constant.language", "variable.language")
 
+EXPRESSIONS = ("grammars.text", "expressions.tx")
 LANGUAGES = {
-    "fpm": ("grammars.floorplan", "floorplan.tx"),
-    "scenery": ("grammars.scenery", "scenery.tx"),
-    "variation": ("grammars.variation", "variation.tx"),
-    "oracle": ("grammars.oracle", "oracle.tx"),
+    "fpm": [("grammars.floorplan", "floorplan.tx")],
+    "scenery": [("grammars.scenery", "scenery.tx")],
+    "variation": [("grammars.variation", "variation.tx"), EXPRESSIONS],
+    "oracle": [("grammars.oracle", "oracle.tx"), EXPRESSIONS],
 }
 
 CONTEXT = {
@@ -38,6 +39,7 @@ CONTEXT = {
     ("scenery", "walls"): "hall.walls[1]",
     ("scenery", "waypoint"): "waypoint kitchen is reached",
     ("variation", "import"): 'import "flat.fpm"',
+    ("variation", "let"): "let a = uniform(1 .. 2)",
     ("oracle", "reached"): "reached(mission, 0.3 m)",
     ("oracle", "mission"): "reached(mission, 0.3 m)",
 }
@@ -58,8 +60,8 @@ def example(language, word):
 
 def words_of(language):
     """Return every word the textX grammar spells out, once."""
-    rules = literals(*LANGUAGES[language])
-    return sorted({w for words in rules.values() for w in words if w[0].isalpha()})
+    rules = [words for grammar in LANGUAGES[language] for words in literals(*grammar).values()]
+    return sorted({word for words in rules for word in words if word[0].isalpha()})
 
 
 @pytest.mark.parametrize(

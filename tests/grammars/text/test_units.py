@@ -6,7 +6,7 @@ from grammars.floorplan import parse_floorplan, read_floorplan
 from grammars.oracle import parse_oracle
 from grammars.scenery import parse_scenery
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.inequalities import read_inequality
+from grammars.text.expressions import read_predicate
 from grammars.text.quantity import read_quantity
 from grammars.text.units import LENGTH, SI_UNITS, UNIT_WORDS, read_unit
 from grammars.variation import parse_variation, sample
@@ -51,15 +51,17 @@ def variation(unit, folder):
     (folder / "flat.fpm").write_text(PLAN.replace("{unit}", "m"), "utf-8")
     text = f'import "flat.fpm"\nrequire 3 {unit} > 0\ndepth: uniform([3.0])\n'
     (required,) = parse_variation(text, "flat.variation", folder).requirements
-    return required.left.value
+    return required.predicate.left.value
 
 
-def inequality(unit, folder):
-    (name,) = {quantity.unit for quantity in [read_quantity(f"3 {unit}")]}
-    return -read_inequality(f"x <= 3 {unit}", {"x": name.removeprefix("1")}).constant
+def expression(unit, folder):
+    # Blanks around a slash would divide by a value.
+    spelled = f"3 {unit.replace(' / ', '/')}"
+    units = {"x": read_quantity(f"3 {unit}").unit.removeprefix("1")}
+    return read_predicate(f"x >= {spelled}", units, Where("c.yaml")).right.value
 
 
-LANGUAGES = (yaml, scenery, oracle, floorplan, variation, inequality)
+LANGUAGES = (yaml, scenery, oracle, floorplan, variation, expression)
 
 
 @pytest.mark.parametrize("read", LANGUAGES)

@@ -57,10 +57,10 @@ OTHERWISE = {
     "let a = 2": ("let names a distribution", "let a = uniform"),
     "let gap = uniform([1])": ("already the name", ""),
     "let a = uniform([1]) let a = uniform([1])": ("already named in line 2", ""),
-    "require room.area > 2 m": ("an area is compared with a length", ""),
-    "require turn > 2": ("an angle is compared with a plain number", "45 deg"),
-    "require gap + turn > 2": ("a length and an angle do not go", "45 deg"),
-    "require gap * turn + gap > 2": ("m rad and a length do not go", ""),
+    "require room.area > 2 m": ("compares m^2 with m", ""),
+    "require turn > 2": ("compares rad with a number without unit", "rad: 2 rad"),
+    "require gap + turn > 2": ("adds m and rad", ""),
+    "require gap * turn + gap > 2": ("adds m rad and m", ""),
     "require roo.area > 2": ('no "roo"', 'did you mean "room"?'),
     "require room.aera > 2": ('no "aera"', 'did you mean "area"? it has: area, perimeter'),
     "require room > 2": ('"room" is a space', "it has: area"),
@@ -69,10 +69,10 @@ OTHERWISE = {
     "require distance(room, 2 * hall) > 2": ("distance takes two elements", ""),
     "require distance(room, hal) > 2": ('no "hal"', 'did you mean "hall"?'),
     "require abs(1, 2) > 2": ("abs takes one number", ""),
-    "require 1e12 > 2": ("1e12 is too large", ""),
+    "require 1e999 > 2": ("1e999 is too large", ""),
     "require gap > 0": ("nothing is varied", "NAME: uniform"),
     'import "plan.fpm" gap: uniform([1])': ("varies one plan", "one file per plan"),
-    "gap: unifrom([1])": ('unexpected "("', 'did you mean "uniform"?'),
+    "gap: unifrom([1])": ('unexpected "["', 'did you mean "uniform"?'),
     "gap: uniform([1,])": ('unexpected "]"', "no comma"),
     "gap: uniform(1, 2)": ('unexpected ","', "a range uniform(1.0 .. 2.0)"),
     "gap: uniform([1.0m])": ("unexpected", "a blank between a number and its unit"),
@@ -80,7 +80,7 @@ OTHERWISE = {
     "gap uniform([1])": ('unexpected "uniform"', ""),
     "gap: uniform([1]), turn: uniform([1])": ('unexpected ","', "not separated by commas"),
     "# gap": ('unexpected "#"', "comments start with //"),
-    "require gap": ("expected a comparison", ""),
+    "require gap": ("not something true or false", ""),
     "room: {shape.width: uniform([1])": ('expected', ""),
     "gap: uniform([1]": ("expected", ""),
 }  # fmt: skip
@@ -126,7 +126,7 @@ turn: uniform([1, 2)
 pane: { height uniform([1]) }
 """
     lines = [d.split(":")[1] for d in refused(tmp_path, statements)]
-    assert lines == ["2", "3", "4", "5", "6", "7"]
+    assert lines == ["2", "3", "4", "6", "7"]
 
 
 def test_a_draw_that_nothing_uses_is_worth_a_word(tmp_path):

@@ -129,6 +129,9 @@ REQUIREMENTS = {
     "0.1 + 0.2 <= 0.3": True,
     "1 - 2 - 3 == -4": True,
     "2 * 3 m * 4 m == 24 m^2": True,
+    "hall . area > 20 m^2 and (door.sill > 0 or gap < 1 m)": True,
+    "not hall.area > 20 m^2": False,
+    "not 1 / 0 < 1": False,
 }
 
 

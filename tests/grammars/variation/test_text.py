@@ -175,22 +175,6 @@ def test_a_thickness_of_one_space_is_its_own(tmp_path):
     assert thickness == {"hall": 0.35, "room": 0.3, "closet": 0.2}
 
 
-def test_shared_defaults_change_for_every_space_when_asked(tmp_path):
-    statements = "closet: {defaults.wall.thickness: uniform([0.35])}"
-    variant = one(tmp_path, statements, shared_defaults=True)
-    assert "thickness: 0.35 m            // for everyone" in variant.text
-    thickness = {w.space: w.thickness for w in variant.plan.walls}
-    assert thickness == {"hall": 0.2, "room": 0.3, "closet": 0.35}
-
-
-def test_two_values_for_one_shared_default_are_worth_a_word(tmp_path):
-    statements = """hall: {defaults.wall.height: uniform([3])}
-        closet: {defaults.wall.height: uniform([4])}"""
-    variation = vary(tmp_path, statements, shared_defaults=True)
-    assert any("are one shared default" in w.message for w in variation.warnings)
-    assert {w.height for w in sample(variation, 1, seed=0)[0].plan.walls} == {4.0}
-
-
 def test_line_ends_of_the_source_survive(tmp_path):
     statements = "gap: uniform([1]) hall: {location.translation.x: uniform([1])}"
     variant = one(tmp_path, statements, HOUSE.replace("\n", "\r\n"))

@@ -90,6 +90,124 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(move_base, dwa, freq
     assert read.local_planner.controller_frequency == frequency
 
 
+@pytest.mark.parametrize(
+    ("sections", "expected"),
+    [
+        (
+            {"DWAPlannerROS": {"min_vel_trans": 0.3, "max_vel_trans": 0.22}},
+            "move_base/DWAPlannerROS/min_vel_trans: min_vel_trans 0.3 is above max_vel_trans 0.22",
+        ),
+        (
+            {"global_costmap": costmap(footprint=[[0.1, 0.1], [0.2, 0.2]])},
+            "move_base/global_costmap/footprint: a polygon needs at least three points",
+        ),
+        (
+            {"local_costmap": costmap(global_frame="odom", inflation_radius=-0.5)},
+            "move_base/local_costmap/inflation_radius: must be greater than or equal to 0",
+        ),
+        ({"amcl": {"odom_model_type": "tracked"}}, "amcl/odom_model_type: must be 'diff', 'omni'"),
+        (
+            {"amcl": {"min_particles": 9000}},
+            "amcl/min_particles: min_particles (9000) is more than",
+        ),
+        (
+            {"move_base": {"base_local_planner": "teb_local_planner/TebLocalPlannerROS"}},
+            "move_base/base_local_planner: the local planner teb_local_planner/TebLocalPlannerROS "
+            "is not built in",
+        ),
+        (
+            {"move_base": {"base_global_planner": "SBPLLatticePlanner"}},
+            "the global planner SBPLLatticePlanner is not built in",
+        ),
+        (
+            {"move_base": {"base_local_planner": "DWAPlannerROS"}},
+            "a name is taken to the letter; write dwa_local_planner/DWAPlannerROS",
+        ),
+        (
+            {"move_base": {"base_local_planner": "dwa_local_planner/DWAPlannerROS "}},
+            "a name is taken to the letter; write dwa_local_planner/DWAPlannerROS",
+        ),
+        (
+            {"local_costmap": costmap(global_frame="odom_combined")},
+            "the frame \"odom_combined\" is neither amcl's global_frame_id (map) nor amcl's "
+            "odom_frame_id (odom)",
+        ),
+        ({"topics": {"scann": "/scan"}}, 'topics/scann: nothing reads a parameter "scann"'),
+        (
+            {"topics": {"scan": "a scan"}},
+            "topics/scan: must be a name such as scan or",
+        ),
+        (
+            {"topics": {"remap": {"/a": "b c"}}},
+            "topics/remap//a: must be a name such as scan or /robot1/scan",
+        ),
+        (
+            {"topics": {"remap": {"a b": "/c"}}},
+            "topics/remap/a b: must be a name such as scan or /robot1/scan",
+        ),
+        (
+            {"topics": {"nodes": {"amcl": {"name": "amcl"}}}},
+            "topics/nodes/amcl/name: must be a full name such as /robot1/amcl (given: 'amcl')",
+        ),
+        ({"dispatcher": {"rat": 2.0}}, 'did you mean "rate"?'),
+        ({"quirks": {"perimeter": False}}, 'did you mean "perimeter_only"?'),
+        ({"amcl": 3}, "amcl: must be keys with values"),
+        ({"planner": "incremental"}, "planner: plans are always made as navfn and GlobalPlanner"),
+        ({"DWAPlannerROS": 3}, "move_base/DWAPlannerROS: must be keys with values"),
+    ],
+)
+def test_what_cannot_drive_is_an_error(sections, expected):
+    found = fatal(tree(**sections))
+    assert any(expected in problem for problem in found), found
+
+
+def test_all_errors_are_reported_together():
+    given = tree(amcl={"kld_err": -1.0}, DWAPlannerROS={"sim_time": "long"})
+    assert len(fatal(given)) == 2
+
+
+@pytest.mark.parametrize(
+    ("sections", "expected"),
+    [
+        ({"amcl": {"odom_alpa1": 0.1}}, 'amcl/odom_alpa1: nothing reads a parameter "odom_alpa1"'),
+        ({"DWAPlannerROS": {"max_trans_vel": 0.1}}, "calls it max_vel_trans and ignores max_trans"),
+        (
+            {"move_base": {"TebLocalPlannerROS": {}}},
+            'nothing reads a namespace "TebLocalPlannerROS"',
+        ),
+        ({"move_base": {"DWAPlanerROS": {}}}, 'did you mean "DWAPlannerROS"?'),
+        ({"amlc": {}}, 'did you mean "amcl"?'),
+        (
+            {"move_base": {"footprint_padding": 0.0}},
+            "move_base/footprint_padding: costmap_2d looks for it in the namespaces of the costmap",
+        ),
+        (
+            {"move_base": {"conservative_reset": {"layer_names": ["obstacles"]}}},
+            "conservative_reset/layer_names: no costmap has a layer of these names",
+        ),
+        (
+            {"move_base": {"search_alternative_goals": True}},
+            'nothing reads a parameter "search_alternative_goals"',
+        ),
+        (
+            {"local_costmap": costmap(rolling_window=True)},
+            "global_frame is not given: ROS takes map",
+        ),
+        (
+            {"global_costmap": {"plugins": []}},
+            "move_base/global_costmap/plugins: the global costmap has no obstacle layer",
+        ),
+        (
+            {"local_costmap": {"global_frame": "odom"}},
+            "the local costmap has no source of type LaserScan",
+        ),
+    ],
+)
+def test_what_is_probably_a_slip_is_a_warning(sections, expected):
+    found = problems(read_ros(tree(**sections)))
+    assert any(expected in problem for problem in found), found
+
+
 def test_the_six_parameters_that_dwa_renamed_are_named_with_their_new_names():
     # husky_navigation, turtlebot_navigation and mir_navigation write them; Noetic only warns.
     old = {
@@ -173,6 +291,22 @@ def test_one_error_does_not_blame_the_defaults_in_its_place():
 def test_an_error_has_the_words_it_has_for_every_other_system():
     (problem,) = fatal(tree(topics={"remap": 3}))
     assert problem == f"topics/remap: {plain_message({'type': 'dict_type', 'input': 3})} (given: 3)"
+
+
+def test_messages_speak_no_pydantic():
+    found = fatal(
+        tree(
+            topics={"scan": {"front": ["/a", "b c"]}, "nodes": {"amcl": {"nam": "/x"}}},
+            move_base={"recovery_behaviors": [{"name": "slow", "type": "move_slow_and_clear/X"}]},
+        )
+    )
+    assert found == [
+        "move_base/recovery_behaviors/type[0]: this recovery is not built in, "
+        "clear_costmap_recovery/ClearCostmapRecovery and rotate_recovery/RotateRecovery are: take "
+        "it out of the list (given: 'move_slow_and_clear/X')",
+        "topics/scan/front[1]: must be a name such as scan or /robot1/scan (given: 'b c')",
+        "topics/nodes/amcl/nam: nothing reads this (given: '/x')",
+    ]
 
 
 def test_names_without_effect_are_listed_with_the_reason():

@@ -1,0 +1,427 @@
+"""Sums, comparisons and logic of named values, as every language reads them.
+
+The grammar is ``expressions.tx``; what a name means is the business of the language. Every
+expression carries ``column``, the offset of its first character in the text it was read from.
+Nothing here recurses through an expression: a sum of a thousand terms is nested a thousand deep.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Final, Literal, TypeAlias, TypeVar
+
+from grammars.text.diagnostics import (
+    Diagnostic,
+    Findings,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    did_you_mean,
+)
+from grammars.text.parsing import Language, SyntaxFault
+from grammars.text.units import RATIO, Dimension, read_unit, to_si
+
+T = TypeVar("T")
+
+ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">", "==", "!="]
+_TOLERANCE: Final = 1e-9
+"""Values that differ by no more are equal, by this share where they are larger than 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A constant: SI ``value`` of ``dimension``, and how it was written."""
+
+    value: float
+    dimension: Dimension
+    text: str
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A named value, some with arguments: ``clearance(0.35 m, 0.2 m)``."""
+
+    name: str
+    arguments: tuple[Expression, ...] = ()
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Arithmetic:
+    """``left operator right``."""
+
+    operator: Literal["+", "-", "*", "/"]
+    left: Expression
+    right: Expression
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function of expressions: sign change and magnitude of one, ``min`` and ``max`` of any."""
+
+    name: Literal["-", "abs", "min", "max"]
+    operands: tuple[Expression, ...]
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """``left operator right``: true or false."""
+
+    operator: ComparisonOperator
+    left: Expression
+    right: Expression
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """True where the operand is false."""
+
+    operand: Expression
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Logic:
+    """``and`` or ``or`` of at least two predicates."""
+
+    operator: Literal["and", "or"]
+    operands: tuple[Expression, ...]
+    column: int = 0
+
+
+Expression: TypeAlias = Number | Name | Arithmetic | Function | Comparison | Not | Logic
+
+_PLAIN_NAME: Final = re.compile(r"[^\W\d][\w-]*(\.\w[\w-]*)*")
+
+
+def read_expression(node: SyntaxNode, source: SourceText) -> Expression:
+    """Return the expression that a node of the syntax tree of ``source`` means.
+
+    Raises :class:`InputError` for a number in a unit that nobody knows.
+    """
+    column = node._tx_position
+    match type(node).__name__:
+        case "Or" | "And" as rule:
+            operands = tuple(read_expression(operand, source) for operand in node.operands)
+            if len(operands) == 1:
+                return operands[0]
+            return Logic("or" if rule == "Or" else "and", operands, column)
+        case "Negation":
+            return Not(read_expression(node.operand, source), column)
+        case "Comparison":
+            left = read_expression(node.left, source)
+            if not node.right:
+                return left
+            return Comparison(node.operator, left, read_expression(node.right, source), column)
+        case "Sum" | "Product":
+            result = read_expression(node.first, source)
+            for tail in node.rest:
+                operand = read_expression(tail.operand, source)
+                result = Arithmetic(tail.operator, result, operand, column)
+            return result
+        case "Minus":
+            return Function("-", (read_expression(node.operand, source),), column)
+        case "Group":
+            return read_expression(node.expression, source)
+        case "Quantity":
+            return read_number(node, source)
+    arguments = tuple(read_expression(argument, source) for argument in node.arguments)
+    if node.name in ("abs", "min", "max") and arguments:
+        return Function(node.name, arguments, column)
+    return Name(read_name(node.name), arguments, column)
+
+
+def read_name(text: str) -> str:
+    """Return a name without the quotes around it."""
+    return text[1:-1] if text[0] in "\"'" else text
+
+
+def read_number(node: SyntaxNode, source: SourceText) -> Number:
+    """Return a number in SI units; raises :class:`InputError` for a unit that nobody knows."""
+    text = source.text[node._tx_position : node._tx_position_end]
+    unit = " ".join((node.unit or "").split())
+    try:
+        dimension, value = read_unit(unit)[1], to_si(float(node.number), unit)
+    except ValueError as error:
+        raise InputError.at(source.at(node), str(error)) from error
+    if not math.isfinite(value):
+        raise InputError.at(source.at(node), f"{text} is too large")
+    # Fifteen digits are what people write, binary fractions have more.
+    return Number(float(f"{value:.15g}"), dimension, text, node._tx_position)
+
+
+def parts_of(expression: Expression) -> tuple[Expression, ...]:
+    """Return the expressions that one is put together from; arguments of names are no parts."""
+    match expression:
+        case Arithmetic(left=left, right=right) | Comparison(left=left, right=right):
+            return (left, right)
+        case Function(operands=operands) | Logic(operands=operands):
+            return operands
+        case Not(operand=operand):
+            return (operand,)
+    return ()
+
+
+def walk(expression: Expression) -> Sequence[Expression]:
+    """Return an expression and everything in it, in the order written."""
+    parts: list[Expression] = []
+    pending = [expression]
+    while pending:
+        parts.append(pending.pop())
+        pending += reversed(parts_of(parts[-1]))
+    return parts
+
+
+def fold(expression: Expression, visit: Callable[[Expression, Sequence[T]], T]) -> T:
+    """Return what ``visit`` makes of an expression and of what it made of the parts of that."""
+    made: list[T] = []
+    for part in reversed(walk(expression)):
+        made.append(visit(part, [made.pop() for _ in parts_of(part)]))
+    return made.pop()
+
+
+def render(expression: Expression) -> str:
+    """Return ``expression`` as text again; compound parts in parentheses."""
+    return fold(expression, _render)
+
+
+def _render(expression: Expression, texts: Sequence[str]) -> str:
+    pairs = zip(parts_of(expression), texts, strict=True)
+    inner = [text if isinstance(part, Number | Name) else f"({text})" for part, text in pairs]
+    match expression:
+        case Number():
+            return expression.text
+        case Name(name=name, arguments=arguments):
+            name = name if _PLAIN_NAME.fullmatch(name) else f'"{name}"'
+            return f"{name}({', '.join(map(render, arguments))})" if arguments else name
+        case Function(name="-"):
+            return f"-{inner[0]}"
+        case Function(name=name):
+            return f"{name}({', '.join(texts)})"
+        case Not():
+            return f"not {inner[0]}"
+        case Logic(operator=word):
+            return f" {word} ".join(inner)
+        case Arithmetic(operator=sign):
+            return f" {sign} ".join(inner)
+        case Comparison(operator=sign):
+            return f" {sign} ".join(texts)
+
+
+def evaluate(expression: Expression, value_of: Callable[[Name], float]) -> float:
+    """Return the value [SI] of an expression: of a predicate 1 where it holds, 0 where it does not.
+
+    Dividing by zero gives NaN, which is unknown; 0.1 + 0.2 equals 0.3.
+    """
+
+    def visit(part: Expression, values: Sequence[float]) -> float:
+        match part:
+            case Number(value=value):
+                return value
+            case Name():
+                return value_of(part)
+            case Arithmetic(operator=operator):
+                return _calculate(operator, *values)
+            case Function(name="-"):
+                return -values[0]
+            case Function(name=name):
+                return abs(values[0]) if name == "abs" else {"min": min, "max": max}[name](values)
+            case Comparison(operator=operator):
+                return _compare(operator, *values)
+            case Not():
+                return 1.0 - values[0]
+            case Logic(operator=operator):
+                decisive = 0.0 if operator == "and" else 1.0
+                # Otherwise all are alike, or some are unknown and with them the whole.
+                return decisive if decisive in values else math.fsum(values) / len(values)
+
+    return fold(expression, visit)
+
+
+def _calculate(operator: str, left: float, right: float) -> float:
+    match operator:
+        case "+":
+            return left + right
+        case "-":
+            return left - right
+        case "*":
+            return left * right
+    return left / right if right else math.nan
+
+
+def _compare(operator: ComparisonOperator, left: float, right: float) -> float:
+    if math.isnan(left - right):
+        return math.nan
+    equal = math.isclose(left, right, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
+    if operator in ("==", "!="):
+        return float(equal is (operator == "=="))
+    differs = left < right if operator in ("<", "<=") else left > right
+    return float((differs and not equal) or (equal and operator in ("<=", ">=")))
+
+
+class Unknown(Enum):
+    """Kind of a name without a meaning, and of all that it is a part of: an error is added."""
+
+    UNKNOWN = "unknown"
+
+
+Kind: TypeAlias = Dimension | None
+"""What an expression is measured in; ``None``: true or false."""
+MaybeKind: TypeAlias = Kind | Literal[Unknown.UNKNOWN]
+
+
+@dataclass(frozen=True, slots=True)
+class DimensionCheck:
+    """Finds what the expressions of a text are measured in; adds what does not go together.
+
+    ``kind_of_name`` adds names that it does not know itself. Beside a value in ``bare`` a number
+    without a unit is in it too, and 0 is in any; without ``bare`` every number has its unit.
+    """
+
+    source: SourceText
+    findings: Findings
+    kind_of_name: Callable[[Name], MaybeKind]
+    bare: Dimension = RATIO
+
+    def error(self, expression: Expression, message: str, hint: str = "") -> None:
+        """Add an error at the place of an expression."""
+        self.findings.error(self.source.where(expression.column), message, hint)
+
+    def kind(self, expression: Expression) -> MaybeKind:
+        """Return what an expression is measured in."""
+        return fold(expression, self._visit)
+
+    def quantity(self, expression: Expression) -> Dimension | None:
+        """Return the dimension of a quantity, ``None`` after reporting why there is none."""
+        return self._quantity(expression, self.kind(expression))
+
+    def predicate(self, expression: Expression) -> None:
+        """Report an expression that is not true or false."""
+        self._predicate(expression, self.kind(expression))
+
+    def compare(self, left: Dimension, limit: Expression, right: Dimension) -> None:
+        """Report a ``limit``, measured in ``right``, of something that is measured in ``left``."""
+        hint = f"write the limit in {left.unit}" if right == RATIO else ""
+        if isinstance(limit, Number):
+            hint = with_unit(limit, left)
+        self.error(limit, f"compares {_named(left)} with {_named(right)}", hint)
+
+    def _visit(self, part: Expression, kinds: Sequence[MaybeKind]) -> MaybeKind:
+        operands = list(zip(parts_of(part), kinds, strict=True))
+        match part:
+            case Number(dimension=dimension):
+                return dimension
+            case Name():
+                return self.kind_of_name(part)
+            case Not() | Logic():
+                for operand, kind in operands:
+                    self._predicate(operand, kind)
+                return None
+        dimensions = [self._quantity(operand, kind) for operand, kind in operands]
+        result: Dimension | None = dimensions[0]
+        for operand, other in zip(parts_of(part)[1:], dimensions[1:], strict=True):
+            if result is None or other is None:
+                result = None
+            else:
+                result = self._joined(part, result, operand, other)
+        if isinstance(part, Comparison):
+            return None
+        if isinstance(part, Function) and part.name == "abs" and len(operands) > 1:
+            self.error(part, "abs takes one number")
+        return Unknown.UNKNOWN if result is None else result
+
+    def _joined(
+        self, part: Expression, left: Dimension, operand: Expression, right: Dimension
+    ) -> Dimension | None:
+        """Return what ``part`` is measured in with one operand more, ``None`` after a report."""
+        if isinstance(part, Arithmetic) and part.operator in ("*", "/"):
+            return left * right if part.operator == "*" else left / right
+        if left == right:
+            return left
+        first = parts_of(part)[0]
+        for own, against, one in ((left, right, first), (right, left, operand)):
+            zero = isinstance(one, Number) and one.value == 0.0
+            if self.bare != RATIO and own == RATIO and (against == self.bare or zero):
+                return against
+        if isinstance(part, Arithmetic):
+            verb = "adds" if part.operator == "+" else "subtracts"
+            self.error(part, f"{verb} {_named(left)} and {_named(right)}")
+        else:
+            self.compare(left, operand, right)
+        return None
+
+    def _quantity(self, expression: Expression, kind: MaybeKind) -> Dimension | None:
+        if kind is None:
+            hint = f"write it alone: {render(expression)}"
+            self.error(expression, "this is true or false, not a quantity", hint)
+        return kind if isinstance(kind, Dimension) else None
+
+    def _predicate(self, expression: Expression, kind: MaybeKind) -> None:
+        if isinstance(kind, Dimension):
+            unit = "" if kind == RATIO else f" {kind.unit}"
+            message = f"this is a quantity [{kind.unit}], not something true or false"
+            self.error(expression, message, f"compare it with a limit, such as: <= 1{unit}")
+
+
+def with_unit(number: Number, kind: Dimension) -> str:
+    """Return how a number without a unit was probably meant; nothing for one that has a unit."""
+    if number.dimension != RATIO:
+        return ""
+    return f"write it in {kind.unit}: {number.text} {kind.unit}"
+
+
+def _named(kind: Dimension) -> str:
+    return "a number without unit" if kind == RATIO else kind.unit
+
+
+class ExpressionLanguage(Language):
+    """Expressions alone, or with words of a language around them on the same line."""
+
+    def message(self, fault: SyntaxFault) -> str:
+        """Return what is wrong with the word that stands there."""
+        if not fault.word:
+            return "ends too early: a parenthesis, a name or a quantity is missing"
+        if fault.word in "<>=!" and re.search(r"[<>=]", fault.done):
+            return 'comparisons cannot be chained: join two of them with "and"'
+        return f'cannot read on at "{fault.rest.split()[0]}"'
+
+
+_LANGUAGE: Final = ExpressionLanguage(Path(__file__).with_name("expressions.tx"), autokwd=True)
+
+
+def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Expression:
+    """Read a predicate over some names; ``units`` has the unit of each, empty for none.
+
+    Raises :class:`InputError` with everything that is wrong with it, at ``where``.
+    """
+    source = SourceText(text, where.file)
+    findings = Findings()
+
+    def kind_of_name(name: Name) -> MaybeKind:
+        if name.name in units and not name.arguments:
+            return read_unit(units[name.name])[1]
+        message = f'"{name.name}" is not varied here: vary it, or write its value'
+        check.error(name, message, did_you_mean(name.name, units))
+        return Unknown.UNKNOWN
+
+    check = DimensionCheck(source, findings, kind_of_name)
+    try:
+        predicate = read_expression(_LANGUAGE.parse(source), source)
+        check.predicate(predicate)
+        if not any(isinstance(part, Name) for part in walk(predicate)):
+            check.error(predicate, "names nothing that is varied")
+        findings.raise_errors()
+    except InputError as error:
+        told = (Diagnostic(where, f'"{text}": {d.message}', d.hint) for d in error.diagnostics)
+        raise InputError(told) from error
+    return predicate

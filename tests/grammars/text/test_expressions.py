@@ -1,0 +1,142 @@
+"""Expressions of named values: how they are read, worked out and written again."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grammars.text.diagnostics import InputError, Where
+from grammars.text.expressions import (
+    Arithmetic,
+    Comparison,
+    Function,
+    Name,
+    Not,
+    evaluate,
+    read_predicate,
+    render,
+    walk,
+)
+from grammars.text.units import to_si
+
+UNITS = {
+    "doors.closes": "s",
+    "doors.opens": "min",
+    "doors.opens.late": "s",
+    "a planner.speed": "m/s",
+    "swing": "deg",
+    "turn": "rad",
+    "count": "",
+}
+HERE = Where("campaign.yaml", 9, 17)
+
+
+def read(text, units=UNITS):
+    return read_predicate(text, units, HERE)
+
+
+def holds(text, units=UNITS, **values):
+    values = {name.replace("__", "."): value for name, value in values.items()}
+    found = evaluate(read(text, units), lambda n: to_si(values[n.name], units[n.name]))
+    return None if math.isnan(found) else bool(found)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("doors.closes < doors.opens", True),
+        ("doors.opens > doors.closes + 1 s", False),
+        ("doors.closes + 1 s <= doors.opens", True),
+        ("-doors.closes+0.5min>=-doors.opens", True),
+        ("doors.opens.late - doors.closes - 1 s > -50 s", False),
+        ("swing <= turn", False),
+        ("count + count < 5", True),
+        ("2 * (doors.closes - 1 s) == doors.opens * 2 - 4 s", True),
+        ("count / 4 + count * 2 != 4.5", False),
+        ("abs(doors.opens.late - doors.closes) > 50 s", True),
+        ("min(count, 3) == 2 and max(count, 3, 1) == 3", True),
+        ("not (count < 1 or swing > 2 rad)", True),
+        ("count < 1 or count > 1 and not swing > 2 rad", True),
+    ],
+)
+def test_values_are_compared_in_si_units(text, expected):
+    values = {"doors.closes": 59.0, "doors.opens": 1.0, "count": 2.0}
+    values |= {"doors.opens.late": 8.0, "swing": 90.0, "turn": 1.57}
+    found = evaluate(read(text), lambda n: to_si(values[n.name], UNITS[n.name]))
+    assert found == (1.0 if expected else 0.0)
+
+
+def test_what_is_equal_up_to_rounding_is_equal():
+    units = {"a": "s", "b": "s"}
+    assert holds("a + b <= 0.3 s and a + b == 0.3 s", units, a=0.1, b=0.2)
+    assert not holds("a + b > 0.3 s", units, a=0.1, b=0.2)
+    assert not holds("a + b != 3e8 s", units, a=1e8, b=2e8 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1 / count < 1", None),
+        ("1 / count != 1", None),
+        ("not 1 / count < 1", None),
+        ("1 / count < 1 and count > 1", False),
+        ("1 / count < 1 and count < 1", None),
+        ("1 / count < 1 or count < 1", True),
+    ],
+)
+def test_what_is_divided_by_zero_is_unknown_unless_the_rest_decides(text, expected):
+    assert holds(text, count=0.0) is expected
+
+
+def test_a_name_with_blanks_is_written_in_quotes():
+    predicate = read('"a planner.speed" < 0.5 m/s')
+    assert render(predicate) == '"a planner.speed" < 0.5 m/s'
+    assert render(read("'count'<1")) == "count < 1"
+
+
+def test_a_sum_of_a_thousand_terms_is_one_more_expression():
+    predicate = read(" + ".join(["count"] * 5000) + " < 1")
+    assert isinstance(predicate, Comparison)
+    assert len(walk(predicate)) == 5000 + 4999 + 2
+    assert evaluate(predicate.left, lambda name: 2.0) == 10_000.0
+    assert render(predicate.left).startswith("((((")
+
+
+@pytest.mark.parametrize(
+    "text", ["(" * 500 + "count" + ")" * 500 + " < 1", "-" * 900 + "count < 1"]
+)
+def test_monsters_are_refused(text):
+    with pytest.raises(InputError, match="nested too deeply"):
+        read(text)
+
+
+def test_everything_wrong_is_told_at_once_in_the_order_written():
+    with pytest.raises(InputError) as refused:
+        read("doors.close + clsoed < doors.opens + 3 m and count")
+    assert {finding.where for finding in refused.value.diagnostics} == {HERE}
+    assert [f.message.rpartition('": ')[2] for f in refused.value.diagnostics] == [
+        '"doors.close" is not varied here: vary it, or write its value',
+        '"clsoed" is not varied here: vary it, or write its value',
+        "adds s and m",
+        "this is a quantity [1], not something true or false",
+    ]
+
+
+NAMES = st.sampled_from(["a", "b.c", "door-17", "two words"]).map(Name)
+QUANTITIES = st.recursive(
+    NAMES,
+    lambda inner: st.one_of(
+        st.builds(Arithmetic, st.sampled_from("+-*/"), inner, inner),
+        inner.map(lambda operand: Function("-", (operand,))),
+        st.builds(Function, st.sampled_from(["min", "max"]), st.tuples(inner, inner)),
+    ),
+    max_leaves=6,
+)
+
+
+@given(st.builds(Comparison, st.sampled_from(["<", ">="]), QUANTITIES, QUANTITIES))
+def test_what_is_written_again_means_the_same(comparison):
+    units = dict.fromkeys(["a", "b.c", "door-17", "two words"], "")
+    once = read(render(Not(comparison)), units)
+    assert render(once) == render(Not(comparison))
