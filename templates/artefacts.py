@@ -1,4 +1,4 @@
-"""The artefacts there are, by name, and the one way in which they are made, singly or all at once.
+"""Kinds of artefacts by name, and the one way to make them, singly or all at once.
 
 A kind that cannot be made of what is given (a plan has no doors that move), or takes a library that
 is not installed, is an error when it is asked for by name and left out when all are asked for.
@@ -7,11 +7,10 @@ is not installed, is an error when it is asked for by name and left out when all
 from __future__ import annotations
 
 import importlib
-from collections import deque
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.extras import MissingExtraError
@@ -19,9 +18,6 @@ from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
 Needs: TypeAlias = Literal["plan", "scene", "campaign"]
 ALL: Final = "all"
-_LAST: Final = "prov"
-_AHEAD: Final = 4
-"""How many worlds are begun while pictures of the one before them are still being painted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +43,7 @@ class ArtefactKind:
 
 @dataclass(frozen=True, slots=True)
 class ExportResult:
-    """What an export left: files by kind, and notes on what could not be said in a format."""
+    """Files of an export by kind, and notes on facts that a format cannot hold."""
 
     made: dict[str, tuple[Path, ...]]
     notes: tuple[str, ...]
@@ -71,74 +67,28 @@ def export(
     :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, for libraries
     that are not installed.
     """
-    (done,) = export_worlds([(world, folder)], kinds, settings=settings)
-    return done
-
-
-def export_worlds(
-    worlds: Sequence[tuple[ArtefactWorld, Path]],
-    kinds: Iterable[str],
-    *,
-    settings: ExportSettings | None = None,
-) -> Iterator[ExportResult]:
-    """Make artefacts of ``kinds`` of every world in its folder, and yield what :func:`export` does.
-
-    What worlds have in common is made once, and other processes paint the pictures of some of them
-    while the next are made.
-    """
-    wanted = tuple(kinds)
-    chosen = [choose_kinds(world, wanted) for world, _ in worlds]
-    common = settings or ExportSettings()
-    shared: dict[Hashable, Any] = {}
-    begun: deque[tuple[ExportJob, tuple[ArtefactKind, ...]]] = deque()
-    try:
-        for (world, folder), kinds_of_it in zip(worlds, chosen, strict=True):
-            folder.mkdir(parents=True, exist_ok=True)
-            begun.append((ExportJob(world, folder, common, shared=shared), kinds_of_it))
-            # Pictures first: they are painted meanwhile.
-            for kind in sorted(kinds_of_it, key=lambda kind: kind.name != "picture"):
-                if kind.name != _LAST:
-                    _make(kind, begun[-1][0], wanted)
-            if len(begun) > _AHEAD:
-                yield _finished(*begun.popleft(), wanted)
-        while begun:
-            yield _finished(*begun.popleft(), wanted)
-    finally:
-        # No process outlives an export that fails.
-        for job, _ in begun:
-            job.finish()
-
-
-def _make(kind: ArtefactKind, job: ExportJob, wanted: tuple[str, ...]) -> None:
-    try:
-        job.made[kind.name] = kind.make(job)
-    except MissingExtraError as error:
-        if kind.name in wanted:
-            raise
-        job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
-
-
-def _finished(
-    job: ExportJob, chosen: tuple[ArtefactKind, ...], wanted: tuple[str, ...]
-) -> ExportResult:
-    """Wait for the files of a job, write what tells of all of them, and return what was made."""
-    job.finish()
-    job.made = {kind.name: job.made[kind.name] for kind in chosen if kind.name in job.made}
-    for kind in chosen:
-        if kind.name == _LAST:
-            _make(kind, job, wanted)
+    names = tuple(kinds)
+    folder.mkdir(parents=True, exist_ok=True)
+    job = ExportJob(world, folder, settings or ExportSettings())
+    for kind in choose_kinds(world, names):
+        try:
+            job.made[kind.name] = kind.make(job)
+        except MissingExtraError as error:
+            if kind.name in names:
+                raise
+            job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
     return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
 
 
 def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKind, ...]:
     """Return the kinds called ``names``, in the order they are made in."""
-    wanted = list(names)
-    unknown = [name for name in wanted if name not in KINDS and name != ALL]
+    asked = list(names)
+    unknown = [name for name in asked if name not in KINDS and name != ALL]
     if unknown:
         hint = did_you_mean(unknown[0], (*KINDS, ALL))
         raise InputError.at(Where("export"), f'no artefact "{unknown[0]}"', hint)
-    everything = ALL in wanted
-    unfit = [KINDS[n] for n in wanted if n != ALL and not KINDS[n].fits(world)]
+    everything = ALL in asked
+    unfit = [KINDS[n] for n in asked if n != ALL and not KINDS[n].fits(world)]
     if unfit and not everything:
         raise InputError(
             Diagnostic(
@@ -149,7 +99,7 @@ def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKi
             for kind in unfit
         )
     return tuple(
-        kind for kind in KINDS.values() if (everything or kind.name in wanted) and kind.fits(world)
+        kind for kind in KINDS.values() if (everything or kind.name in asked) and kind.fits(world)
     )
 
 

@@ -24,16 +24,7 @@ def export_jsonld(job: ExportJob) -> tuple[Path, ...]:
     plan, layers = job.world.plan, job.world.layers
     if plan is None:
         return ()
-    folder = job.folder / "jsonld"
-    made = job.cached(("jsonld", plan, layers), lambda: write_jsonld(plan, folder, layers))
-    return tuple(_copied(path, job.path("jsonld", path.name)) for path in made)
-
-
-def _copied(path: Path, to: Path) -> Path:
-    """Return ``to``, a copy of a file of this export."""
-    if to != path:
-        to.write_bytes(path.read_bytes())
-    return to
+    return write_jsonld(plan, job.folder / "jsonld", layers)
 
 
 def write_jsonld(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from grammars.model.behaviour import start_positions
+from grammars.model.grid import MapRule, OccupancyGrid
 from grammars.model.map_files import write_map
+from grammars.model.scene import Scene
 from templates.naming import file_name, free_name
 from templates.occupancy import building_grid, with_objects
 from templates.world import BehaviourDraw, ExportJob
@@ -40,6 +44,14 @@ def _start_ending(job: ExportJob, draw: BehaviourDraw) -> str:
     return _START if like is draws[0] else f"{_START}-{like.name}"
 
 
+@functools.lru_cache(maxsize=2)
+def _building_map(
+    building: Scene, resolution: float, laser_height: float, rule: MapRule
+) -> OccupancyGrid:
+    """Return the map of a scene without objects, which worlds with one building share."""
+    return building_grid(building, resolution=resolution, laser_height=laser_height, rule=rule)
+
+
 def write_maps(job: ExportJob) -> tuple[Path, ...]:
     """Write the map without objects, with objects as they start, and in every named state.
 
@@ -60,11 +72,8 @@ def write_maps(job: ExportJob) -> tuple[Path, ...]:
         for state, given in job.world.states:
             # A layer may call a state of its doors "start".
             variants[free_name(file_name(state), variants)] = start | dict(given)
-    resolution, rule = job.resolution, job.world.rule
-    building = job.cached(
-        ("map", scene.regions, scene.solids, scene.doorways, resolution, height, rule),
-        lambda: building_grid(scene, resolution=resolution, laser_height=height, rule=rule),
-    )
+    rule = job.world.rule
+    building = _building_map(replace(scene, name="", objects=()), job.resolution, height, rule)
     written: list[Path] = []
     for name, joints in variants.items():
         grid = building

@@ -8,6 +8,7 @@ no cracks, slivers or inner faces. Uniting the prisms directly would leave faces
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from grammars.model.geometry import Floats
-from grammars.model.scene import Scene
+from grammars.model.scene import Solid
 from grammars.text.extras import load_extra
 from templates.world import ExportJob
 
@@ -46,23 +47,25 @@ class WallMesh:
     volume: float
 
 
-def wall_mesh(scene: Scene) -> WallMesh:
-    """Return the union of all solids of ``scene`` as a closed 2-manifold with outward faces.
+@functools.lru_cache(maxsize=2)
+def wall_mesh(solids: tuple[Solid, ...]) -> WallMesh:
+    """Return the union of solids as a closed 2-manifold with outward faces.
 
-    Raises :class:`ValueError` when nothing stands in the scene, and
+    Several kinds and worlds need the same. Raises :class:`ValueError` when there is no solid, and
     :class:`grammars.text.extras.MissingExtraError` when the extra ``mesh`` is not installed.
     """
+    if not solids:
+        raise ValueError("there is no mesh of nothing")
     m3 = _library("manifold3d")
-    layers = [_extruded(m3, *layer) for layer in _layers(scene)]
-    if not layers:
-        raise ValueError(f"nothing stands in {scene.name}: there is no mesh of it")
+    layers = [_extruded(m3, *layer) for layer in _layers(solids)]
     # as_original() forgets which prism a face came from: only then are coplanar faces joined.
     body = m3.Manifold.batch_boolean(layers, m3.OpType.Add).as_original().simplify(_TOLERANCE)
     if body.status() != m3.Error.NoError:
-        raise ValueError(f"the walls of {scene.name} have no closed surface: {body.status()}")
+        raise ValueError(f"the walls have no closed surface: {body.status()}")
     mesh = body.to_mesh64()
-    vertices = np.ascontiguousarray(mesh.vert_properties[:, :3], np.float64)
-    faces = np.ascontiguousarray(mesh.tri_verts, np.int64)
+    # Copies: arrays of manifold3d would outlive it in the cache.
+    vertices = np.array(mesh.vert_properties[:, :3], np.float64)
+    faces = np.array(mesh.tri_verts, np.int64)
     return WallMesh(vertices, faces, float(body.volume()))
 
 
@@ -71,24 +74,11 @@ def write_meshes(job: ExportJob) -> tuple[Path, ...]:
     if not job.world.scene.solids:
         job.notes.append("nothing stands here: there is no mesh")
         return ()
-    solids, name = job.world.scene.solids, job.building
-    stl, glb = (job.path("mesh", f"{name}.{ending}") for ending in ("stl", "glb"))
-    stl.write_bytes(building_stl(job))
-    data = job.cached(("glb", solids, name), lambda: glb_bytes(building_mesh(job), name=name))
-    glb.write_bytes(data)
+    stl, glb = (job.path("mesh", f"{job.building}.{ending}") for ending in ("stl", "glb"))
+    mesh = wall_mesh(job.world.scene.solids)
+    stl.write_bytes(stl_bytes(mesh))
+    glb.write_bytes(glb_bytes(mesh, name=job.building))
     return stl, glb
-
-
-def building_mesh(job: ExportJob) -> WallMesh:
-    """Return :func:`wall_mesh` of the world, made once for all kinds and worlds."""
-    scene = job.world.scene
-    return job.cached(("mesh", scene.solids), lambda: wall_mesh(scene))
-
-
-def building_stl(job: ExportJob) -> bytes:
-    """Return the walls of the world as binary STL."""
-    solids = job.world.scene.solids
-    return job.cached(("stl", solids), lambda: stl_bytes(building_mesh(job)))
 
 
 def stl_bytes(mesh: WallMesh) -> bytes:
@@ -118,15 +108,13 @@ def _library(name: str) -> Any:
     return load_extra(name, "mesh", "a mesh", "mesh")
 
 
-def _layers(scene: Scene) -> list[tuple[float, float, Any]]:
+def _layers(solids: tuple[Solid, ...]) -> list[tuple[float, float, Any]]:
     """Return bottom, top and area of the building between neighbouring heights."""
-    if not scene.solids:
-        return []
-    outlines = shapely.polygons([shapely.linearrings(s.polygon) for s in scene.solids])
+    outlines = shapely.polygons([shapely.linearrings(s.polygon) for s in solids])
     lines = shapely.union_all(shapely.boundary(outlines), grid_size=_GRID)
     cells = shapely.get_parts(shapely.polygonize(shapely.get_parts(lines)))
     inside = shapely.STRtree(shapely.point_on_surface(cells)).query(outlines, predicate="contains")
-    extents = np.array([(s.z_min, s.z_max) for s in scene.solids])
+    extents = np.array([(s.z_min, s.z_max) for s in solids])
     heights = sorted({float(z) for z in extents.ravel()})
     layers = []
     for low, high in itertools.pairwise(heights):

@@ -189,14 +189,14 @@ def write_sdf(job: ExportJob) -> tuple[Path, ...]:
 
 
 def _write_building(job: ExportJob) -> list[Path]:
-    from templates.mesh import building_stl
+    from templates.mesh import stl_bytes, wall_mesh
 
     name = job.building
     folder = f"gazebo/models/{name}"
     written: list[Path] = []
     if job.world.scene.solids:
         stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
-        stl.write_bytes(building_stl(job))
+        stl.write_bytes(stl_bytes(wall_mesh(job.world.scene.solids)))
         written.append(stl)
     mesh = f"model://{name}/meshes/{name}.stl" if written else ""
     path = job.path(*folder.split("/"), "model.sdf")

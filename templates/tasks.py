@@ -208,15 +208,10 @@ def write_tasks(job: ExportJob) -> tuple[Path, ...]:
     settings, scene = job.settings, job.world.scene
     height = job.world.robot.height if job.world.robot else job.laser_height
     distance = settings.distance
-
-    def contours() -> list[tuple[Region, Contour, tuple[tuple[str, str, float], ...]]]:
-        found = [(region, inset_contour(region, distance)) for region in scene.regions]
-        return [(r, c, too_close(scene, c, distance, height=height)) for r, c in found]
-
-    key = ("contours", scene.regions, scene.solids, distance, height)
-    for region, contour, close in job.cached(key, contours):
+    for region in scene.regions:
+        contour = inset_contour(region, distance)
         job.notes.extend(contour.findings)
-        for number, owner, away in close:
+        for number, owner, away in too_close(scene, contour, distance, height=height):
             job.notes.append(f"{region.name}: waypoint {number} is only {away:.2f} m from {owner}")
         stops = contour_route(
             contour,

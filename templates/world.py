@@ -1,14 +1,14 @@
-"""What artefacts are made from: one world, what happens in it, and how to write it down.
+"""The world that artefacts are made of, what happens in it, and how to write it down.
 
 Named states of its objects come from their layers (:func:`named_states`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias, TypeVar
+from typing import Final, Literal, TypeAlias
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour
@@ -42,12 +42,9 @@ def named_states(scene: Scene, layers: Iterable[SceneryLayer]) -> NamedStates:
     return tuple((name, tuple(positions.items())) for name, positions in states.items())
 
 
-T = TypeVar("T")
 DEFAULT_LASER_HEIGHT: Final = 0.3
 DEFAULT_RESOLUTION: Final = 0.05
 DEFAULT_RULE: Final = "outline"
-_MOST_SHARED: Final = 24
-"""How many results are kept for other worlds: variants of a plan share none, and some are large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +83,7 @@ class ArtefactWorld:
 
 @dataclass(frozen=True, slots=True)
 class ExportSettings:
-    """What people may choose about artefacts.
+    """Choices of people about artefacts.
 
     ``laser_height`` [m] defaults to the robot's first laser, ``resolution`` [m] to the campaign's.
     Waypoints keep ``distance`` [m] from the walls, begin with number ``first``, run ``forward``
@@ -107,10 +104,9 @@ class ExportSettings:
 
 @dataclass(slots=True)
 class ExportJob:
-    """One export of one world into ``folder``: what the makers of artefacts are given.
+    """One export of one world into ``folder``, which makers of artefacts get.
 
-    ``made`` collects the files by kind, ``notes`` what could not be said in a format. ``shared`` is
-    what worlds that are exported together have in common, ``pending`` what is still being written.
+    ``made`` collects the files by kind, ``notes`` what could not be said in a format.
     """
 
     world: ArtefactWorld
@@ -118,25 +114,6 @@ class ExportJob:
     settings: ExportSettings = field(default_factory=ExportSettings)
     made: dict[str, tuple[Path, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    shared: dict[Hashable, Any] = field(default_factory=dict)
-    pending: list[Callable[[], object]] = field(default_factory=list)
-
-    def cached(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what ``make`` returned the first time: several kinds and worlds need the same.
-
-        ``key`` holds everything that the result is made of.
-        """
-        if key not in self.shared:
-            while len(self.shared) >= _MOST_SHARED:
-                del self.shared[next(iter(self.shared))]
-            self.shared[key] = make()
-        shared: T = self.shared[key]
-        return shared
-
-    def finish(self) -> None:
-        """Wait until all files are written."""
-        while self.pending:
-            self.pending.pop(0)()
 
     @property
     def name(self) -> str:

@@ -19,9 +19,10 @@ from grammars.jsonld._compose import (
     load_scenery_jsonld,
     validate,
 )
-from grammars.jsonld._expand import expand, expand_text
+from grammars.jsonld._expand import expand_text
 from grammars.jsonld._files import is_jsonld, model_files
-from grammars.jsonld._layers import objects_document, read_layers, scenery_document
+from grammars.jsonld._layer_reader import read_layers
+from grammars.jsonld._layer_writer import objects_document, scenery_document
 from grammars.jsonld._legacy_terms import replace_legacy_terms
 from grammars.jsonld._plan_reader import read_plan
 from grammars.jsonld._plan_writer import plan_document, plan_documents
@@ -32,7 +33,6 @@ __all__ = [
     "check_jsonld",
     "compose",
     "decompose",
-    "expand",
     "expand_text",
     "is_jsonld",
     "load_floorplan_jsonld",

@@ -5,11 +5,12 @@ Also the way from and to files: reading a plan or a layer that is written in JSO
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from grammars.floorplan import FloorPlan
-from grammars.jsonld._expand import expand
+from grammars.jsonld._expand import expand_text
 from grammars.jsonld._files import (
     ModelPath,
     model_nodes,
@@ -17,14 +18,15 @@ from grammars.jsonld._files import (
     plan_nodes,
     scenery_nodes,
 )
-from grammars.jsonld._layers import LayerWriter, read_layers
+from grammars.jsonld._layer_reader import read_layers
+from grammars.jsonld._layer_writer import LayerWriter
 from grammars.jsonld._legacy_terms import replace_legacy_terms
-from grammars.jsonld._nodes import NodeGraph, Ref
+from grammars.jsonld._nodes import NodeGraph
 from grammars.jsonld._plan_reader import read_plan
 from grammars.jsonld._plan_writer import FILES, PlanWriter
 from grammars.jsonld._rules import check_structure, refuse_broken
 from grammars.jsonld._written_contexts import plan_context
-from grammars.jsonld.vocabulary import FP, ITEMS, SCN
+from grammars.jsonld.vocabulary import FP
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
     from rdflib import Graph
 
     from grammars.jsonld.rdf import ModelGraph
-
-SCENARIO = f"{ITEMS}scenario"
 
 
 def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> NodeGraph:
@@ -45,17 +45,14 @@ def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Node
             "@context": plan_context(writer.base, addresses),
             "@graph": writer.files[name],
         }
-        nodes.merge(expand(document, name))
+        nodes.merge(expand_text(json.dumps(document), name))
     # Places in the .fpm text instead of those in JSON that nobody has seen.
     nodes.places.update(writer.places)
+    layer_writer = LayerWriter(writer, layers)
     for layer in layers:
-        layer_writer = LayerWriter(layer, writer, layers)
-        nodes.merge(expand(layer_writer.document(), layer.file))
-        nodes.places.update(layer_writer.places)
-    if layers:
-        scenario = nodes.get(SCENARIO)
-        scenario.add_type(SCN["Scenario"])
-        scenario.add(SCN["layers"], tuple(Ref(f"{ITEMS}layer.{layer.name}") for layer in layers))
+        layer_writer.write_layer(layer)
+    nodes.merge(expand_text(json.dumps(layer_writer.document()), "layers"))
+    nodes.places.update(layer_writer.places)
     return nodes
 
 

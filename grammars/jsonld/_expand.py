@@ -1,8 +1,7 @@
-"""From JSON-LD documents to nodes, with everything that could not be read reported in its place.
+"""From the text of a JSON-LD document to nodes, with everything unreadable reported in its place.
 
-JSON is read strictly. Everything a document says arrives: terms scoped to several types of one node
-are all known (rdflib applies only the first type's), keys no context knows are reported instead of
-vanishing.
+JSON is read strictly, and PyLD expands it. Keys and types that no context defines get IRIs of
+their own (``UNKNOWN``), so that they are reported instead of vanishing.
 """
 
 from __future__ import annotations
@@ -10,377 +9,341 @@ from __future__ import annotations
 import json
 import math
 import re
-from typing import Any, Final, NamedTuple
+from collections import Counter
+from collections.abc import Callable, Iterable
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urljoin
 
-from grammars.jsonld._json_text import JsonText
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import (
-    COORD,
     UNKNOWN,
     XSD,
     ContextError,
-    JsonLdContext,
-    Term,
+    context_for,
     context_of_type,
-    local_name,
-    secoro,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Severity
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
 
-_NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
-# Documents come from outside: one with a million mistakes, or lists nested without end, is refused
-# after the first few.
+# Documents come from outside: one with a million mistakes is refused after the first few, and
+# contexts of strangers may refer to each other in a circle.
 _MOST_FINDINGS: Final = 50
-_DEEPEST_LIST: Final = 8
+_MOST_CONTEXTS: Final = 64
+_ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
+_NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
 _DOUBLE: Final = XSD["double"]
 _NUMERIC: Final = frozenset(
     XSD[name] for name in ("double", "float", "decimal", "integer", "int", "long")
 )
-_PLAIN: Final = Term("")
-_AXES: Final = ("x", "y", "z")
-_COORDINATES: Final = secoro("geometry/coordinates.json")
 
 
 def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
-    """Return what the JSON-LD ``text`` says; raises :class:`InputError` with every problem.
+    """Return the nodes that the JSON-LD ``text`` describes.
 
-    Relative identifiers resolve against ``base``, or, where the text says so, its own ``@base``.
+    Relative identifiers resolve against the text's own ``@base``, else against ``base``, else
+    against the address of ``file``. Raises :class:`InputError` with every problem.
     """
-    document = JsonText(text, file)
-    return expand(document.parsed(), file, document, base)
-
-
-def expand(data: Any, file: str, document: JsonText | None = None, base: str = "") -> NodeGraph:
-    """Return what parsed JSON-LD says; raises :class:`InputError` with every problem.
-
-    Relative identifiers resolve against ``base``.
-    """
-    expansion = _Expansion(document or JsonText("", file), base)
+    source = _JsonSource(text, file)
+    document = source.parsed()
+    loose = [part for part in _parts(document) if not isinstance(part, dict)]
+    if loose:
+        message = f"expected nodes in braces, found {_short(loose[0])}"
+        raise InputError.at(source.where(None), message)
+    base = base or Path(file).absolute().as_uri()
+    outdated: set[str] = set()
+    process = _processor(base, outdated)
     try:
-        expansion.top(data)
-    except ContextError as error:
-        expansion.error("", str(error))
-    except RecursionError:
-        expansion.error("", "is nested too deeply")
-    return expansion.finished()
+        _mark_nodes(document)
+        reader = _NodeReader(source, base, process(document, ()))
+        missing = reader.missing_contexts()
+        if missing:
+            # Once more, with the contexts that define those types in front of the document's own.
+            reader = _NodeReader(source, base, process(document, sorted(missing)))
+    except Exception as error:
+        # PyLD answers some malformed documents with errors of Python, of whatever class.
+        raise InputError(_problems(source, document, process, error)) from error
+    return reader.finished(outdated, missing)
 
 
-class _Types(NamedTuple):
-    """What types as written mean in a context.
+def _parts(document: Any) -> list[Any]:
+    """Return the nodes on the highest level of a document."""
+    inner = document.get("@graph", document) if isinstance(document, dict) else document
+    return inner if isinstance(inner, list) else [inner]
 
-    ``typed`` is the context inside of the node, ``iris`` has each type's IRI or nothing where it
-    has none, ``missing`` the published contexts of types that no context of the document defines.
+
+_Process = Callable[[Any, Iterable[str]], list[Any]]
+
+
+def _processor(base: str, outdated: set[str]) -> _Process:
+    """Return PyLD's expansion with the contexts stored here; nothing is fetched.
+
+    ``outdated`` collects former addresses of contexts.
     """
+    # PyLD takes a while to import, and few layers are JSON-LD.
+    from pyld import jsonld
+    from pyld.context_resolver import ContextResolver
 
-    typed: JsonLdContext
-    iris: tuple[tuple[str, str], ...]
-    missing: dict[str, str]
+    def loaded(address: str, options: Any = None) -> dict[str, Any]:
+        context = context_for(address, outdated)
+        return {"document": {"@context": context}, "documentUrl": address, "contextUrl": None}
+
+    def process(document: Any, contexts: Iterable[str]) -> list[Any]:
+        options = {
+            "base": base,
+            "expandContext": [*contexts, {"@vocab": UNKNOWN}],
+            "documentLoader": loaded,
+            "contextResolver": ContextResolver({}, loaded, _MOST_CONTEXTS),
+        }
+        expanded: list[Any] = jsonld.expand(document, options)
+        return expanded
+
+    return process
 
 
-class _Expansion:
-    """One document on its way to nodes."""
+def _mark_nodes(item: Any) -> None:
+    """Give every node its identifier as written for an ``@index``, which expansion keeps."""
+    if isinstance(item, list):
+        for part in item:
+            _mark_nodes(part)
+    elif isinstance(item, dict):
+        for key, part in item.items():
+            if key != "@context":
+                _mark_nodes(part)
+        written = item.get("@id", item.get("id"))
+        if isinstance(written, str):
+            item["@index"] = written
 
-    def __init__(self, document: JsonText, base: str) -> None:
-        self.document = document
-        self.base = base
-        self.nodes = NodeGraph()
-        self.outdated: set[str] = set()
-        self.blanks = 0
-        self.dropped: dict[str, list[str]] = {}
-        self.undefined: dict[str, tuple[dict[str, None], list[str]]] = {}
-        self.written: dict[str, str] = {}
-        self.good: set[str] = set()
-        self.known_types: dict[tuple[JsonLdContext, tuple[str, ...]], _Types] = {}
 
-    def error(self, id: str, message: str, hint: str = "") -> None:
-        if len(self.nodes.diagnostics) < _MOST_FINDINGS:
-            self.nodes.diagnostics.append(Diagnostic(self.document.where(id), message, hint))
+def _problems(
+    source: _JsonSource, document: Any, process: _Process, error: Exception
+) -> Iterable[Diagnostic]:
+    """Return what PyLD refuses of each node by itself, else of the document as a whole."""
+    whole = document if isinstance(document, dict) and "@graph" in document else {}
+    found: list[Diagnostic] = []
+    # The contexts alone first: with a broken one there is nothing to say about nodes.
+    for node in ({}, *_parts(document)):
+        try:
+            process({**whole, "@graph": [node]}, ())
+        except Exception as fault:
+            found.append(Diagnostic(source.where(node.get("@id")), _explanation(fault)))
+            if not node or len(found) == _MOST_FINDINGS:
+                break
+    return found or [Diagnostic(source.where(None), _explanation(error))]
 
-    def warn(self, id: str, message: str, hint: str = "") -> None:
-        where = self.document.where(id)
-        self.nodes.diagnostics.append(Diagnostic(where, message, hint, Severity.WARNING))
 
-    def finished(self) -> NodeGraph:
-        errors = [d for d in self.nodes.diagnostics if d.severity is Severity.ERROR]
-        if errors:
-            raise InputError(errors)
-        for address in sorted(self.outdated):
-            self.warn("", f'"{address}" is an outdated address', "read as the current context")
-        for address, (names, ids) in self.undefined.items():
-            listed = ", ".join(names)
-            message = f"no context defines {listed}, first used by {ids[0] or 'a node without @id'}"
-            self.warn(ids[0], message, f"read with {address}, which RDF tools need too")
-        for key, ids in self.dropped.items():
-            more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
-            self.warn(
-                ids[0],
-                f'"{key}" of {ids[0] or "a node without @id"}{more} is in no context: ignored',
+def _explanation(error: BaseException) -> str:
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, ContextError):
+            return str(cause)
+        cause = cause.__cause__
+    if isinstance(error, RecursionError):
+        return "is nested too deeply"
+    text = str(error.args[0] if error.args else error).removeprefix("Invalid JSON-LD syntax; ")
+    details = getattr(error, "details", None) or {}
+    values = ", ".join(_short(value) for value in details.values())
+    return f"is not JSON-LD: {text.rstrip('.')}" + (f": {values}" if values else "")
+
+
+class _NodeReader:
+    """Reads an expanded document into nodes."""
+
+    def __init__(self, source: _JsonSource, base: str, expanded: list[Any]) -> None:
+        self._source = source
+        self._base = base
+        self._nodes = NodeGraph()
+        self._blanks = 0
+        self._written: dict[str, str] = {}
+        self._unknown: dict[str, list[str]] = {}
+        self._types: dict[str, str] = {}
+        for node in expanded:
+            self._node(node)
+
+    def missing_contexts(self) -> dict[str, list[str]]:
+        """Return the published contexts of types that no context of the document defines.
+
+        By address the types, the first user of the first one in front.
+        """
+        found: dict[str, list[str]] = {}
+        for name, user in self._types.items():
+            address = context_of_type(name)
+            if address:
+                found.setdefault(address, [user]).append(name)
+        return found
+
+    def finished(self, outdated: Iterable[str], missing: dict[str, list[str]]) -> NodeGraph:
+        """Return the nodes, with warnings; raises :class:`InputError` for errors."""
+        if self._nodes.errors:
+            raise InputError(self._nodes.errors[:_MOST_FINDINGS])
+        for address in sorted(outdated):
+            self._warn("", f'"{address}" is an outdated address', "read as the current context")
+        for address, (user, *names) in missing.items():
+            message = f"no context defines {', '.join(names)}, first used by {_called(user)}"
+            self._warn(user, message, f"read with {address}, which RDF tools need too")
+        for key, users in self._unknown.items():
+            more = f" (and in {len(users) - 1} other nodes)" if len(users) > 1 else ""
+            self._warn(
+                users[0],
+                f'"{key}" of {_called(users[0])}{more} is in no context: ignored',
                 "RDF tools drop it; add a context that defines it or remove it",
             )
-        if self.document.text:
-            for iri, written in self.written.items():
-                self.nodes.places[iri] = self.document.where(written)
-        return self.nodes
+        for iri, written in self._written.items():
+            self._nodes.places[iri] = self._source.where(written)
+        return self._nodes
 
-    def top(self, data: Any) -> None:
-        context = JsonLdContext(self.base, "", {})
-        for item in data if isinstance(data, list) else [data]:
-            if isinstance(item, dict):
-                self.node(item, context, top=True)
-            else:
-                self.error("", f"expected nodes in braces, found {_short(item)}")
+    def _warn(self, written: str, message: str, hint: str) -> None:
+        where = self._source.where(written)
+        self._nodes.diagnostics.append(Diagnostic(where, message, hint, Severity.WARNING))
 
-    def node(
-        self, data: dict[str, Any], context: JsonLdContext, *, top: bool = False
-    ) -> Ref | None:
-        """Add a node object; return a reference to it (``None`` for a mere envelope)."""
-        if "@context" in data:
-            context = context.extended(data["@context"], self.outdated)
-        terms = context.terms
-        types, written, rest = self._split(data, terms)
-        # A document has thousands of nodes of a few sorts.
-        said = (context, tuple(types))
-        means = self.known_types.get(said)
-        if means is None:
-            means = self.known_types[said] = self._meaning(types, context)
-        typed = means.typed
-        if top and written is None and any(k == "@graph" for k, _, _ in rest):
-            self._envelope(rest, context)
-            return None
-        id = self._identify(written, typed)
-        node = self.nodes.get(id)
-        for name, iri in means.iris:
-            address = means.missing.get(name, "")
-            if address:
-                names, ids = self.undefined.setdefault(address, ({}, []))
-                names[name] = None
-                ids.append(written or "")
-            if iri:
-                node.add_type(iri)
+    def _error(self, written: str, message: str, hint: str = "") -> None:
+        self._nodes.diagnostics.append(Diagnostic(self._source.where(written), message, hint))
+
+    def _node(self, data: dict[str, Any]) -> Ref:
+        """Add a node object and the nodes in it; return a reference to it."""
+        written = data.get("@index", "")
+        id = self._identify(data, written)
+        if data.keys() <= {"@id", "@index"}:
+            return Ref(id)
+        node = self._nodes.get(id)
+        for kind in data.get("@type", ()):
+            if kind.startswith(UNKNOWN):
+                self._types.setdefault(kind.removeprefix(UNKNOWN), written)
+                self._ignore(kind, written)
             else:
-                self._drop(name, written)
-        for key, _, value in rest:
-            self._property(node, key, value, typed, context)
+                node.add_type(self._checked(kind, written))
+        for predicate, values in data.items():
+            if predicate in ("@graph", "@included"):
+                for part in values:
+                    self._node(part)
+            elif predicate == "@reverse":
+                for verb, subjects in values.items():
+                    for subject in subjects:
+                        self._nodes.get(self._node(subject)).add(verb, Ref(id))
+            elif predicate.startswith(UNKNOWN):
+                self._ignore(predicate, written)
+            elif predicate[:1] != "@":
+                self._add(node, self._checked(predicate, written), values, written)
         return Ref(id)
 
-    def _meaning(self, types: list[str], context: JsonLdContext) -> _Types:
-        # Terms scoped to each of its types; rdflib knows those of the first type only.
-        typed = context.for_types(types, self.outdated) if types else context
-        terms = context.terms
-        missing = {name: self._context_of(name, context) for name in types if name not in terms}
-        for address in sorted({address for address in missing.values() if address}):
-            # After the types' own contexts: what is defined there holds.
-            typed = typed.completed(address).for_types(types, self.outdated)
-        iris = []
-        for name in types:
-            address = missing.get(name, "")
-            known = name in terms or ":" in name or context.vocabulary or address
-            iri = (typed if address else context).iri(name, vocabulary=True) if known else ""
-            iris.append((name, iri if ":" in iri and not _NO_IRI.search(iri) else ""))
-        return _Types(typed, tuple(iris), missing)
-
-    def _context_of(self, name: str, context: JsonLdContext) -> str:
-        """Return the published context of a type that no context of the document defines."""
-        if context.vocabulary or ":" in name or name in context.terms:
-            return ""
-        return context_of_type(name)
-
-    def _split(
-        self, data: dict[str, Any], terms: dict[str, Term | None]
-    ) -> tuple[list[str], str | None, list[tuple[str, str, Any]]]:
-        """Return types and id as written, and every other key with what it means."""
-        types: list[str] = []
-        written: str | None = None
-        rest: list[tuple[str, str, Any]] = []
-        for key, value in data.items():
-            if key == "@context":
-                continue
-            term = terms.get(key)
-            meaning = term.iri if term is not None and term.iri[:1] == "@" else key
-            if meaning == "@type":
-                types.extend(self._type_names(value))
-            elif meaning == "@id":
-                if isinstance(value, str):
-                    written = value
-                else:
-                    self.error("", f"an @id is text, not {_short(value)}")
-            else:
-                rest.append((meaning, key, value))
-        return types, written, rest
-
-    def _type_names(self, value: Any) -> list[str]:
-        names = value if isinstance(value, list) else [value]
-        for name in names:
-            if not isinstance(name, str):
-                self.error("", f"a @type is text, not {_short(name)}")
-        return [name for name in names if isinstance(name, str)]
-
-    def _envelope(self, rest: list[tuple[str, str, Any]], context: JsonLdContext) -> None:
-        for meaning, _, value in rest:
-            if meaning != "@graph":
-                self._drop(meaning, None)
-                continue
-            for item in value if isinstance(value, list) else [value]:
-                if isinstance(item, dict):
-                    self.node(item, context, top=True)
-                else:
-                    self.error("", f"expected nodes in @graph, found {_short(item)}")
-
-    def _identify(self, written: str | None, context: JsonLdContext) -> str:
-        if written is None:
-            self.blanks += 1
-            return f"_:{self.document.file}#{self.blanks}"
-        id = context.iri(written, vocabulary=False)
-        if id.startswith("_:"):
-            return f"_:{self.document.file}#{id[2:]}"
-        if ":" not in id or _NO_IRI.search(id):
-            self.error(written, f'"{written}" is no IRI', "give a @base, or a prefix known here")
-        self.written.setdefault(id, written)
-        if context.base == self.base and ":" not in written:
-            self.nodes.relative.add(id)
-        return id
-
-    def _property(
-        self, node: Node, key: str, value: Any, typed: JsonLdContext, outer: JsonLdContext
-    ) -> None:
-        if key[:1] == "@":
-            if key in ("@graph", "@included"):
-                self._envelope([("@graph", key, value)], outer)
-            elif key != "@index":
-                self.error(self.written.get(node.id, ""), f'"{key}" is not read here')
-            return
-        term = typed.terms.get(key)
-        if term is None and key in _AXES and _is_vector(node):
-            # Files of June 2023 define the type themselves, without what the published context
-            # scopes to it.
-            names, ids = self.undefined.setdefault(_COORDINATES, ({}, []))
-            names[key] = None
-            ids.append(self.written.get(node.id, ""))
-            term = Term(COORD[key], _DOUBLE)
-        if term is None:
-            meant = key not in typed.terms and (":" in key or bool(typed.vocabulary))
-            iri = typed.iri(key, vocabulary=True) if meant else ""
-            if ":" not in iri or _NO_IRI.search(iri):
-                self._drop(key, self.written.get(node.id))
-                return
-            term = Term(iri)
-        inner = outer
-        if term.scoped is not None:
-            inner = outer.extended(term.scoped, self.outdated)
-        # One value that is no list is a list of one.
-        if term.container == "@list" and not (isinstance(value, dict) and "@list" in value):
-            items = value if isinstance(value, list) else [value]
-            node.add(term.iri, self._list(items, term, typed, inner, node.id))
-            return
-        for item in value if isinstance(value, list) else [value]:
-            known = self._value(item, term, typed, inner, node.id)
-            if known is not None:
-                node.add(term.iri, known)
-
-    def _list(
-        self,
-        items: Any,
-        term: Term,
-        typed: JsonLdContext,
-        inner: JsonLdContext,
-        owner: str,
-        depth: int = 0,
-    ) -> tuple[Value, ...]:
-        if depth > _DEEPEST_LIST:
-            self.error(self.written.get(owner, ""), "a list is nested too deeply")
-            return ()
-        found: list[Value] = []
-        for item in items if isinstance(items, list) else [items]:
-            value = (
-                self._list(item, term, typed, inner, owner, depth + 1)
-                if isinstance(item, list)
-                else self._value(item, term, typed, inner, owner)
-            )
+    def _add(self, node: Node, predicate: str, values: list[Any], written: str) -> None:
+        for item in values:
+            value = self._value(item, written)
             if value is not None:
-                found.append(value)
-        return tuple(found)
+                node.add(predicate, value)
 
-    def _value(
-        self, item: Any, term: Term, typed: JsonLdContext, inner: JsonLdContext, owner: str
-    ) -> Value | None:
-        if item is None:
-            return None
-        if isinstance(item, str):
-            if term.kind == "@id":
-                return Ref(self._reference(item, typed, vocabulary=False))
-            if term.kind == "@vocab":
-                return Ref(self._reference(item, typed, vocabulary=True))
-            return self._literal(item, term.kind, owner)
-        if isinstance(item, dict):
-            return self._object(item, term, typed, inner, owner)
-        if isinstance(item, list):
-            self.error(self.written.get(owner, ""), "a list inside a set is not JSON-LD")
-            return None
-        return self._literal(item, term.kind, owner)
+    def _ignore(self, iri: str, written: str) -> None:
+        self._unknown.setdefault(iri.removeprefix(UNKNOWN), []).append(written)
 
-    def _reference(self, text: str, context: JsonLdContext, *, vocabulary: bool) -> str:
-        iri = context.iri(text, vocabulary=vocabulary)
-        if iri in self.good:
-            return iri
-        if iri.startswith("_:"):
-            return f"_:{self.document.file}#{iri[2:]}"
-        if vocabulary and ":" not in iri:
-            # A word no context defines, in a text without an address: what it may have meant is
-            # known where units and kinds are read.
-            return UNKNOWN[iri]
-        if ":" not in iri or _NO_IRI.search(iri):
-            self.error(text, f'"{text}" is no IRI', "give a @base, or a prefix known here")
-        self.good.add(iri)
+    def _identify(self, data: dict[str, Any], written: str) -> str:
+        id = data.get("@id")
+        if id is None:
+            self._blanks += 1
+            return f"_:{self._source.file}#{self._blanks}"
+        if id.startswith("_:"):
+            return f"_:{self._source.file}#{id[2:]}"
+        # What a unit or kind without a context may have meant is known where those are read.
+        if not id.startswith(UNKNOWN):
+            self._checked(id, written or id)
+        if len(data) > 2:
+            self._written.setdefault(id, written)
+            if ":" not in written and id == urljoin(self._base, written):
+                self._nodes.relative.add(id)
+        return str(id)
+
+    def _checked(self, iri: str, written: str) -> str:
+        if _NO_IRI.search(iri):
+            self._error(written, f'"{iri}" is no IRI', "an address has neither spaces nor brackets")
         return iri
 
-    def _object(
-        self,
-        item: dict[str, Any],
-        term: Term,
-        typed: JsonLdContext,
-        inner: JsonLdContext,
-        owner: str,
-    ) -> Value | None:
-        if "@value" in item:
-            kind = item.get("@type") or term.kind
-            kind = typed.iri(kind, vocabulary=True) if isinstance(kind, str) else ""
-            return self._literal(item["@value"], kind, owner)
+    def _value(self, item: dict[str, Any], written: str) -> Value | None:
         if "@list" in item:
-            return self._list(item["@list"], term, typed, inner, owner)
-        if "@set" in item:
-            self.error(self.written.get(owner, ""), "@set is not read here; write the values")
-            return None
-        return self.node(item, inner)
+            values = (self._value(part, written) for part in item["@list"])
+            return tuple(value for value in values if value is not None)
+        if "@value" in item:
+            return self._literal(item["@value"], item.get("@type", ""), written)
+        return self._node(item)
 
-    def _literal(self, value: Any, kind: str, owner: str) -> Value | None:
-        written = self.written.get(owner, "")
+    def _literal(self, value: Any, kind: str, written: str) -> Value | None:
         if isinstance(value, bool):
             return value
         if kind in _NUMERIC or isinstance(value, int | float):
             try:
                 number = float(value)
             except (TypeError, ValueError, OverflowError):
-                self.error(written, f"{_short(value)} of {written or 'a node'} is not a number")
+                self._error(written, f"{_short(value)} of {_called(written)} is not a number")
                 return None
             if not math.isfinite(number):
-                self.error(written, f"a number of {written or 'a node'} is not finite")
+                self._error(written, f"a number of {_called(written)} is not finite")
                 return None
             # 1 of a term typed as double is 1.0, as in RDF.
-            whole = isinstance(value, int) and kind != _DOUBLE
-            return value if whole else number
+            return value if isinstance(value, int) and kind != _DOUBLE else number
         if isinstance(value, str):
             return value
-        self.error(written, f"{_short(value)} is no value")
+        self._error(written, f"{_short(value)} is no value")
         return None
 
-    def _drop(self, key: str, written: str | None) -> None:
-        self.dropped.setdefault(key, []).append(written or "")
 
-
-def _is_vector(node: Node) -> bool:
-    return any(local_name(kind) in ("VectorXY", "VectorXYZ") for kind in node.types)
+def _called(written: str) -> str:
+    return written or "a node without @id"
 
 
 def _short(value: Any) -> str:
-    shown = json.dumps(value, ensure_ascii=False)
+    shown = json.dumps(value, ensure_ascii=False, default=str)
     return shown if len(shown) <= 40 else f"{shown[:39]}…"
+
+
+class _JsonSource:
+    """The text of a JSON-LD document, able to tell where an ``@id`` stands in it."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.file = file
+
+    @cached_property
+    def _ids(self) -> dict[str, int]:
+        return {match[1]: match.start() for match in reversed(list(_ID.finditer(self.text)))}
+
+    @cached_property
+    def _source(self) -> SourceText:
+        return SourceText(self.text, self.file)
+
+    def parsed(self) -> Any:
+        """Return the JSON in the text; raises :class:`InputError` when it is none."""
+        try:
+            return json.loads(self.text, object_pairs_hook=_unique, parse_constant=_refused)
+        except json.JSONDecodeError as error:
+            where = Where(self.file, error.lineno, error.colno)
+            raise InputError.at(where, f"is not JSON: {error.msg}") from error
+        except (RecursionError, ValueError) as error:
+            reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
+            if "int_max_str_digits" in reason:
+                reason = "a number has thousands of digits"
+            raise InputError.at(self._fault(error), f"is not JSON: {reason}") from error
+
+    def _fault(self, error: Exception) -> Where:
+        """Return where something stands that the JSON reader refuses without a place."""
+        words = re.search(r'the key ("[^"]*")|^(-?Infinity|NaN)', str(error))
+        pattern = r"-?\d{1000,}|[\[{](?:\s*[\[{]){20}"
+        if words is not None:
+            pattern = re.escape(words[1] or words[2])
+        places = [match.start() for match in re.finditer(pattern, self.text)]
+        last = words is not None and words[1] is not None
+        return self._source.where(places[-1 if last else 0] if places else 0)
+
+    def where(self, id: Any) -> Where:
+        """Return where an ``@id``, as written, first stands."""
+        position = self._ids.get(id) if isinstance(id, str) else None
+        return Where(self.file, 1, 1) if position is None else self._source.where(position)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twice, _ = Counter(key for key, _ in pairs).most_common(1)[0]
+        raise ValueError(f'the key "{twice}" is written twice in one object')
+    return found
+
+
+def _refused(constant: str) -> float:
+    raise ValueError(f"{constant} is not a number")

@@ -2,11 +2,10 @@
 
 - :func:`walls_text`, :func:`load_walls`: a walls layer, written and read;
 - :func:`vectorise`: a building from an occupancy map;
-- :func:`draw_map`: the map that a DXF drawing makes.
+- :func:`grammars.maps.drawing.draw_map`: the map that a DXF drawing makes.
 """
 
 from grammars.floorplan import WALLS_ENDING
-from grammars.maps._drawing import DrawingSettings, DrawnMap, draw_map
 from grammars.maps._from_map import vectorise
 from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
 from grammars.maps._walls_file import WallsText, load_walls
@@ -16,10 +15,8 @@ from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, 
 __all__ = [
     "WALLS_ENDING",
     "Area",
-    "DrawingSettings",
     "DrawnBuilding",
     "DrawnEntryway",
-    "DrawnMap",
     "DrawnSpace",
     "DrawnWall",
     "EmptyMapError",
@@ -27,7 +24,6 @@ __all__ = [
     "ImportSettings",
     "ImportedMap",
     "WallsText",
-    "draw_map",
     "load_walls",
     "vectorise",
     "walls_text",

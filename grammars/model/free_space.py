@@ -29,10 +29,18 @@ JAMB_RADIUS: Final = 0.08
 """Around a hinge, wall and leaf may overlap: doors turn in rebates."""
 
 
-def link_shape(body: SceneObject, link: Link, positions: Sequence[float]) -> BaseGeometry:
-    """Return the outline of ``link`` in the world."""
-    pose = link_poses(body, positions)[link.name]
-    return shapely.union_all([Polygon(pose.apply_ring(ring)) for ring in link.polygons])
+def link_shapes(body: SceneObject, positions: Sequence[float]) -> dict[str, BaseGeometry]:
+    """Return the outlines of all links in the world, by name.
+
+    ``positions`` are those of the joints [rad or m].
+    """
+    poses = link_poses(body, positions)
+    return {
+        link.name: shapely.union_all(
+            [Polygon(poses[link.name].apply_ring(ring)) for ring in link.polygons]
+        )
+        for link in body.links
+    }
 
 
 def moving_links(body: SceneObject) -> tuple[Link, ...]:
@@ -177,8 +185,9 @@ class FreeSpace:
         low = [s for s in scene.solids if s.z_min < height and s.z_max > _FLOOR]
         solid: list[BaseGeometry] = [Polygon(s.polygon) for s in low]
         posts = [
-            link_shape(body, link, body.initial)
+            shapes[link.name]
             for body in scene.objects
+            for shapes in [link_shapes(body, body.initial)]
             for link in still_links(body)
             if link.z_min < height
         ]

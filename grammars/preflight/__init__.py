@@ -6,8 +6,8 @@ it is given as it is.
 """
 
 from grammars.preflight._checked import places_of
-from grammars.preflight._map import check_map
-from grammars.preflight._run import check_limit, check_run
+from grammars.preflight._mission import check_limit, check_map
+from grammars.preflight._run import check_run
 from grammars.preflight._scene import check_scene
 
 __all__ = [

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final
 
+import numpy as np
+import shapely
 from shapely.geometry import Polygon
 
-from grammars.model.free_space import (
-    is_overlap,
-    link_shape,
-    moving_links,
-    swept_area,
-)
 from grammars.model.movers import is_mover
 from grammars.model.scene import Doorway, Scene, SceneObject
-from grammars.preflight._checked import CheckedScene
+from grammars.preflight._checked import CheckedScene, Footprint, meetings, sweeps
 from grammars.preflight._doors import check_doors
-from grammars.preflight._standing import check_inside, check_overlaps
-from grammars.preflight._sweeps import object_hits, starts_in_wall, wall_hits
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.preflight._parts import check_inside, check_meetings, check_starts, check_walls
+from grammars.text.diagnostics import Diagnostic, Where
 
 _TOLERANCE: Final = 1e-9
 _BLOCKED: Final = 0.05
@@ -41,70 +36,57 @@ def check_scene(
     the places of objects and entryways by name (see :func:`grammars.preflight.places_of`).
     """
     checked = CheckedScene(scene, places or {}, Where(scene.name))
-    findings = [
-        *_duplicate_names(checked),
-        *(d for body in scene.objects for d in _outside_limits(checked, body)),
-        *_blocked_doorways(checked),
-    ]
+    _check_names(checked)
+    for body in scene.objects:
+        _check_limits(checked, body)
+    for doorway in scene.doorways:
+        _check_passage(checked, doorway)
     standing = [body for body in scene.objects if not is_mover(body.joints)]
-    doors, hung = check_doors(checked)
-    overlaps, met = check_overlaps(checked, standing, hung)
-    findings += [*doors, *overlaps, *check_inside(checked, standing)]
-    stuck = {b.name: starts_in_wall(checked, b) for b in standing if {b.name} not in hung}
-    findings.extend(d for found in stuck.values() for d in found)
-    findings.extend(_furniture_in_walls(checked))
-    sweeps = [
-        (body, link, swept_area(body, link, {j.name: (j.lower, j.upper) for j in body.joints}))
-        for body in standing
-        if not body.frozen
-        for link in moving_links(body)
-    ]
+    clashes = check_doors(checked)
+    overlaps = _check_overlaps(checked, clashes)
+    check_inside(checked, standing)
     # A leaf that starts in a wall, or is too high for its doorway, sweeps through the wall as
     # well: that is said once.
-    loose = [sweep for sweep in sweeps if not stuck.get(sweep[0].name, [True])]
-    findings.extend(wall_hits(checked, loose, "somewhere in its range"))
-    findings.extend(object_hits(checked, sweeps, "somewhere in its range", hung | met))
-    return tuple(findings)
+    high = {name for name, *others in clashes if not others}
+    in_walls = high | check_starts(checked, [body for body in standing if body.name not in high])
+    _check_furniture(checked)
+    swept = [
+        part
+        for body in standing
+        if not body.frozen
+        for part in sweeps(body, tuple((j.name, (j.lower, j.upper)) for j in body.joints))
+    ]
+    loose = [part for part in swept if part.body.name not in in_walls]
+    check_walls(checked, loose, "somewhere in its range")
+    check_meetings(checked, swept, "somewhere in its range", clashes | overlaps)
+    return checked.findings.diagnostics
 
 
-def _duplicate_names(checked: CheckedScene) -> list[Diagnostic]:
+def _check_names(checked: CheckedScene) -> None:
     names = [body.name for body in checked.scene.objects]
-    return [
-        Diagnostic(checked.place(name), f'there are two objects called "{name}"')
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1
-    ]
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            checked.error(name, f'there are two objects called "{name}"')
 
 
-def _outside_limits(checked: CheckedScene, body: SceneObject) -> list[Diagnostic]:
-    return [
-        Diagnostic(
-            checked.place(body.name),
-            f"{body.name}.{joint.name} starts at {position:g}, outside of its limits",
-            f"between {joint.lower:g} and {joint.upper:g}",
-        )
-        for joint, position in zip(body.joints, body.initial, strict=True)
-        if not joint.lower - _TOLERANCE <= position <= joint.upper + _TOLERANCE
-    ]
-
-
-def _blocked_doorways(checked: CheckedScene) -> list[Diagnostic]:
-    findings = []
-    for doorway in checked.scene.doorways:
-        passage = _passage(doorway)
-        # A centimetre inside: sill and lintel touch the passage and do not close it.
-        hits = checked.obstacles.hit_by(passage, doorway.z_min + 0.01, doorway.z_max - 0.01)
-        closing = [o for o, part in hits.items() if part.area > _BLOCKED * passage.area]
-        if closing:
-            findings.append(
-                Diagnostic(
-                    checked.place(doorway.name),
-                    f"{doorway.name} is closed by {' and '.join(closing)}",
-                    "list every wall that the entryway goes through",
-                    Severity.WARNING,
-                )
+def _check_limits(checked: CheckedScene, body: SceneObject) -> None:
+    for joint, position in zip(body.joints, body.initial, strict=True):
+        if not joint.lower - _TOLERANCE <= position <= joint.upper + _TOLERANCE:
+            checked.error(
+                body.name,
+                f"{body.name}.{joint.name} starts at {position:g}, outside of its limits",
+                f"between {joint.lower:g} and {joint.upper:g}",
             )
-    return findings
+
+
+def _check_passage(checked: CheckedScene, doorway: Doorway) -> None:
+    passage = _passage(doorway)
+    # A centimetre inside: sill and lintel touch the passage and do not close it.
+    hits = checked.floor.solids.hit_by(passage, doorway.z_min + 0.01, doorway.z_max - 0.01)
+    closing = [owner for owner, part in hits.items() if part.area > _BLOCKED * passage.area]
+    if closing:
+        hint = "list every wall that the entryway goes through"
+        checked.warn(doorway.name, f"{doorway.name} is closed by {' and '.join(closing)}", hint)
 
 
 def _passage(doorway: Doorway) -> Polygon:
@@ -113,30 +95,54 @@ def _passage(doorway: Doorway) -> Polygon:
     xs, ys = [p[0] for p in local], [p[1] for p in local]
     low, high = min(ys) - _THRESHOLD, max(ys) + _THRESHOLD
     # The jambs touch the passage too.
-    left, right = min(xs) + 0.01, max(xs) - 0.01
-    corners = ((left, low), (right, low), (right, high), (left, high))
+    start, end = min(xs) + 0.01, max(xs) - 0.01
+    corners = ((start, low), (end, low), (end, high), (start, high))
     return Polygon(doorway.frame.apply_ring(corners))
 
 
-def _furniture_in_walls(checked: CheckedScene) -> list[Diagnostic]:
-    """Return a warning for every object without moving parts that stands in a wall.
+def _check_overlaps(
+    checked: CheckedScene, silent: Collection[frozenset[str]]
+) -> set[frozenset[str]]:
+    """Find objects that stand in each other at the start; return those pairs by name.
+
+    Errors where one of the two can move there: the simulator would push them apart at once.
+    Warnings where both stand still. Pairs in ``silent`` are left out.
+    """
+    standing = [part for part in checked.floor.start if not is_mover(part.body.joints)]
+    pairs = meetings(standing, but=silent)
+    for one, other in pairs.values():
+        _report_overlap(checked, one, other)
+    return set(pairs)
+
+
+def _report_overlap(checked: CheckedScene, one: Footprint, other: Footprint) -> None:
+    common = one.shape.intersection(other.shape)
+    around = shapely.get_coordinates(shapely.minimum_rotated_rectangle(common))
+    width, length = sorted(np.linalg.norm(np.diff(around[:3], axis=0), axis=1).tolist())
+    # Adding 0.0 makes 0.0 of -0.0.
+    x, y = round(common.centroid.x, 2) + 0.0, round(common.centroid.y, 2) + 0.0
+    message = (
+        f"{other.body.name} and {one.body.name} stand in each other at the start: the "
+        f"{other.link.name} and the {one.link.name} overlap near ({x:.2f}, {y:.2f}) by "
+        f"{length:.2f} m x {width:.2f} m"
+    )
+    hint = f"the other one: {checked.place(one.body.name)}; move one of them"
+    if one.moves or other.moves:
+        checked.error(other.body.name, message, f"{hint}, or let it start elsewhere")
+    else:
+        checked.warn(other.body.name, message, hint)
+
+
+def _check_furniture(checked: CheckedScene) -> None:
+    """Find objects without moving parts that stand in a wall.
 
     The posts of doors do so by design.
     """
-    findings = []
-    for body in checked.scene.objects:
-        owners: dict[str, None] = {}
-        for link in body.links if not moving_links(body) else ():
-            shape = link_shape(body, link, body.initial)
-            hits = checked.obstacles.hit_by(shape, link.z_min, link.z_max)
-            owners.update((owner, None) for owner, part in hits.items() if is_overlap(part))
-        if owners:
-            findings.append(
-                Diagnostic(
-                    checked.place(body.name),
-                    f"{body.name} stands in {' and '.join(owners)}",
-                    "move or turn it",
-                    Severity.WARNING,
-                )
-            )
-    return findings
+    doors = {part.body.name for part in checked.floor.start if part.jointed}
+    owners: dict[str, dict[str, None]] = {}
+    for part in checked.floor.start:
+        if part.body.name not in doors:
+            owners.setdefault(part.body.name, {}).update(dict.fromkeys(checked.walls_at(part)))
+    for name, walls in owners.items():
+        if walls:
+            checked.warn(name, f"{name} stands in {' and '.join(walls)}", "move or turn it")

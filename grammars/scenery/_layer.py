@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Final, TypeAlias
 
@@ -20,12 +21,22 @@ from grammars.scenery.model import (
     SceneryLayer,
     Sentence,
     Setting,
+    Statement,
     Subject,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    did_you_mean,
+)
 from grammars.text.sources import read_text
 
-_Statement: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
+_Part: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
+_SPACE: Final = re.compile(r'("[^"\n]*")|(?:\s|//[^\n]*)+')
+"""What is between words, and names in quotes, which keep theirs."""
 _OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")
 
 
@@ -34,16 +45,17 @@ def load_scenery(path: str | FilePath) -> SceneryLayer:
     return parse_scenery(read_text(path), str(path))
 
 
-def parse_scenery(text: str, file: str) -> SceneryLayer:
+def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryLayer:
     """Read the text of a layer; ``file`` is the name used in messages, its stem names the layer.
 
-    Raises :class:`InputError` with every problem found (of a syntax error only the first).
+    ``within`` is the place of a text that is part of another file. Raises :class:`InputError` with
+    every problem found (of a syntax error only the first).
     """
-    source = SourceText(text, file)
+    source = SourceText(text, file, within=within)
     reader = NodeReader(source)
     tree = parse_tree(source)
     nodes = getattr(tree, "statements", ())  # an empty text gives no tree
-    values: list[_Statement] = reader.read_all(nodes, lambda node: node.read(reader))
+    values: list[_Part] = reader.read_all(nodes, partial(_read, reader, source))
     _check_names(reader, values)
     if reader.diagnostics:
         raise InputError(sorted(reader.diagnostics, key=lambda d: (d.where.line, d.where.column)))
@@ -59,7 +71,15 @@ def parse_scenery(text: str, file: str) -> SceneryLayer:
     )
 
 
-def _check_names(reader: NodeReader, values: Sequence[_Statement]) -> None:
+def _read(reader: NodeReader, source: SourceText, node: SyntaxNode) -> _Part:
+    part: _Part = node.read(reader)
+    if not isinstance(part, Statement):
+        return part
+    written = source.text[node._tx_position : node._tx_position_end]
+    return replace(part, text=_SPACE.sub(lambda space: space[1] or " ", written))
+
+
+def _check_names(reader: NodeReader, values: Sequence[_Part]) -> None:
     seen: dict[str, Where] = {}
     for value in values:
         if not isinstance(value, ObjectModel | Instance | Group | Parameter):
@@ -106,9 +126,7 @@ def configure(
             findings.extend(error.diagnostics)
     if findings:
         raise InputError(findings)
-    return dataclasses.replace(
-        layer, groups=tuple(groups.values()), parameters=tuple(parameters.values())
-    )
+    return replace(layer, groups=tuple(groups.values()), parameters=tuple(parameters.values()))
 
 
 def _regrouped(group: Group, value: object, where: Where) -> Group:
@@ -124,7 +142,8 @@ def _regrouped(group: Group, value: object, where: Where) -> Group:
             message = f'{group.name}: "{name}" is not the name of an object'
             raise InputError.at(where, message, "write names, such as door_1")
         paths.append(Path(match[1], match[2] or "", where))
-    return Group(group.name, Subject(False, tuple(paths), (), where), where)
+    members = Subject(False, tuple(paths), (), where)
+    return Group(group.name, members, where, text=f"group {group.name}: {members}")
 
 
 def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
@@ -143,4 +162,5 @@ def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
             f"{parameter.name}: {error.diagnostics[0].message}",
             f"write {parameter.name}: {parameter.value.text}",
         ) from error
-    return Parameter(parameter.name, given, where)
+    text = f"parameter {parameter.name} = {given}"
+    return Parameter(parameter.name, given, where, text=text)

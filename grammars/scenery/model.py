@@ -1,9 +1,7 @@
 """What a ``.scenery`` file means, before it meets a floor plan: one layer of a scenario.
 
 A layer only refers to other layers by name, it never edits them. Everything keeps the place where
-it was written, for diagnostics; quantities keep their unit and text as well. The class and field
-names here are the words of the JSON-LD form of a layer (:mod:`grammars.jsonld`): they are a file
-format.
+it was written, for diagnostics; quantities keep their unit and text as well, sentences their text.
 """
 
 from __future__ import annotations
@@ -25,6 +23,13 @@ class Name:
 
     def __str__(self) -> str:
         return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """Part of a layer that keeps its ``text``: one line, without comments."""
+
+    text: str = field(default="", compare=False, repr=False, kw_only=True)
 
 
 Amount: TypeAlias = Measure | Name
@@ -105,7 +110,7 @@ class In:
 
 
 @dataclass(frozen=True, slots=True)
-class Instance:
+class Instance(Statement):
     """An object placed in a floor plan; ``starts`` is a state, a position or nothing said."""
 
     name: str
@@ -143,7 +148,7 @@ class Subject:
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class Group(Statement):
     """A named set of objects; a campaign may give it other members."""
 
     name: str
@@ -152,7 +157,7 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Statement):
     """A named quantity with its default; a campaign may give it another value."""
 
     name: str
@@ -161,7 +166,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Starts:
+class Starts(Statement):
     """The subject starts in another state than its instance says."""
 
     subject: Subject
@@ -170,7 +175,7 @@ class Starts:
 
 
 @dataclass(frozen=True, slots=True)
-class Freezes:
+class Freezes(Statement):
     """The subject never moves."""
 
     subject: Subject
@@ -192,7 +197,7 @@ class MotionAs:
 
 
 @dataclass(frozen=True, slots=True)
-class Stays:
+class Stays(Statement):
     """Held for the whole run."""
 
     subject: Subject
@@ -201,7 +206,7 @@ class Stays:
 
 
 @dataclass(frozen=True, slots=True)
-class Moves:
+class Moves(Statement):
     """Moved at given times: ``frames`` are (position, time).
 
     ``listed``: their order is that of the list, whatever their times.
@@ -211,12 +216,11 @@ class Moves:
     frames: tuple[tuple[Amount, Amount], ...]
     motion: MotionAs
     where: Where = field(compare=False)
-    # Last, and with a default: graphs from before it was there still read.
     listed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Toggles:
+class Toggles(Statement):
     """Starts at ``first`` and may change to the other position every so often, by chance."""
 
     subject: Subject
@@ -233,7 +237,7 @@ class Toggles:
 
 
 @dataclass(frozen=True, slots=True)
-class Goes:
+class Goes(Statement):
     """Moves when the robot comes near, and back when it is ``again`` away (if that is given).
 
     ``begin`` is where it is at first, if that is not ``start``.
@@ -264,7 +268,7 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
-class Alternates:
+class Alternates(Statement):
     """Starts at ``first`` and changes to the other position again and again after waiting."""
 
     subject: Subject
@@ -306,7 +310,7 @@ EventPhrase: TypeAlias = OnLeg | OnWaypoint | OnObject
 
 
 @dataclass(frozen=True, slots=True)
-class Reacts:
+class Reacts(Statement):
     """Moves once when something happens, ``after`` some time."""
 
     subject: Subject
@@ -328,7 +332,7 @@ class RoutePoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Walks:
+class Walks(Statement):
     """A mover walks a route; see :class:`grammars.model.behaviour.Walk` for what it means."""
 
     subject: Subject

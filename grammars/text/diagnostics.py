@@ -191,6 +191,11 @@ class Findings:
         self._all: list[Diagnostic] = []
 
     @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """All of them, each once, in the order of their discovery."""
+        return tuple(dict.fromkeys(self._all))
+
+    @property
     def errors(self) -> tuple[Diagnostic, ...]:
         """The errors, in source order."""
         return in_source_order(d for d in self._all if d.severity is Severity.ERROR)

@@ -293,18 +293,20 @@ def _make(
     settings: ExportSettings,
 ) -> Iterator[ExportResult]:
     """Yield what is made of each world, in its folder or, of one world, as the file ``named``."""
-    from templates.artefacts import export_worlds
+    from templates.artefacts import choose_kinds, export
 
+    for world, _ in placed:
+        choose_kinds(world, kinds)
     if named is None:
-        yield from export_worlds(placed, kinds, settings=settings)
+        for world, folder in placed:
+            yield export(world, kinds, folder, settings=settings)
         return
     ((world, _),) = placed
-    with TemporaryDirectory() as folder:
-        here = [(world, Path(folder))]
-        for done in export_worlds(here, kinds, settings=settings):
-            (made,) = (path for path in done.paths if path.suffix == named.suffix)
-            shutil.move(made, named)
-            yield replace(done, made={str(kinds[0]): (named,)})
+    with TemporaryDirectory() as temporary:
+        done = export(world, kinds, Path(temporary), settings=settings)
+        (made,) = (path for path in done.paths if path.suffix == named.suffix)
+        shutil.move(made, named)
+        yield replace(done, made={str(kinds[0]): (named,)})
 
 
 def _about(source: Path, worlds: list[str], count: int) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, NoReturn
 
@@ -15,7 +14,10 @@ from scenario_tui.cli.options import AsJson
 from scenario_tui.cli.output import Output, OutputPart, report_diagnostics, say
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from grammars.maps import DrawnBuilding, ImportReport
+    from grammars.model.grid import OccupancyGrid
 
 _OTHER_FILE: Final = "of a map, name the YAML file that map_server reads, not its image"
 
@@ -92,6 +94,12 @@ def import_building(
         list[str] | None,
         typer.Option(metavar="PATTERN", help="For drawings: layers that hold walls."),
     ] = None,
+    standing: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATTERN", help="For drawings: layers of racks, columns and the like."
+        ),
+    ] = None,
     unit: Annotated[
         str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: as the file says.")
     ] = "",
@@ -107,14 +115,7 @@ def import_building(
 
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
-    from grammars.maps import (
-        DrawingSettings,
-        EmptyMapError,
-        ImportSettings,
-        draw_map,
-        vectorise,
-        walls_text,
-    )
+    from grammars.maps import EmptyMapError, ImportSettings, vectorise, walls_text
     from grammars.model.map_files import read_saved_map
 
     target = _target(file, out)
@@ -127,10 +128,7 @@ def import_building(
     )
     yaw = 0.0
     if file.suffix.lower() in (".dxf", ".dwg"):
-        drawing = DrawingSettings(unit=unit, thickness=_length(thickness, "thickness"))
-        drawn = draw_map(file, replace(drawing, layers=tuple(layer)) if layer else drawing)
-        report_diagnostics(drawn.warnings)
-        grid = drawn.grid
+        grid = _drawn(file, layer, standing or (), unit, _length(thickness, "thickness"))
     elif file.suffix.lower() in (".yaml", ".yml"):
         saved = read_saved_map(file)
         report_diagnostics(saved.warnings)
@@ -151,6 +149,24 @@ def import_building(
         return
     typer.echo(_described(found))
     _say_what_is_next(target)
+
+
+def _drawn(
+    file: Path, layers: Sequence[str] | None, standing: Sequence[str], unit: str, thickness: float
+) -> OccupancyGrid:
+    """Return the map of a drawing; print warnings, also when it cannot be read."""
+    from grammars.text.diagnostics import Findings
+    from grammars.text.extras import load_extra
+
+    for library in ("ezdxf", "PIL"):
+        load_extra(library, "import", "a drawing", "import")
+    from grammars.maps.drawing import WALL_LAYERS, draw_map
+
+    findings = Findings()
+    try:
+        return draw_map(file, layers or WALL_LAYERS, standing, unit, thickness, findings)
+    finally:
+        report_diagnostics(findings.warnings)
 
 
 def _target(file: Path, out: Path | None) -> Path:

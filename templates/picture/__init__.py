@@ -12,7 +12,7 @@ from templates.picture._compose import draw_world
 from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape
 from templates.picture._mission import RunOverlay
 from templates.picture._page import FOOT, HEAD, MARGIN
-from templates.picture._png import PNG_SCALE, begin_png, write_png
+from templates.picture._png import PNG_SCALE, write_png
 from templates.rendering import render
 from templates.world import ExportJob
 
@@ -38,9 +38,7 @@ def write_picture(job: ExportJob) -> tuple[Path, ...]:
     svg = render("picture.svg.j2", figure=figure)
     path = job.write(job.path(f"{job.name}.svg"), svg)
     try:
-        png = job.path(f"{job.name}.png")
-        job.pending.append(begin_png(figure, png))
-        return path, png
+        return path, write_png(figure, job.path(f"{job.name}.png"))
     except MissingExtraError as error:
         job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
         return (path,)

@@ -16,6 +16,7 @@ from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Jump, LegBegins, Reaction, Walk
 from grammars.text.diagnostics import InputError
 from templates.artefacts import KINDS, export
+from templates.mesh import wall_mesh
 from templates.naming import file_name
 from templates.picture import PNG_SCALE
 from templates.rendering import BUILT_IN, number
@@ -228,6 +229,7 @@ def test_pictures_have_everything_in_them(tmp_path):
 
 
 def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_path, monkeypatch):
+    wall_mesh.cache_clear()
     for module in ("manifold3d", "resvg_py"):
         monkeypatch.setitem(sys.modules, module, None)
     found = export(world(), ["all"], tmp_path)

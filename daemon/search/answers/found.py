@@ -13,7 +13,7 @@ from daemon.model.search_answer import SearchAnswer
 from grammars.text.files import write_atomically
 from grammars.text.shipped import shipped_folder
 from grammars.text.sources import recording_reads
-from templates.artefacts import ExportResult, export_worlds
+from templates.artefacts import ExportResult, export
 from templates.naming import file_name
 
 _FOUND_ENDING: Final = ".found.yaml"
@@ -73,6 +73,4 @@ def export_found(file: Path, folder: Path) -> ExportResult:
     cannot be used, and ``OSError``.
     """
     worlds, _ = worlds_of_campaign(file, repeats=1)
-    placed = [(world, folder) for world in worlds[:1]]
-    (result,) = export_worlds(placed, GAZEBO_KINDS)
-    return result
+    return export(worlds[0], GAZEBO_KINDS, folder)

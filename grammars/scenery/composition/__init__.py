@@ -11,6 +11,7 @@ from grammars.scenery.composition._compiler import compile_scene
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
+    height_problem,
     mirrored_joints,
     mirrored_links,
     place_instance,
@@ -26,6 +27,7 @@ __all__ = [
     "convex_rings",
     "draw_waits",
     "frame_named",
+    "height_problem",
     "is_convex",
     "mirrored_joints",
     "mirrored_links",

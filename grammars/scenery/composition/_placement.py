@@ -16,10 +16,10 @@ from grammars.floorplan import Feature, FloorPlan, Opening
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import own_joints
-from grammars.model.scene import Joint, Link, SceneObject
+from grammars.model.scene import Doorway, Joint, Link, SceneObject
 from grammars.scenery.composition._amounts import closed_positions
 from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
-from grammars.text.diagnostics import Diagnostic, InputError, did_you_mean
+from grammars.text.diagnostics import Findings, InputError, did_you_mean
 
 
 def mirrored_links(links: tuple[Link, ...], across: Point2) -> tuple[Link, ...]:
@@ -189,10 +189,15 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
     if high - low > gap.width + _FIT:
         name, width = instance.name, high - low
         message = f"{name} is {width:.3f} m wide, {gap.opening.name} only {gap.width:.3f} m"
+        findings = Findings()
         hint = "take a narrower door or widen the entryway"
-        wide = Diagnostic(how.entryway.where, message, hint)
+        findings.error(how.entryway.where, message, hint)
         # A door that hangs nowhere is compared with no doorway later.
-        raise InputError([wide, *_too_high(instance, model, joint, gap.opening)])
+        link = next(link for link in model.links if link.name == joint.child)
+        problem = height_problem(name, link, gap.opening)
+        if problem:
+            findings.error(instance.where, *problem)
+        findings.raise_errors()
     wanted = 1.0 if gap.left else -1.0
     face = 1.0 if gap.outwards else -1.0
     # A leaf that hangs on the wanted side but would open the wrong way is hung as its mirror image.
@@ -206,17 +211,12 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
     return ObjectPlacement(gap.opening.frame @ pose, mirrored, along)
 
 
-def _too_high(
-    instance: Instance, model: ObjectModel, joint: Joint, opening: Opening
-) -> list[Diagnostic]:
-    leaf = next(link for link in model.links if link.name == joint.child)
-    if leaf.z_max <= opening.z_max + _HIGHER:
-        return []
-    message = (
-        f"the {leaf.name} of {instance.name} reaches {leaf.z_max:.2f} m high, "
-        f"{opening.name} only {opening.z_max:.2f} m"
-    )
-    return [Diagnostic(instance.where, message, "take a lower door or make the entryway higher")]
+def height_problem(name: str, leaf: Link, hole: Opening | Doorway) -> tuple[str, str] | None:
+    """Return that a leaf of the object ``name`` is higher than a doorway, and what to do."""
+    if leaf.z_max <= hole.z_max + _HIGHER:
+        return None
+    heights = f"reaches {leaf.z_max:.2f} m high, {hole.name} only {hole.z_max:.2f} m"
+    return f"the {leaf.name} of {name} {heights}", "take a lower door or make the entryway higher"
 
 
 def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:

@@ -71,59 +71,6 @@ def test_a_campaign_of_which_all_is_used_is_nothing_to_speak_of(folder):
     assert said(folder) == []
 
 
-SECOND = "  second:\n"
-STAGES = {
-    "keys": [
-        ("tiny.yaml", "seed: 3", "seed: 3\ncolour: blue", 'unknown key "colour"'),
-        ("tiny.yaml", SECOND, f"{SECOND}    objcts: doors\n", 'unknown key "objcts"'),
-    ],
-    "scenarios": [
-        ("tiny.yaml", "like: calm", "like: clam", 'no scenario "clam" here'),
-        ("tiny.yaml", SECOND, f"  self: {{like: self}}\n{SECOND}",
-         "scenarios are like each other: self -> self"),
-    ],
-    "layers": [
-        ("house.oracles.yaml", "clearance", "clearence", 'unknown signal "clearence"'),
-        ("tiny.yaml", "[pilot]", "[pilto]", 'no system under test "pilto": there is no pilto.yaml '
-         "beside the campaign nor in suts/, and none of that name ships"),
-        ("moods.scenery", "all both stay", "all both", 'expected "except", "is", "starts", '
-         '"stays", "moves", "toggles", "goes", "walks", …, found "open"'),
-    ],
-    "worlds": [
-        ("doors.scenery", "in kitchen_doorway", "in kitchn_doorway",
-         'there is no entryway "kitchn_doorway" in the floor plan'),
-        ("tiny.yaml", SECOND, "  third: {like: calm, objects: [], behaviours: [], "
-         f"without: [waypoint 7]}}\n{SECOND}", 'no leg 7 in mission "courier": it has 4 waypoints'),
-    ],
-    "declarations": [
-        ("tiny.yaml", "seed: 3", "seed: 3\ncompare: {a: delay(calm vs secnd) < 1 s}",
-         'no scenario "secnd" here'),
-        ("tiny.yaml", "seed: 3",
-         "seed: 3\nsearch: {s: {scenario: calmer, minimise: any, over: {a.b: 1 .. 2}}}",
-         'no scenario "calmer" here'),
-    ],
-    "pre-flight": [
-        ("courier.mission.yaml", "x: 0.2, y: -2.1", "x: 0.2, y: -0.85",
-         "waypoint kitchen is inside of hall-wall-5"),
-        ("doors.scenery", "to 1.98 m,   mass", "to 2.2 m, mass",
-         "the leaf of bedroom_door reaches 2.20 m high, bedroom_doorway only 2.00 m"),
-    ],
-}  # fmt: skip
-"""Errors of each stage of loading: layer, text, wrong text, message."""
-
-
-@pytest.mark.parametrize("stage", STAGES)
-def test_all_errors_of_a_stage_come_at_once_and_before_those_of_the_next(folder, stage):
-    stages = list(STAGES)
-    for errors in stages[stages.index(stage) :]:
-        for layer, old, new, _ in STAGES[errors]:
-            change(folder, layer, (old, new))
-    found = [text.partition(" E ")[2] for text in said(folder)]
-    assert len(found) == len(set(found))
-    for errors, changes in STAGES.items():
-        assert [message in found for *_, message in changes] == [errors == stage] * len(changes)
-
-
 def test_what_is_submitted_is_told_all_of_it_too(folder):
     change(folder, "tiny.yaml")
     change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
@@ -151,41 +98,6 @@ def test_a_path_without_its_ending_is_told_the_file_that_is_there(folder):
     (error,) = findings_of(folder / "tiny.yaml")
     assert error.message == 'no file "more/more" for the scenery'
     assert error.hint == "a path has an ending: more/more.scenery"
-
-
-def test_a_layer_with_objects_is_to_be_named_once(folder):
-    change(folder, "tiny.yaml", ("[doors_open, moods]", "[doors_open, moods, doors]"))
-    assert said(folder) == ["tiny.yaml:11 E doors is named under objects and behaviours"]
-
-
-@pytest.mark.parametrize(
-    ("layer", "old", "new", "expected"),
-    [
-        ("moods.scenery", "all both", "parameter pace = 1 m\nall both",
-         "moods.scenery:1 W no sentence of moods uses the parameter pace"),
-        ("moods.scenery", "all both", "group idle: bedroom_door\nall both",
-         "moods.scenery:1 W no sentence is about the group idle"),
-        ("more.scenery", "group", "group odd: bedrom_door\ngroup both_of: every odd\ngroup",
-         'more.scenery:1 W group odd: there is no object "bedrom_door"'),
-        ("tiny.yaml", "oracles: [near]", "oracles: [reached]",
-         "house.oracles.yaml:2 W no scenario uses the oracle near"),
-        ("tiny.yaml", "oracles: house", "oracles: [house, spare]",
-         "tiny.yaml:5 W no scenario uses an oracle of spare"),
-        ("tiny.yaml", "scenarios:", "defaults: {limit: 10 s}\nscenarios:",
-         "tiny.yaml:7 W 10 s are too short for mission courier: it takes pilot at least "),
-        ("tiny.yaml", "like: calm", "like: calm\n    limit: 10 s",
-         "tiny.yaml:16 W 10 s are too short for mission courier: it takes pilot at least "),
-    ],
-)  # fmt: skip
-def test_what_has_no_effect_is_told(folder, layer, old, new, expected):
-    change(folder, layer, (old, new))
-    found = said(folder)
-    assert any(text.startswith(expected) for text in found), found
-
-
-def test_what_all_scenarios_lack_is_said_once(folder):
-    change(folder, "tiny.yaml", ("    mission: courier\n", ""))
-    assert said(folder) == ["tiny.yaml:7 E no scenario names a mission"]
 
 
 def test_oracles_that_another_campaign_may_use_are_an_offer(folder):
@@ -256,23 +168,6 @@ def test_a_warning_that_stands_for_several_is_allowed_as_it_is_said(folder):
     campaign, found = examine(folder / "tiny.yaml")
     assert not [one for one in found if "too short" in one.message or "no warning" in one.message]
     assert [one.message for one in campaign.allowed] == [short.message]
-
-
-def test_what_is_allowed_and_never_said_is_a_warning(folder):
-    change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
-    assert said(folder) == ["tiny.yaml:8 W no warning is like this one"]
-
-
-def test_no_error_is_allowed(folder):
-    allow = 'allow:\n  - {warning: "*", why: "I do not care"}\n'
-    change(folder, "tiny.yaml", ("scenarios:\n", allow + "scenarios:\n"))
-    change(folder, "tiny.yaml", ("mission: courier", "mission: curier"))
-    assert [one for one in said(folder) if " E " in one and "curier" in one]
-
-
-def test_a_reason_is_asked_for(folder):
-    change(folder, "tiny.yaml", ("scenarios:\n", 'allow:\n  - {warning: "*"}\nscenarios:\n'))
-    assert [one for one in said(folder) if " E " in one and '"why"' in one]
 
 
 def test_what_is_allowed_changes_no_run(folder):

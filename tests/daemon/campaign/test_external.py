@@ -50,13 +50,6 @@ def load(folder, name="nav2"):
     return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
 
 
-def errors(folder, text):
-    (folder / "mine.yaml").write_text(f"sut: mine\n{text}")
-    with pytest.raises(InputError) as caught:
-        load(folder, "mine")
-    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
-
-
 def test_the_specification_holds_the_keys_as_they_are_written(folder):
     sut, warnings = load(folder)
     assert (sut.kind, sut.repeatable, warnings) == ("ros2", False, [])
@@ -101,45 +94,6 @@ def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder):
     }
     assert other.parameters["launch"] == base.parameters["launch"]
     assert other.files != base.files
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("kind: ros2\n", 'mine.yaml:1:1: key "launch" is missing'),
-        ("like: nav2\nlate: 5\n", "mine.yaml:3:1: late: must be less than 1"),
-        ("like: nav2\nstart-up: 60\n", "mine.yaml:3:1: start-up: 60 has no unit"),
-        ("like: nav2\nlunch: x\n", 'mine.yaml:3:1: unknown key "lunch"'),
-        ("like: nav2\ntopics:\n  scan: front\n  odm: x\n", 'mine.yaml:5:3: unknown key "odm"'),
-        ("like: nav2\nlaunch: nav {mpa}\n", 'mine.yaml:3:1: launch: no placeholder "mpa"'),
-        ("like: nav2\nfiles: {more: no.yaml}\n", "mine.yaml:3:9: more: no file no.yaml"),
-        ("like: nav2\nfiles: {more: [a, b]}\n", "mine.yaml:3:9: more: is one file, not several"),
-        ("like: nav2\nfiles: {map: nav2.yaml}\n", 'mine.yaml:3:9: map: every run has a'),
-        ("like: nav2\nfiles: null\n", "mine.yaml:3:1: files: must be keys with values"),
-        ("like: nav2\nparameters: {a: 1}\n", "mine.yaml:3:1: parameters: kind ros2 has none"),
-        ("like: nav2\nreuse: yes\n",
-         "mine.yaml:3:1: reuse: a stack belongs to one run\n    remove this line"),
-        ("like: nav2\nqos: null\n", "mine.yaml:3:1: qos: null takes an inherited value away"),
-        ("like: nav2\nrecord: [behaviour tree]\n",
-         'mine.yaml:3:10: record: nothing called "behaviour tree" can be recorded: did you'),
-        ("kind: pilot\nlaunch: x\nready: [a]\n", "mine.yaml:3:1: launch: only kind ros2 has this"),
-        ("kind: ros2\nlaunch: x\nros: folder\n", "mine.yaml:4:1: ros: only kind ros reads ROS"),
-        ("kind: ros2\ncontainer: {engine: podman}\n", 'mine.yaml:3:13: key "image" is missing'),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(folder, text, expected):
-    assert any(expected in error for error in errors(folder, text)), errors(folder, text)
-
-
-def test_what_is_inherited_is_complained_about_where_it_was_written(folder):
-    (folder / "nav2.yaml").write_text(BASE.replace("{params}", "{parms}"))
-    found = errors(folder, "like: nav2\nlate: 1 %\n")
-    assert found[0].startswith('nav2.yaml:3:1: launch: no placeholder "parms"')
-
-
-def test_warnings_stand_at_their_values(folder):
-    (folder / "nav2.yaml").write_text(BASE.replace("start-up: 2 min", "start-up: 3 s"))
-    assert load(folder)[1][0].startswith("nav2.yaml:7:1: warning: start-up: 3 s: Nav2 needs")
 
 
 def write_campaign(folder, repeats=""):

@@ -107,13 +107,6 @@ def test_launch_files_become_sections_with_names_and_places(folder):
     assert places["topics/nodes/amcl/remap//scan"] == "nav/launch/amcl.launch:5:5"
 
 
-def test_a_complaint_stands_in_the_launch_file(folder):
-    write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
-    (message,) = messages(folder, "robot")
-    assert message.startswith("nav/launch/move_base.launch:13:54: ")
-    assert "min_vel_trans 0.1 is above max_vel_trans 0.05" in message
-
-
 def test_files_and_parameters_go_on_top(folder):
     (folder / "mine.yaml.txt").write_text("odom_alpha1: 0.7\nodom_alpha2: 0.7\n")
     text = (
@@ -161,39 +154,6 @@ def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(f
     assert "amcl/odom_alpha1 has no value without it" in message
     write(folder, "mine", "like: robot\nparameters: {amcl: {odom_alpha1: 0.3}}\n")
     assert tree(folder, "mine")["amcl"] == {"odom_alpha1": 0.3}
-
-
-def test_what_is_not_given_is_asked_for_by_the_keys_of_the_file(folder):
-    write(folder, "robot", SUT)
-    (message,) = messages(folder, "robot")
-    assert message.startswith("nav/launch/move_base.launch:3:30: environment variable MODEL is not")
-    assert 'write it under "env", such as MODEL: VALUE; or give the arg model under "args"' in (
-        message
-    )
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("kind: ros\nros: {}\n", "robot.yaml:3:1: ros: names neither a folder nor launch files"),
-        ("kind: ros\nros: {args: {a: 1}}\n", "robot.yaml:3:1: ros: there are no launch files to"),
-        ("kind: ros\nros: {folder: nav, launch: x}\n", "launch: a folder is read without launch"),
-        ("kind: ros\nros: {lanch: x}\n", 'unknown key "lanch"\n    did you mean "launch"?'),
-        ("kind: ros\nros: {launch: nav/launch/movebase.launch}\n", 'mean "move_base.launch"?'),
-        ("kind: ros\nros: {launch: x.launch.py}\n", "no file x.launch.py"),
-        (SUT + "  packages: [nowhere]\n", "robot.yaml:5:14: packages: no folder nowhere"),
-        (SUT + "  packages: nav/config\n", "packages: no package in nav/config or below it"),
-        (SUT + "  args: {model: [1]}\n", "robot.yaml:5:10: model: must be text"),
-        (SUT + "  args: {model: burger}\n  node: other\n", "node: no move_base is called /other"),
-        ("kind: pilot\nros: {launch: x}\n", "only kind ros reads ROS parameter files"),
-        ("kind: ros\nros: nav\n",
-         "nav has no parameter files\n    it has launch files (launch/amcl.launch, launch/move_b"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(folder, text, expected):
-    write(folder, "robot", text)
-    found = messages(folder, "robot")
-    assert any(expected in message for message in found), found
 
 
 def test_launch_files_without_move_base_tell_what_they_start(folder):
@@ -289,24 +249,6 @@ def test_a_folder_of_nav2_is_recognised(folder):
     write(folder, "robot", "kind: ros\nros: params\n")
     (message,) = messages(folder, "robot")
     assert 'nav2.yaml is for ROS 2: test Nav2 by "kind: ros2"' in message
-
-
-@pytest.mark.parametrize(
-    ("namespace", "text", "expected"),
-    [
-        ("/", "robot1:\n  move_base:\n    controller_frequency: 10.0\n",
-         "dump.yaml:3:27: nobody reads anything in this file: robot1/move_base/controller_frequ"),
-        ("/", "robot1:\n  move_base:\n    controller_frequency: 10.0\n",
-         "move_base/controller_frequency is meant: take robot1 away"),
-        ("amcl", "amcl:\n  odom_alpha1: 0.1\n", "amcl/odom_alpha1 is meant: take amcl away"),
-        ("amcl", "sim_time: 1.0\nvx_samples: 3\n", "load it into the namespace of the node that"),
-    ],
-)  # fmt: skip
-def test_files_of_which_nobody_reads_anything_are_refused(folder, namespace, text, expected):
-    (folder / "dump.yaml").write_text(text)
-    write(folder, "robot", f"kind: ros\nfiles: {{{namespace}: dump.yaml}}\n")
-    (message,) = messages(folder, "robot")
-    assert expected in message
 
 
 def test_the_guide_names_every_key():

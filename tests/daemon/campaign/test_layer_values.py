@@ -13,7 +13,6 @@ from daemon.campaign import (
     load_campaign,
     with_overrides,
 )
-from grammars.text.diagnostics import InputError
 
 CAMPAIGN = """\
 campaign: tiny
@@ -49,12 +48,6 @@ def load(folder, slots, head=""):
 
 def cell(folder, slots):
     return next(c for c in load(folder, slots).cells if c.name.startswith("changed"))
-
-
-def complaints(folder, slots):
-    with pytest.raises(InputError) as caught:
-        load(folder, slots)
-    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
 
 
 def test_keys_of_a_mission_and_its_waypoints_by_their_names(folder):
@@ -141,38 +134,6 @@ def test_a_draw_with_a_value_leaves_the_other_draws_as_they_were(folder):
         assert one.features == other.features
 
 
-@pytest.mark.parametrize(
-    ("slots", "expected"),
-    [
-        ("mission: {courier: {strat.y: 1}}", 'tiny.yaml:16:25: unknown key "strat"'),
-        ("mission: {courier: {start.yy: 1}}", 'tiny.yaml:16:25: unknown key "yy"'),
-        ("mission: {courier: {start.x.y: 1}}", 'start.x is one value, it has no "y"'),
-        ("mission: {courier: {waypoints.kichen.x: 1}}", 'waypoints has no "kichen"'),
-        ("mission: {courier: {start.y: 1 s}}", 'tiny.yaml:16:25: y: "1 s" is in s'),
-        ("robot: {courier: {laser.noise: 0.02}}", "tiny.yaml:16:23: noise: 0.02 has no unit"),
-        ("robot: {courier: {laser.nose: 2 cm}}", 'did you mean "noise"?'),
-        ("robot: {courier: {laser.range_min: 20 m}}", "tiny.yaml:16:23: laser: range_max must be"),
-        ("robot: {courier: {footprint.corners.1: 2}}", "corners: must be a list"),
-        ('mission: {courier: {"": 1}}', "a value without a key"),
-        ("sut: {pilot: {max_sped: 0.4}}", 'did you mean "max_speed"?'),
-        ("sut: {pilot: {max_speed: -1 m/s}}", "tiny.yaml:16:19: "),
-        ("sut: {pilot: {parameters.max_speed: 1}}", "write max_speed alone"),
-        ("sut: {pilot: {like: a2s}}", '"like" is no parameter'),
-        ("sut: {idle: {speed: 1}}", 'takes no parameters, given: "speed"'),
-        ("sut: [pilot, {pilot: {max_speed: 0.4}}]", "are called pilot and differ"),
-        ("objects: {doors: {swing: 1}}", 'tiny.yaml:16:23: layer doors has no parameter "swing"'),
-        ("behaviours: {doors_moving: {swing: 1 m}}", "tiny.yaml:16:33: swing: "),
-        ("vary: {floorplan: {flat: {slak: 1 m}}, samples: 1}", 'did you mean "slack"?'),
-        ("vary: {floorplan: {flat: {slack: 1 deg}}, samples: 1}", "slack is in m, not an angle"),
-        ("vary: {floorplan: {flat: {hinged_width: 1}}, samples: 1}", "it is calculated; what is"),
-    ],
-)
-def test_what_is_wrong_with_a_value_is_said_where_it_is_written(folder, slots, expected):
-    found = complaints(folder, slots)
-    assert expected in "\n".join(found)
-    assert all(line.startswith("tiny.yaml:16:") for line in found)
-
-
 def test_one_file_is_read_once_for_all_values(folder):
     campaign = load(folder, "about: same")
     scenario, library = campaign.cells[0].scenario, LayerLibrary(folder)
@@ -255,14 +216,6 @@ def test_a_search_begins_at_the_value_that_a_layer_has(folder, slots, over, expe
     text = f"search: {{s: {{scenario: changed, minimise: reached, over: {{{over}}}}}}}\n"
     ((parameter,),) = (task.parameters for task in load(folder, slots, text).searches)
     assert (parameter.key, parameter.written, parameter.unit) == expected
-
-
-def test_a_parameter_that_no_file_mentions_is_written_before_it_is_searched(folder):
-    text = (
-        "search: {s: {scenario: changed, minimise: reached, over: {a2s.move_base.nothing: 1 .. 2}}}"
-    )
-    with pytest.raises(InputError, match="a2s has no value of move_base.nothing"):
-        load(folder, "sut: a2s", text)
 
 
 SHIPPED = (

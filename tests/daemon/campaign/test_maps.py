@@ -15,9 +15,8 @@ from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
 from grammars.model.map_files import write_map
 from grammars.scenery.composition import compile_scene
 from grammars.text import codec
-from grammars.text.diagnostics import InputError, Severity
+from grammars.text.diagnostics import Severity
 from templates.occupancy import occupancy_grid
-from tests.daemon.campaign.findings import findings_of
 
 CAMPAIGN = """\
 campaign: flat
@@ -132,34 +131,6 @@ def test_a_map_that_is_gone_or_damaged_is_told(folder):
     kept.unlink()
     with pytest.raises(MapMissingError, match="cannot be read.*loading its campaign again"):
         stored_map(spec.map.file)
-
-
-@pytest.mark.parametrize(
-    ("map", "complaint"),
-    [
-        ("map: {file: own.yaml, rule: touch}", '"file" gives a map as it is, "rule" is about'),
-        ("map: {doors: none, file: own.yaml}", '"doors" is about drawing one: leave one out'),
-        ("map: {resolution: 5 cm, file: own.yaml}", '"resolution" is about drawing'),
-        ("map: {file: gone.yaml}", 'campaign.yaml:8:7: no file "gone.yaml"'),
-        ('map: {file: ""}', "file"),
-        ("map: {file: broken.yaml}", 'broken.yaml:1:1: key "resolution" is missing'),
-        ("map: {rule: middle}", "rule"),
-    ],
-)
-def test_what_is_wrong_with_a_map_stands_where_it_was_written(folder, map, complaint):
-    _, grid = drawn(folder)
-    write_map(grid, folder / "own", laser_height=0.2)
-    (folder / "broken.yaml").write_text("image: own.pgm\n")
-    path = written(folder, map)
-    with pytest.raises(InputError, match=complaint):
-        load_campaign(path)
-
-
-def test_a_broken_map_does_not_hide_what_else_is_wrong(folder):
-    path = written(folder, "map: {file: gone.yaml}", ", mission: nowhere")
-    found = findings_of(path)
-    assert any("gone.yaml" in str(d) for d in found)
-    assert any("nowhere" in str(d) for d in found)
 
 
 def test_the_map_of_the_building_itself_gives_no_warnings(folder):

@@ -64,12 +64,6 @@ def load(folder, name):
     return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
 
 
-def errors(folder, name):
-    with pytest.raises(InputError) as caught:
-        load(folder, name)
-    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
-
-
 def pilot(folder, name):
     return load(folder, name)[0].parameters
 
@@ -99,33 +93,6 @@ def test_a_long_chain_of_files_is_refused_at_its_line(tmp_path):
     assert pilot(tmp_path, "s50") == {}
     with pytest.raises(InputError, match="s9.yaml:2:1: like: more than 50 files"):
         load(tmp_path, "s59")
-
-
-@pytest.mark.parametrize(
-    ("files", "expected"),
-    [
-        ({"a": "like: b\n", "b": "like: c\n", "c": "like: b\n"},
-         "c.yaml:2:1: like: goes round in a circle, b -> c -> b"),
-        ({"a": "like: a\n"}, "a.yaml:2:1: like: goes round in a circle, a -> a"),
-        ({"a": "like: bb\n", "b": "kind: pilot\n"}, 'no system under test "bb"'),
-        ({"a": "about: nothing\n"}, 'a.yaml:1:1: key "kind" is missing'),
-        ({"a": "kind: idle\nlike: b\n", "b": "kind: pilot\n"},
-         "a.yaml:2:1: kind: b is of kind pilot, so this one is as well"),
-        ({"a": "kind: pilot\nros: robot\n"}, "a.yaml:3:1: ros: only kind ros reads ROS"),
-        ({"a": "kind: pilot\nparameters:\n  max_speed: null\n"},
-         "a.yaml:4:3: max_speed: null takes an inherited value away"),
-        ({"a": "kind: ros\nros: robt\n"}, 'no folder robt\n    did you mean "robot"?'),
-        ({"a": "kind: ros\nfiles: {amcl: robot/amc.yaml}\n"},
-         'a.yaml:3:9: no file robot/amc.yaml\n    did you mean "amcl.yaml"?'),
-        ({"a": "like: b\nparameters: {max_speed: 0.1}\n",
-          "b": "kind: pilot\nparameters:\n  max_turn: fast\n"}, "b.yaml:4:3"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_layered_is_said_where_it_stands(folder, files, expected):
-    for name, text in files.items():
-        write(folder, name, text)
-    found = errors(folder, "a")
-    assert any(expected in message for message in found), found
 
 
 def test_a_folder_of_ros_files_is_loaded_as_launch_files_load_it(folder):
@@ -181,48 +148,6 @@ def test_what_both_costmaps_share_is_overridden_in_one_line(folder):
     assert read_ros(sut.parameters).topics.local_costmap == ("/s",)
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "expected"),
-    [
-        ("costmap_common_params.yaml", "[[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]",
-         "[[0.3, 0.2], [0.3, -0.2]]",
-         "costmap_common_params.yaml:2:12: footprint: a polygon needs at least three points"),
-        ("costmap_common_params.yaml", "inflation_radius: 0.5", "inflation_radius: -0.5",
-         "costmap_common_params.yaml:5:19: inflation_radius: must be greater than or equal to 0"),
-        ("dwa_local_planner_params.yaml", "min_vel_trans: 0.1", "min_vel_trans: 0.7",
-         "dwa_local_planner_params.yaml:4:18: min_vel_trans 0.7 is above max_vel_trans 0.5"),
-        ("amcl.yaml", "0.1", "much", "amcl.yaml:1:14: odom_alpha1: must be a number"),
-        ("amcl.yaml", "0.1", "1e-1", "ROS takes that for text"),
-        ("amcl.yaml", "0.1", "[", "amcl.yaml:2:1: is not valid YAML"),
-        ("amcl.yaml", "0.1", "", "amcl.yaml:1:1: odom_alpha1: has no value"),
-    ],
-)  # fmt: skip
-def test_a_wrong_value_is_reported_once_where_it_stands_in_the_ros_file(
-    folder, file, old, new, expected
-):
-    (folder / "robot" / file).write_text(FILES[file].replace(old, new))
-    (message,) = errors(folder, "robot")
-    assert message.startswith("robot/")
-    assert expected in message
-
-
-def test_slips_of_ros_files_are_warnings_with_their_place(folder):
-    dwa = FILES["dwa_local_planner_params.yaml"] + "  max_vel_tans: 0.2\n  stop_time_buffer: 0.2\n"
-    (folder / "robot" / "dwa_local_planner_params.yaml").write_text(dwa)
-    local = FILES["costmap_local_params.yaml"] + "  inflation_radius: 0.3\n"
-    (folder / "robot" / "costmap_local_params.yaml").write_text(local)
-    (folder / "robot" / "teb.yaml").write_text("x: 1\n")
-    sut, warnings = load(folder, "robot")
-    text = "\n".join(warnings)
-    assert sut.parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.3
-    assert 'params.yaml:5:17: warning: nothing reads a parameter "max_vel_tans"' in text
-    assert 'did you mean "max_vel_trans"?' in text
-    assert "costmap_local_params.yaml:5:3: warning: inflation_radius: is written twice" in text
-    assert "robot.yaml:1:1: warning: without effect here: DWAPlannerROS/stop_time_buffer" in text
-    assert "robot.yaml:3:1: warning: not read in robot: teb.yaml" in text
-    assert len(warnings) == 4
-
-
 def test_a_usual_file_that_is_missing_is_worth_a_warning(folder):
     (folder / "robot" / "amcl.yaml").unlink()
     _, warnings = load(folder, "robot")
@@ -241,12 +166,6 @@ def test_of_two_names_for_a_file_the_usual_one_is_read(folder):
     sut, warnings = load(folder, "robot")
     assert sut.parameters["amcl"] == {"odom_alpha1": 0.7}
     assert not any("not read" in w for w in warnings)
-
-
-def test_what_is_wrong_in_several_files_is_reported_at_once(folder):
-    (folder / "robot" / "amcl.yaml").write_text("- 1\n")
-    (folder / "robot" / "move_base_params.yaml").write_text("a: [\n")
-    assert len(errors(folder, "robot")) == 2
 
 
 def test_a_kind_named_without_a_file_tells_what_its_defaults_lack(tmp_path):

@@ -126,25 +126,6 @@ def test_a_behaviour_that_waits_for_no_waypoint_of_the_mission_is_left_to_the_pr
     assert "attic" in found.message
 
 
-def test_parts_that_are_not_there_are_named_with_what_is_meant(folder):
-    less = "without: [kichen_door, waypoint 7, waypoint hone, behaviour of bedroom, way point 2]"
-    assert refusals(folder, less) == [
-        'tiny.yaml:17: no object "kichen_door" here [did you mean "kitchen_door"?]',
-        'tiny.yaml:17: no leg 7 in mission "courier": it has 4 waypoints []',
-        'tiny.yaml:17: no waypoint "hone" in mission "courier": did you mean "home"? []',
-        'tiny.yaml:17: "bedroom" has no behaviour here [did you mean "bedroom_door"?]',
-        'tiny.yaml:17: no object "way point 2" here '
-        '[write the name of an object, "waypoint NAME" or "behaviour of NAME"]',
-    ]
-
-
-def test_a_robot_needs_a_waypoint_to_drive_to(folder):
-    less = "without: [waypoint 1, waypoint 2, waypoint 3, waypoint home]"
-    assert refusals(folder, less) == [
-        "tiny.yaml:17: no waypoint of the mission is left [keep one for the robot to drive to]"
-    ]
-
-
 def test_it_is_inherited_and_replaced_as_a_list(folder):
     more = "without: kitchen_door\n  same:\n    like: less\n  all:\n    like: less\n    without: []"
     found = cells(folder, more)

@@ -1,4 +1,4 @@
-"""Our JSON-LD processor against PyLD, and what rdflib alone would lose."""
+"""JSON-LD documents as nodes, and what rdflib alone would lose."""
 
 import json
 from pathlib import Path
@@ -7,15 +7,20 @@ import pytest
 from rdflib import URIRef
 
 from grammars.floorplan import parse_floorplan
-from grammars.jsonld import expand, plan_document, plan_documents
+from grammars.jsonld import expand_text, plan_document, plan_documents
 from grammars.jsonld import vocabulary as contexts
 from grammars.jsonld.rdf import graph_of
-from grammars.jsonld.vocabulary import COORD, ContextError, JsonLdContext
-from tests.grammars.jsonld.published_tools import by_pyld, inlined, said
+from grammars.jsonld.vocabulary import COORD, GEOM
+from grammars.text.diagnostics import InputError
+from tests.grammars.jsonld.published_tools import LIMIT, by_pyld, inlined, said
 from tests.grammars.jsonld.samples import document, hinged_door, two_leaves
 from tests.grammars.jsonld.test_plan_jsonld import CELL, DOOR
 
 PLAN = parse_floorplan(CELL + DOOR)
+
+
+def expanded(data):
+    return expand_text(json.dumps(data), "data.json")
 
 
 @pytest.mark.parametrize(
@@ -25,13 +30,13 @@ PLAN = parse_floorplan(CELL + DOOR)
     ids=["coordinate", "floorplan", "door", "lift"],
 )  # fmt: skip
 def test_documents_mean_what_the_standard_says(data):
-    ours = graph_of(expand(json.loads(json.dumps(data)), "data.json"))
+    ours = graph_of(expanded(data))
     # Others refer to more contexts than PyLD reads of one document.
     assert said(ours) == said(by_pyld(inlined(data)))
 
 
 def test_every_type_of_a_node_brings_its_terms():
-    graph = graph_of(expand(plan_document(PLAN), "plan.json"))
+    graph = graph_of(expanded(plan_document(PLAN)))
     for term in ("as-seen-by", "x", "y", "z", "of-pose", "alpha"):
         of_poses = set(graph.subjects(None, URIRef(COORD["PoseCoordinate"])))
         assert of_poses
@@ -40,7 +45,7 @@ def test_every_type_of_a_node_brings_its_terms():
 
 def test_numbers_keep_every_digit_in_a_graph():
     value = 0.1 + 0.2
-    nodes = expand({"@id": "urn:a:b", "urn:a:p": value}, "x.json")
+    nodes = expanded({"@id": "urn:a:b", "urn:a:p": value})
     ((_, _, literal),) = list(graph_of(nodes))
     assert float(str(literal)) == value
 
@@ -48,19 +53,46 @@ def test_numbers_keep_every_digit_in_a_graph():
 @pytest.mark.parametrize(
     ("context", "message"),
     [
-        ("https://example.org/metamodels/other.json", "is not known here"),
+        ("https://example.org/metamodels/other.json", "is not known here and nothing is fetched"),
         ("https://secorolab.github.io/metamodels/geometry/polytop.json", "did you mean"),
-        ({"a": "b", "b": "a"}, "is defined by itself"),
-        ({"a": 3}, "is defined as 3"),
-        ({"a": {"@id": "urn:x:a", "@container": "@language"}}, "is not read here"),
-        ({"@import": "x"}, "@import is not read"),
-        ([3], "an object or an address"),
-        ({"a": "plain"}, "which is no IRI"),
+        ({"a": "b:c", "b": "a:c"}, "Cyclical"),
+        ({"a": 3}, "must be strings or objects"),
+        ({"a": {"@id": "urn:x:a", "@container": "@nowhere"}}, "@container value"),
+        ({"@import": "https://example.org/x"}, "is not known here"),
+        ([3], "@context must be an object: 3"),
     ],
 )
 def test_contexts_that_cannot_be_read_are_refused(context, message):
-    with pytest.raises(ContextError, match=message):
-        JsonLdContext("", "", {}).extended(context, set())
+    document = {"@context": context, "@graph": [{"@id": "urn:a:b", "@type": "a:b"}] * 3}
+    with pytest.raises(InputError) as caught:
+        expanded(document)
+    (only,) = caught.value.diagnostics
+    assert message in only.message
+
+
+def test_every_node_that_is_not_jsonld_is_reported_in_its_line():
+    nodes = [{"@id": "urn:a:b", "@type": {}}, {"@id": "urn:a:c"}, {"@id": "urn:a:d", "@type": [5]}]
+    with pytest.raises(InputError) as caught:
+        expand_text(json.dumps(nodes, indent=0), "x.json")
+    assert [d.where.line for d in caught.value.diagnostics] == [3, 10]
+
+
+def test_documents_may_refer_to_more_contexts_than_pyld_reads_by_default():
+    addresses = [*map(contexts.rob2b, contexts.ROB2B_CONTEXTS),
+                 *map(contexts.secoro, contexts.SECORO_CONTEXTS)]  # fmt: skip
+    assert len(addresses) > LIMIT
+    nodes = expanded({"@context": addresses, "@id": "urn:a:b", "@type": "Frame"})
+    assert nodes.by_id["urn:a:b"].types == [GEOM["Frame"]]
+
+
+def test_keys_that_lead_back_to_their_node_are_read():
+    back = {"@id": "urn:a:b", "@reverse": {"urn:a:p": {"@id": "urn:a:c"}}}
+    assert expanded(back).by_id["urn:a:c"].refs("urn:a:p") == ["urn:a:b"]
+
+
+def test_text_in_the_place_of_a_node_is_refused():
+    with pytest.raises(InputError, match='expected nodes in braces, found "hall"'):
+        expanded({"@graph": [{"@id": "urn:a:b"}, "hall"]})
 
 
 def test_our_contexts_are_documents_with_one_context_each():
@@ -69,4 +101,4 @@ def test_our_contexts_are_documents_with_one_context_each():
     assert len(files) == 13
     for file in files:
         assert list(json.loads(file.read_text())) == ["@context"]
-        JsonLdContext("", "", {}).extended(json.loads(file.read_text())["@context"], set())
+        expanded(json.loads(file.read_text()) | {"@graph": []})

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from grammars.jsonld import (
     check_jsonld,
     compose,
     decompose,
+    expand_text,
     load_scenery_jsonld,
+    read_layers,
     scenery_document,
     validate,
 )
-from grammars.scenery import load_scenery
+from grammars.scenery import configure, load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import InputError, Severity
 from tests.grammars.jsonld.samples import document, hinged_door, table, two_leaves
@@ -215,19 +218,6 @@ def test_a_layer_comes_back_from_a_file(campaigns, tmp_path):
     assert compile_scene(plan, back).digest == compile_scene(plan, [doors, mood]).digest
 
 
-def test_graphs_that_do_not_say_how_key_frames_are_ordered_are_read(campaigns, tmp_path):
-    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
-    doors, moving = (
-        load_scenery(campaigns / "demo" / f"{name}.scenery") for name in ("doors", "doors_moving")
-    )
-    text = json.dumps(scenery_document(moving, plan, (doors, moving)))
-    said = ', "scn:listed": false'
-    assert said in text
-    file = tmp_path / "doors_moving.jsonld"
-    file.write_text(text.replace(said, ""))
-    assert load_scenery_jsonld(file).sentences == moving.sentences
-
-
 LIVELY = """
 mover person
     link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg
@@ -271,6 +261,39 @@ def test_everything_scenery_can_say_comes_back():
     assert behaviours(there, [back]) == behaviours(here, [lively])
 
 
+MODELS, _, SAID = LIVELY.partition("\nanna")
+SENTENCES = re.split(r"\n(?! )", f"anna{SAID}".strip())
+SPACES = st.sampled_from([" ", "\n", "  \n\t", " // 2 m (\n "])
+
+
+@given(st.lists(st.sampled_from(SENTENCES), unique=True), SPACES, st.sampled_from(["2 m", "90 cm"]))
+def test_a_layer_comes_back_however_its_sentences_are_written(sentences, space, near):
+    said = ["door is a hinged_door at hall", "parameter near = 1 m", *sentences]
+    unique = {re.split(" is a | = ", sentence)[0]: sentence for sentence in said}
+    text = "\n".join(unique.values()).replace(", ", f",{space}")
+    lively = configure(layer(f"{MODELS}\n{text}"), {"near": near})
+    back = read_back(lively)
+    for part in ("name", "instances", "groups", "parameters", "settings", "sentences"):
+        assert getattr(back, part) == getattr(lively, part), part
+
+
+def read_back(one):
+    """Return a layer that was written as JSON-LD and read from it."""
+    text = json.dumps(scenery_document(one, two_rooms()))
+    return read_layers(expand_text(text, "layer.jsonld"), "objects")[0]
+
+
+def test_what_is_wrong_with_a_sentence_is_said_at_its_line(tmp_path):
+    data = scenery_document(layer("way is a hinged_door at hall\nway stays open\n"), two_rooms())
+    text = json.dumps(data, indent=0)
+    file = tmp_path / "door.jsonld"
+    file.write_text(text.replace("way stays open", "way stands open"))
+    (found,) = check_jsonld(file)
+    assert 'found "stands"' in found.message
+    lines = file.read_text().splitlines()
+    assert "item:layer.objects.4" in "".join(lines[found.where.line - 1 :][:2])
+
+
 def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image():
     plan = two_rooms()
     doors = layer("way is a hinged_door in kitchen_doorway, hinge left, opening inwards\n")
@@ -281,19 +304,34 @@ def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image():
         "?p geom-rel:of ?f . ?c geom-coord:of-pose ?p ; geom-coord:x ?x ; geom-coord:alpha ?yaw }"
     )
     ((x, yaw, image),) = [tuple(map(str, row)) for row in rows]
-    scene = compile_scene(plan, [doors])
-    hall = next(s for s in plan.spaces if s.name == "hall")
-    local = hall.walls[0].frame.inverse() @ scene.objects[0].pose
-    assert (float(x), float(yaw)) == pytest.approx((local.x, local.yaw), abs=1e-9)
-    assert image.endswith(".mirrored") == scene.objects[0].mirrored
+    (placed,) = compile_scene(plan, [doors]).objects
+    assert (float(x), float(yaw)) == pytest.approx((placed.pose.x, placed.pose.yaw), abs=1e-9)
+    assert image.endswith(".mirrored") == placed.mirrored
 
 
-def test_a_graph_tells_which_behaviours_are_about_a_door():
+def test_a_graph_tells_what_a_layer_says_about_a_door():
     text = "way is a hinged_door in kitchen_doorway, hinge left, opening inwards\n"
     mood = layer("every hinged_door stays open\n", "mood", models=False)
     graph = compose(two_rooms(), [layer(text), mood])
-    rows = graph.query("SELECT ?s WHERE { ?s scn:about item:way ; a scn:Stays }")
-    assert len(list(rows)) == 1
+    rows = graph.query(
+        "SELECT ?text WHERE { ?s scn:about item:way ; scn:in-layer item:layer.mood ;"
+        " scn:text ?text }"
+    )
+    assert [str(text) for (text,) in rows] == ["every hinged_door stays open"]
+
+
+@pytest.mark.parametrize(
+    ("how", "room"),
+    [
+        ("hinge left, opening inwards", "hall"),
+        ("hinge left, opening outwards", "kitchen"),
+        ("hinge right, opening into kitchen", "kitchen"),
+    ],
+)
+def test_a_graph_tells_which_room_a_door_opens_into(how, room):
+    graph = compose(two_rooms(), [layer(f"way is a hinged_door in kitchen_doorway, {how}\n")])
+    ((found,),) = graph.query("SELECT ?room WHERE { item:way scn:opens-into ?room }")
+    assert found.endswith(f"/{room}")
 
 
 SCENERY = document(hinged_door())
@@ -305,7 +343,7 @@ VALUES = st.sampled_from(
 
 @given(st.data())
 def test_mutated_scenery_gives_diagnostics_and_nothing_else(data):
-    from grammars.jsonld import expand, read_layers, refuse_broken, replace_legacy_terms
+    from grammars.jsonld import expand_text, read_layers, refuse_broken, replace_legacy_terms
 
     mutated = json.loads(json.dumps(SCENERY))
     nodes = mutated["@graph"]
@@ -317,7 +355,7 @@ def test_mutated_scenery_gives_diagnostics_and_nothing_else(data):
         else:
             victim.pop(key, None)
     try:
-        read = replace_legacy_terms(expand(mutated, "door.json"))
+        read = replace_legacy_terms(expand_text(json.dumps(mutated), "door.json"))
         refuse_broken(read, partial=True)
         read_layers(read, "door.json")
     except InputError as error:

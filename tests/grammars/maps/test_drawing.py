@@ -8,16 +8,8 @@ from itertools import pairwise
 import pytest
 import shapely
 
-from grammars.maps import (
-    DrawingSettings,
-    ImportSettings,
-    draw_map,
-    load_walls,
-    vectorise,
-    walls_text,
-)
-from grammars.text.diagnostics import InputError
-from grammars.text.extras import MissingExtraError
+from grammars.maps import ImportSettings, load_walls, vectorise, walls_text
+from grammars.text.diagnostics import Findings, InputError
 
 # Imported in the tests, for every process of a round reads this file.
 pytestmark = pytest.mark.skipif(find_spec("ezdxf") is None, reason="needs the extra import")
@@ -57,10 +49,18 @@ def draw(path, *, unit=4, scale=1000.0, at=0.0):
     return drawing
 
 
+def drawn(path, layers=None, standing=(), unit="", thickness=0.1):
+    """Return the map of a drawing, and the warnings about it as one text."""
+    from grammars.maps.drawing import WALL_LAYERS, draw_map
+
+    findings = Findings()
+    grid = draw_map(path, layers or WALL_LAYERS, standing, unit, thickness, findings)
+    return grid, "\n".join(map(str, findings.warnings))
+
+
 def imported(path, **settings):
     """Return the building that the importer of maps finds in a drawing."""
-    drawn = draw_map(path, DrawingSettings(**settings))
-    return vectorise(drawn.grid, ImportSettings("house")).building
+    return vectorise(drawn(path, **settings)[0], ImportSettings("house")).building
 
 
 def bounds(ring):
@@ -97,8 +97,7 @@ def test_walls_rooms_and_doorways_are_found(house, tmp_path):
 
 
 def test_lines_on_other_layers_are_counted(house):
-    (warning,) = draw_map(house, DrawingSettings()).warnings
-    assert warning.message == "lines on other layers were ignored: A-DOOR (1)"
+    assert drawn(house)[1].endswith("lines on other layers were ignored: A-DOOR (1)")
 
 
 @pytest.mark.parametrize(
@@ -112,8 +111,7 @@ def test_units_are_those_of_the_file_or_given(unit, scale, given, tmp_path):
 
 def test_coordinates_of_a_country_are_moved(tmp_path):
     draw(tmp_path / "house.dxf", unit=6, scale=1.0, at=5_600_000.0)
-    warning, _ = draw_map(tmp_path / "house.dxf", DrawingSettings()).warnings
-    assert "was moved by (-5600000 m, -5600000 m)" in warning.message
+    assert "was moved by (-5600000 m, -5600000 m)" in drawn(tmp_path / "house.dxf")[1]
     (dx, dy), *_ = imported(tmp_path / "house.dxf").spaces[0].area.outline
     assert 0.0 <= min(dx, dy) <= max(dx, dy) <= 7.0
 
@@ -167,9 +165,9 @@ def spoil(change):
 @pytest.mark.parametrize(
     ("make", "settings", "message"),
     [
-        (lambda p: p.write_bytes(b"AC1032\0\0\0"), {}, "is a DWG file"),
-        (lambda p: p.write_bytes(b""), {}, "is empty"),
-        (lambda p: p.write_text("walls: hut\nspaces: {}\n"), {}, "cannot be read as a DXF"),
+        (lambda p: p.write_bytes(b"AC1032\0\0\0"), {}, "no DXF drawing\n    .* convert a DWG"),
+        (lambda p: p.write_bytes(b""), {}, "is no DXF drawing"),
+        (lambda p: p.write_text("walls: hut\nspaces: {}\n"), {}, "is no DXF drawing"),
         (lambda p: None, {}, "no such file"),
         (lambda p: os.mkfifo(p), {}, "is no ordinary file"),
         (lambda p: draw(p, unit=0), {}, "no known unit\n    give its unit with --unit: mm, cm"),
@@ -184,7 +182,7 @@ def spoil(change):
 def test_what_is_no_building_is_refused_with_a_remedy(make, settings, message, tmp_path):
     make(tmp_path / "house.dxf")
     with pytest.raises(InputError, match=message):
-        draw_map(tmp_path / "house.dxf", DrawingSettings(**settings))
+        drawn(tmp_path / "house.dxf", **settings)
 
 
 def test_arcs_of_walls_are_round(tmp_path):
@@ -222,8 +220,107 @@ def test_blocks_are_looked_into_and_windows_are_chosen_by_their_layer(tmp_path):
     )
 
 
-def test_without_the_extra_it_is_said_what_installs_it(tmp_path, monkeypatch):
-    draw(tmp_path / "house.dxf")
-    monkeypatch.setitem(__import__("sys").modules, "ezdxf", None)
-    with pytest.raises(MissingExtraError, match=r"scenario-tui\[import\]"):
-        draw_map(tmp_path / "house.dxf", DrawingSettings())
+def hall_of(*rectangles, **attributes):
+    """Return a drawing in metres of a hall 12 m by 8 m, and of rectangles on other layers."""
+    import ezdxf
+
+    drawing = ezdxf.new("R2010", units=6)
+    for layer, (x0, y0, x1, y1) in (("walls", (0, 0, 12, 8)), *rectangles):
+        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        own = attributes if layer != "walls" else {}
+        drawing.modelspace().add_lwpolyline(corners, close=True, dxfattribs={"layer": layer} | own)
+    return drawing
+
+
+def save(drawing, path):
+    drawing.saveas(path)
+    return path
+
+
+def switch(layer, state):
+    """Return a drawing with a wall across the hall on a layer of that state."""
+    drawing = hall_of((layer, (0, 4, 12, 4.2)))
+    getattr(drawing.layers.add(layer), state)()
+    return drawing
+
+
+def insert_on_frozen_layer():
+    drawing = switch("old walls", "freeze")
+    drawing.modelspace().query("LWPOLYLINE[layer=='old walls']").first.dxf.layer = "walls"
+    block = drawing.blocks.new("OLD")
+    drawing.modelspace().move_to_layout(drawing.modelspace()[-1], block)
+    drawing.modelspace().add_blockref("OLD", (0, 0), dxfattribs={"layer": "old walls"})
+    return drawing
+
+
+@pytest.mark.parametrize(
+    ("make", "hidden"),
+    [
+        (lambda: switch("old walls", "off"), "old walls (1)"),
+        (lambda: switch("old walls", "freeze"), "old walls (1)"),
+        (lambda: hall_of(("walls 2", (0, 4, 12, 4.2)), invisible=1), "walls 2 (1)"),
+        (insert_on_frozen_layer, "old walls (1)"),
+    ],
+    ids=["off", "frozen", "invisible", "block on a frozen layer"],
+)
+def test_what_the_drawing_hides_is_no_wall(make, hidden, tmp_path):
+    path = save(make(), tmp_path / "hall.dxf")
+    assert f"what the drawing hides was left out: {hidden}" in drawn(path)[1]
+    assert rooms(imported(path)) == [(0.05, 0.05, 11.95, 7.95)]
+
+
+def test_blocks_that_lie_in_other_files_are_named(tmp_path):
+    drawing = hall_of()
+    drawing.add_xref_def("neighbour.dxf", "NEIGHBOUR")
+    for name in ("NEIGHBOUR", "GONE"):
+        drawing.modelspace().add_blockref(name, (0, 0), dxfattribs={"layer": "walls"})
+    warnings = drawn(save(drawing, tmp_path / "hall.dxf"))[1]
+    assert "blocks that the file does not hold were left out: NEIGHBOUR (1), GONE (1)" in warnings
+
+
+def test_a_binary_drawing_is_read(tmp_path):
+    hall_of().saveas(tmp_path / "hall.dxf", fmt="bin")
+    assert rooms(imported(tmp_path / "hall.dxf")) == [(0.05, 0.05, 11.95, 7.95)]
+
+
+@pytest.mark.parametrize("form", ["asc", "bin"])
+def test_a_drawing_that_is_cut_off_is_refused_as_such(form, tmp_path):
+    path = tmp_path / "hall.dxf"
+    hall_of().saveas(path, fmt=form)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(InputError, match="is cut off"):
+        drawn(path)
+
+
+def test_wide_lines_are_walls_as_wide_and_texts_are_none(tmp_path):
+    import ezdxf
+
+    drawing = ezdxf.new("R2010", units=6)
+    walls = {"layer": "walls", "const_width": 0.4}
+    drawing.modelspace().add_lwpolyline(
+        [(0, 0), (12, 0), (12, 8), (0, 8)], close=True, dxfattribs=walls
+    )
+    drawing.modelspace().add_text("walls", height=2.0, dxfattribs={"layer": "walls"})
+    assert rooms(imported(save(drawing, tmp_path / "hall.dxf"))) == [(0.2, 0.2, 11.8, 7.8)]
+
+
+def test_racks_and_columns_of_their_layer_stand_in_the_room(tmp_path):
+    racks = (("racks", (2, 2, 9, 3.2)), ("columns", (2, 5, 2.4, 5.4)), ("racks", (20, 0, 22, 2)))
+    path = save(hall_of(*racks), tmp_path / "hall.dxf")
+    hall = imported(path, standing=("Rack*", "columns"))
+    assert [bounds(wall.area.outline) for wall in hall.walls[1:]] == [
+        (2, 5, 2.4, 5.4),
+        (2, 2, 9, 3.2),
+    ]
+    assert len(hall.spaces[0].area.holes) == 2
+    assert "racks (2)" in drawn(path)[1]
+
+
+def test_the_largest_area_is_named_where_it_is_open(tmp_path):
+    walls = [(0, 0, 9, 0), (0, 0, 0, 6), (0, 6, 9, 6), (0, 3, 3, 3), (3, 3, 3, 2), (3, 1, 3, 0)]
+    grid, warnings = drawn(lines_of(tmp_path / "hall.dxf", *walls))
+    assert "the largest area, 44 m² around [5.2, 3.3], is open to the outside" in warnings
+    # Floor beside the doorway of the office is no room.
+    assert rooms(vectorise(grid).building) == [(0.05, 0.05, 3, 2.95)]
+    whole = lines_of(tmp_path / "whole.dxf", *walls, (9, 0, 9, 2), (9, 5, 9, 6))
+    assert "is open" not in drawn(whole)[1]

@@ -11,7 +11,6 @@ from grammars.maps import (
     load_walls,
     walls_text,
 )
-from grammars.text.diagnostics import InputError
 from tests.grammars.maps.houses import hut
 
 
@@ -64,41 +63,3 @@ def test_corners_are_written_as_finely_as_it_takes(tmp_path):
         path.write_text(walls_text(DrawnBuilding("fine", (space,), (one,))), encoding="utf-8")
         if one is not wall:
             assert load_walls(path).features[0].holes[0][0][0] == pytest.approx(0.0002)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line", "message"),
-    [
-        ("[[0, 0], [6, 0], [6, 4], [0, 4]]", "[[0, 0], [6, 4], [6, 0], [0, 4]]", 5, "crosses"),
-        ("[[0, 0], [6, 0], [6, 4], [0, 4]]", "[[0, 0], [6, 0]]", 5, "3 or more"),
-        ("[2, 1], [2.5, 1]", "[-2, 1], [2.5, 1]", 7, "not inside of its outline"),
-        ("[4, 3], [4.5, 3]", "[2, 1.2], [4.5, 3]", 5, "overlap"),
-        ("  kitchen:", "  hall kitchen:", 9, "letters"),
-        ("name: post", "name: hall", 16, 'there is a space "hall" already'),
-        ("depth: 20 cm", "depth: 20", 18, "has no unit"),
-        ("to: [6.1, 2]", "to: [6.1, 1]", 18, "not wide at all"),
-        ("to: [6.1, 2]", "to: [6.1, 900]", 18, "899 m wide"),
-        ("from: [6.1, 1], to: [6.1, 2]", "from: [6.1, 2], to: [6.1, 4]", 18, "through a wall"),
-        ("[[2, 1], [2.5, 1], [2.5, 1.5]", "[[2, 1], [2, 1], [2, 1]", 7, "hole"),
-        ("[[6.2, 0], [10, 0], [10, 4], [6.2", "[[10, 4], [10.2, 4], [10.2, 4.1], [10", 9, "cover"),
-        ("height: 2.5 m", "hieght: 2.5 m", 2, "unknown key"),
-        ("[6.2, 4]]\nst", "[6.2, .inf]]\nst", 10, "finite"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(old, new, line, message, tmp_path):
-    with pytest.raises(InputError) as refused:
-        hut(tmp_path, (old, new))
-    found = refused.value.diagnostics
-    assert any(message in d.message and d.where.line == line for d in found), str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("[[6.2, 0], [10, 0]", "[[5, 0], [10, 0]", '"kitchen" and "hall" overlap'),
-        ("to: [6.1, 2]", "to: [6.1, 1.6]", 'no wall stands at "to"'),
-        ("from: [6.1, 1], to: [6.1, 2]", "from: [20, 1], to: [20, 2]", "leads to no space"),
-    ],
-)
-def test_what_is_suspicious_is_warned_of(old, new, message, tmp_path):
-    assert message in " ".join(d.message for d in hut(tmp_path, (old, new)).warnings)

@@ -177,89 +177,6 @@ def test_a_mix_of_quantities_has_no_single_unit():
     assert margin_kind(predicate("loc.error < 1 m and not contact")) is None
 
 
-@pytest.mark.parametrize(
-    ("text", "message", "hint"),
-    [
-        ("always(loc.error <= 0.35 s)", "compares m with s", ""),
-        ("always(loc.error <= 0.35)", "compares m with a number without unit", "in m"),
-        ("always(clearance >= 0)", "compares m with a number without unit", "in m"),
-        ("always(loc.eror <= 1 m)", 'unknown signal "loc.eror"', '"loc.error"'),
-        ("min(door-17.angel)", 'unknown signal "door-17.angel"', '"door-17.angle"'),
-        ("alway(contact)", '"alway" does not begin an oracle', '"always"'),
-        ("", "this does not begin an oracle", "always("),
-        ("never(contact", "ends too early", ""),
-        ("never(contact) now", 'cannot read on at "now"', ""),
-        ("always(0 m < clearance <= 3 m)", "cannot be chained", ""),
-        ("always(speed)", "a quantity [m/s], not something true or false", "<= 1 m/s"),
-        ("always(mission.reached)", "a quantity [1]", "<= 1"),
-        ("never(contact > 0)", "true or false, not a quantity", ""),
-        ("max(contact)", "true or false, not a quantity", ""),
-        ("fraction(contact) >= 3 s", "compares a number without unit with s", ""),
-        ("longest(contact) <= 3", "compares s with a number without unit", ""),
-        ("always(loc.error == 0.1 m)", "only counts can be equal", "<= or >="),
-        ("time(contact) == 3 s", "only counts can be equal", ""),
-        ("max(speed + loc.error)", "adds m/s and m", ""),
-        ("max(speed - 1)", "subtracts m/s and a number without unit", ""),
-        ("always(loc.error <= 3 foo)", '"foo" is not a unit', ""),
-        ("always(clearance(0.5 m) > 0 m)", "takes 2 arguments, 1 given", ""),
-        ("always(clearance(0.5 m, 1) > 0 m)", 'but "1" has no unit', ""),
-        ("always(clearance(0.5 m, 1 s) > 0 m)", 'but "1 s" is in s', ""),
-        ("always(clearance(0.5 m, speed) > 0 m)", "are constants", ""),
-        ("max(speed(1 m))", "speed takes no arguments", ""),
-        ("reached(mission, 0.25)", "has no unit", ""),
-        ("reached(mission, 1 m) on leg 1", "is about the whole mission", ""),
-        ("eventually(contact) until (contact)", '"eventually" takes no "until"', "never(contact)"),
-        ("always within 2 s (contact) until (contact)", 'takes no "until"', "until within 60 s"),
-        ("never(contact) until (speed)", "a quantity [m/s]", ""),
-        ("never(contact) until within 2 m (contact)", '"within" takes a time', ""),
-        ("never(contact) on leg", "ends too early", ""),
-        ("never(contact(door-17, 1 m))", "contact takes no arguments, 1 given", ""),
-        ("min(clearance(door-17, 1 m))", "takes 2 arguments, 1 given", ""),
-        ("min(door-17.dist)", 'unknown signal "door-17.dist"', '"door-17.distance"'),
-        ("max(speed(door-17))", "speed takes no arguments, 1 given", ""),
-        ("jerkiness(2 m)", '"jerkiness" does not begin an oracle', ""),
-        ("reached(mission, 0 m)", "more than 0 m", ""),
-        ("always within 3 m (contact)", '"within" takes a time', ""),
-        ("max(loc.error-loc.sigma.x)", "unknown signal", "loc.error - loc.sigma.x"),
-        ("never(contact) when speed", "a quantity [m/s]", ""),
-    ],
-)
-def test_what_cannot_be_meant_is_refused_with_advice(text, message, hint):
-    found = refusal(text)
-    assert message in found.message
-    assert hint in found.hint
-
-
-def test_a_finding_points_at_the_offending_part():
-    text = "always(loc.error <= 0.35 s)"
-    assert refusal(text).where == Where(HERE.file, 4, 12 + text.index("0.35"))
-
-
-@pytest.mark.parametrize(
-    ("text", "part"),
-    [
-        ("never(speed)", "speed"),
-        ("never(contact) when speed", "speed"),
-        ("max(contact)", "contact"),
-        ("always(loc.error == 0.1 m)", "loc.error =="),
-        ("count(contact) <= 2 m", "2 m"),
-        ("always(mission.reached > 1 and contact > 0)", "contact > 0"),
-        ("max(2 * (speed + loc.error))", "speed + loc"),
-        ("max(clearance(0.5 m, speed))", "speed"),
-        ("max(clearance(0.5 m, 1 s))", "1 s"),
-        ("max(clearance(0.5 m))", "clearance"),
-        ("reached(mission, 0 m)", "0 m"),
-        ("reached(mission, 1 m) on leg 1", "1"),
-        ("eventually within 3 m (contact)", "3 m"),
-        ("never(contact) until within 3 m (contact)", "3 m"),
-        ("never(contact and loc.eror < 1 m)", "loc.eror"),
-    ],
-)
-def test_each_finding_points_at_what_it_is_about(text, part):
-    found = refusal(text)
-    assert found.where == Where(HERE.file, 4, 12 + text.rindex(part)), found.message
-
-
 def test_what_was_not_read_from_a_text_stands_at_its_beginning():
     here, there = Signal("speed"), Number(1.0, SIGNALS["speed"].dimension, "1 m/s")
     assert here == Signal("speed", (), 0)
@@ -267,19 +184,6 @@ def test_what_was_not_read_from_a_text_stands_at_its_beginning():
     compared = Comparison("<", here, there)
     made = (compared, Not(compared), Logic("or", (compared,)), Function("abs", here), Leg(1, ""))
     assert [node.column for node in made] == [0] * 5
-
-
-def test_a_finding_in_a_text_of_several_lines_points_at_its_beginning():
-    assert refusal("always(\n  loc.error <= 0.35 s)").where == HERE
-
-
-def test_findings_in_judgement_and_guard_are_reported_together():
-    with pytest.raises(InputError) as caught:
-        parse("always(loc.eror <= 1 m) when sped > 1 m/s")
-    assert [d.message for d in caught.value.diagnostics] == [
-        'unknown signal "loc.eror"',
-        'unknown signal "sped"',
-    ]
 
 
 LENGTHS = st.sampled_from(["loc.error", "clearance", "0.5 m", "clearance(0.3 m, 0.2 m)"])
@@ -351,30 +255,3 @@ def test_every_declared_signal_can_be_used():
         arguments = "(robot, door-17)" if kind.relates else "(Spin)" if kind.takes_node else ""
         signal = name + arguments
         parse(f"never({signal})" if kind.dimension is None else f"max({signal})")
-
-
-@pytest.mark.parametrize("arguments", ["", "(1 m)", "(Spin, Wait)", "(Spin(Wait))"])
-def test_a_node_of_a_behaviour_tree_is_named(arguments):
-    found = refusal(f"never(bt.node{arguments})")
-    assert "takes the name of a node of the behaviour tree" in found.message
-    assert found.hint == "such as: bt.node(FollowPath)"
-
-
-@pytest.mark.parametrize(
-    ("text", "example"),
-    [
-        ("max(distance)", "distance(robot, kitchen_door)"),
-        ("max(distance(door-17))", "distance(robot, door-17)"),
-        ("max(distance(door-17, robot))", "distance(robot, door-17)"),
-        ("max(distance(robot, 1 m))", "distance(robot, kitchen_door)"),
-        ("max(distance(robot, door-17, 1 m))", "distance(robot, door-17)"),
-        ("max(distance(robot, robot))", "distance(robot, kitchen_door)"),
-        ("never(in(hall))", "in(robot, hall)"),
-    ],
-)
-def test_a_relation_names_the_robot_and_one_thing(text, example):
-    with pytest.raises(InputError) as caught:
-        parse(text)
-    (found,) = caught.value.diagnostics
-    assert "takes the robot and what it is related to" in found.message
-    assert found.hint == f"such as: {example}"

@@ -34,24 +34,6 @@ def test_a_door_that_fits_is_nothing_to_speak_of():
     assert found(DOOR) == []
 
 
-def test_two_doors_that_fill_one_doorway_are_told_with_both_places():
-    text = DOOR + "e is a hinged_door in kitchen_doorway, hinge right, opening into kitchen"
-    plan, objects = two_rooms(), layer(text)
-    (error,) = check_scene(compile_scene(plan, [objects]), places=places_of([objects], plan))
-    assert error.message.startswith("d and e hang in one doorway: kitchen_doorway is 1.00 m wide")
-    assert error.message.endswith("one inside of the other")
-    places = places_of([objects], plan)
-    assert (error.where, str(places["d"]) in error.hint) == (places["e"], True)
-
-
-def test_two_doors_on_both_sides_of_one_wall_are_a_warning():
-    text = leaf("thin", 0.95)
-    text += "d is a thin in kitchen_doorway, hinge left, opening into kitchen\n"
-    text += "e is a thin in kitchen_doorway, hinge left, opening into hall\n"
-    (said,) = found(text)
-    assert said.startswith("warning d and e hang in one doorway")
-
-
 def test_a_double_door_is_two_leaves_that_count_together():
     half = leaf("half", 0.48)
     both = [f"{n} is a half in kitchen_doorway, hinge {side}, opening into kitchen\n"
@@ -91,28 +73,11 @@ def test_leaves_of_a_double_door_in_each_other_are_told_why_and_nothing_else(
     assert messages(robile, scene, mission((3, 0)), *moves) == []
 
 
-def test_a_leaf_higher_than_its_doorway_is_told_with_both_heights_and_once():
-    high = leaf("high", 0.95, top=2.2)
-    (said,) = found(high + "d is a high in kitchen_doorway, hinge left, opening into kitchen")
-    assert said == "error the leaf of d reaches 2.20 m high, kitchen_doorway only 2.00 m"
-
-
 @given(st.floats(0.2, 0.99))
 def test_a_gap_is_told_when_it_is_more_than_a_fifth(width):
     text = leaf("some", round(width, 3))
     said = found(text + "d is a some in kitchen_doorway, hinge left, opening into kitchen")
     assert bool(said) is (round(width, 3) < 0.8)
-
-
-@pytest.mark.parametrize(("frozen", "severity"), [("", "error"), (", frozen", "warning")])
-def test_objects_in_each_other_are_an_error_where_one_can_move(frozen, severity):
-    text = BLOCK + leaf("door", 1.0)
-    text += f"a is a door in hall, x 0 m, y 0 m{frozen}\nb is a block in hall, x 0.9 m, y 0 m"
-    (said,) = found(text)
-    assert said == (
-        f"{severity} b and a stand in each other at the start: the body and the leaf overlap near "
-        "(0.82, 0.00) by 0.35 m x 0.04 m"
-    )
 
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))

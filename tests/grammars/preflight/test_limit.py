@@ -42,4 +42,4 @@ def test_a_system_without_a_speed_says_nothing():
 
 def test_waypoints_side_by_side_take_no_time():
     near = mission((0.4, 0.0), (0.4, 0.9), start=Pose2(0.0, 0.0))
-    assert check_limit(near, {"pilot": 0.1}, limit=0.0, where=PLACE) == []
+    assert check_limit(near, {"pilot": 0.1}, limit=0.0, where=PLACE) == ()

@@ -38,34 +38,9 @@ def test_what_launch_files_use_has_the_value_roslaunch_gives_it(tmp_path, expres
 
 @pytest.mark.parametrize(
     ("expression", "expected"),
-    [
-        ("__import__('os')", "double underscores"),
-        ("().__class__", "double underscores"),
-        ("open('x')", 'no function is called "open"'),
-        ("eval('1')", 'no function is called "eval"'),
-        ("name.format(1)", "is not worked out here"),
-        ("name.encode()", "is not worked out here"),
-        ("(lambda: 1)()", "is not worked out here"),
-        ("[a for a in name]", "is not worked out here"),
-        ("(a := 1)", "is not worked out here"),
-        ("str(object=1)", "is not worked out here"),
-        ("9 ** 9 ** 9", "too large"),
-        ("2 ** 64", "too large"),
-        ("'a' * 99999999999", "too long"),
-        ("[0] * 99999999999", "too long"),
-        ("'%99999999d' % 1", "too long"),
-        ("name.replace('', 'a' * 9999)", "too long"),
-        ("round(1, -999999999)", "more digits"),
-        ("(-1) ** 0.5", "root of a negative number"),
-        ("1 / 0", "division by zero"),
-        ("nothing + 1", 'no arg is called "nothing"'),
-        ("1 +", "is no expression"),
-        ("1 < 'a'", "not supported"),
-        ("(" * 300 + "1" + ")" * 300, "is no"),
-        ("1 + " * 600 + "1", "longer than"),
-    ],
+    [("(" * 300 + "1" + ")" * 300, "is no"), ("1 + " * 600 + "1", "longer than")],
 )
-def test_what_could_do_harm_or_has_no_value_is_refused(tmp_path, expression, expected):
+def test_monsters_are_refused(tmp_path, expression, expected):
     with pytest.raises(InputError, match=r"a\.launch:2:") as caught:
         worked_out(tmp_path, expression)
     assert expected in str(caught.value)

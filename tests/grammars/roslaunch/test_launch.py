@@ -229,91 +229,6 @@ def test_commands_and_files_of_params_are_not_read(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
-    ("body", "expected"),
-    [
-        (AMCL.format('<rosparam file="$(env ROBOT)/pose.yaml"/>'),
-         'a.launch:2:58: environment variable ROBOT is not given\n    write it under "env", such '
-         'as ROBOT: VALUE; or if the node starts without the file, write "pose.yaml" under "skip"'),
-        (AMCL.format('<rosparam file="$(find robot)/pose.yaml"/>'),
-         'package robot is not given\n    name the folder of robot, or one above it'),
-        (AMCL.format('<rosparam file="$(dirname)/b.launch"/>'),
-         'no file b.launch\n    did you mean "a.launch"?; if it is not needed, write "b.launch"'),
-        (AMCL.format("<rosparam>\n  a: 1\n  b: [\n</rosparam>"), "a.launch:5:1: is not valid YAML"),
-        (AMCL.format("<rosparam>[1]</rosparam>"), "expected parameters, NAME: VALUE"),
-        (AMCL.format('<remap from="$(env A)" to="b"/>'),
-         "a.launch:2:55: environment variable A is not"),
-        ('<group ns="$(env A)">' + AMCL.format("") + "</group>", "environment variable A is not"),
-        ('<group if="$(env A)"/>', "a.launch:2:12: environment variable A is not"),
-        ('<group if="maybe"/>', 'if: "maybe" is neither true nor false'),
-        ('<group if="1" unless="1"/>', "has both if and unless"),
-        ('<arg name="a"/><group ns="$(arg a)"/>', "a.launch:2:27: arg a has no value here"),
-        ('<arg name="a" value="1" default="1"/>', "arg a has a value and a default"),
-        ('<arg name="a" value="1"/><arg name="a" value="1"/>', "arg a is declared twice"),
-        ('<include file="$(dirname)/b.launch"/>', "no file b.launch to include"),
-        ('<include file="$(dirname)/a.launch"/>', "goes on without end"),
-        ('<include file="$(env A).launch"/>', "a.launch:2:16: environment variable A is not"),
-        ('<param name="a"/>', "<param> has no value"),
-        ('<param name="a" value="x" type="int"/>', 'a.launch:2:24: a: "x" is not a whole number'),
-        ('<param name="a" value="x" type="list"/>', 'there is no type "list"'),
-        ('<param value="x"/>', "<param> needs the attribute name"),
-        ('<param name="a" value="$(eval 1 + )"/>', "is no expression"),
-        ('<param name="a" value="$(finde x)"/>', 'there is no command "finde"'),
-        ('<param name="a" value="a$(eval 1)"/>', "$(eval …) must be the whole of its text"),
-        ('<param name="a" value="$(arg $(arg b))"/>', "nothing can stand inside"),
-        ('<remap from="a" to="b c"/>' + AMCL.format(""), '"b c" is no name that ROS has'),
-        ('<node pkg="amcl" type="amcl" name="r/amcl"/>', "cannot hold a namespace"),
-        ('<node pkg="amcl" exec="amcl" name="amcl"/>', "is for ROS 2"),
-        (AMCL.format("") * 2, "a second node is called /amcl"),
-        ('<rosparam command="lod" file="x"/>', 'command "lod" is none of load, delete, dump'),
-        ("<group>", "is not valid XML: mismatched tag"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_said_where_it_stands(tmp_path, body, expected):
-    found = errors(tmp_path, body)
-    assert any(expected in message for message in found), found
-
-
-def test_every_mistake_is_reported_at_once_and_each_only_once(tmp_path):
-    load = '<rosparam file="$(env A)/a.yaml"/>'
-    body = f'<arg name="a" default="1" value="2"/>{AMCL.format(load)}\n<param name="b"/>'
-    assert len(errors(tmp_path, body)) == 3
-    name = '<arg name="a" default="$(env A)"/>'
-    twice = '<rosparam file="$(arg a)/a.yaml"/><rosparam file="$(arg a)/b.yaml"/>'
-    (message,) = errors(tmp_path, name + AMCL.format(twice))
-    assert 'or give the arg a under "args"' in message
-
-
-def test_an_arg_without_a_value_is_not_blamed_again_where_it_is_used(tmp_path):
-    arg = '<arg name="a" value="x" if="$(arg on)"/><arg name="on" default="yes"/>'
-    use = AMCL.format('<rosparam file="$(arg a).yaml"/><param name="b" value="$(arg a)"/>')
-    switch = '<arg name="on" default="yes"/>'
-    (message,) = errors(tmp_path, f'{switch}<arg name="a" value="x" if="$(arg on)"/>{use}')
-    assert 'if: "yes" is neither true nor false' in message
-    assert len(errors(tmp_path, arg + use)) == 1
-
-
-def test_args_that_an_included_file_does_not_have_are_refused_as_roslaunch_does(tmp_path):
-    write(tmp_path, "b.launch", '<arg name="scan_topic" default="scan"/>')
-    include = '<include file="$(dirname)/b.launch"><arg name="scan_topics" value="x"/></include>'
-    (message,) = errors(tmp_path, include)
-    assert message.startswith("a.launch:2:48: b.launch has no arg scan_topics")
-    assert 'did you mean "scan_topic"?' in message
-
-
-@pytest.mark.parametrize(
-    ("body", "expected"),
-    [
-        ('<arg name="model" default="a"/>', 'has an arg modell\n    did you mean "model"?'),
-        ('<arg name="modell" value="a"/>', "arg modell has a fixed value in the launch file"),
-    ],
-)
-def test_args_that_no_launch_file_takes_are_refused(tmp_path, body, expected):
-    (message,) = errors(tmp_path, body, args={"modell": "b"})
-    assert message.startswith("sut.yaml:2:1: ")
-    assert expected in message
-
-
 def test_an_arg_may_be_for_one_of_several_files(tmp_path):
     one = write(tmp_path, "one.launch", '<arg name="a" value="fixed"/>' + AMCL.format(""))
     value = '<param name="x" value="$(arg a)"/>'
@@ -363,19 +278,6 @@ def test_a_symbolic_link_that_became_text_is_followed(tmp_path):
     (tmp_path / "two.yaml").write_text("one.yaml")
     (message,) = errors(tmp_path, AMCL.format('<rosparam file="$(dirname)/one.yaml"/>'))
     assert "one link too many" in message
-
-
-def test_what_means_nothing_to_roslaunch_is_a_warning(tmp_path):
-    body = '<nod/><group name="x"/>' + AMCL.format("") + '<env name="A" value="$(env NOT)"/>'
-    first, second = warnings(started(tmp_path, body), tmp_path)
-    assert '<nod> means nothing to roslaunch\n    did you mean "node"?' in first
-    assert "a.launch:2:20: warning: <group> has no attribute name" in second
-
-
-def test_what_may_hold_parameters_of_a_node_and_cannot_be_read_is_a_warning(tmp_path):
-    body = '<rosparam file="$(find robot)/all.yaml"/>' + AMCL.format("")
-    (warning,) = warnings(started(tmp_path, body), tmp_path)
-    assert "warning: package robot is not given" in warning
 
 
 def test_launch_files_that_include_each_other_again_and_again_end(tmp_path):

@@ -19,19 +19,12 @@ from grammars.scenery.model import (
     Reacts,
     Walks,
 )
-from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import DOOR, PEOPLE
 
 
 def said(text):
     (sentence,) = parse_scenery(text, "s.scenery").sentences
     return sentence
-
-
-def told(text):
-    with pytest.raises(InputError) as caught:
-        parse_scenery(text, "d.scenery")
-    return str(caught.value)
 
 
 def test_a_mover_hangs_on_a_planar_chain():
@@ -151,52 +144,3 @@ def test_waiting_times_have_a_distribution(words, kind):
     assert isinstance(sentence, Alternates)
     assert sentence.waiting.kind == kind
     assert str(sentence.since) == "1 min"
-
-
-ROUTE = "v walks along (0 m, 0 m), (1 m, 0 m)"
-MESSAGES = {
-    "v walks along (0 m, 0 m)": "d.scenery:1:15: a route has two points or more",
-    "v walks along (0 m, 0 m) of hall, (1 m, 0 m)": (
-        "d.scenery:1:35: in which frame is this point?\n    add of <frame>"
-    ),
-    f"{ROUTE}, after 2 s": "d.scenery:1:39: after what?\n    add when …, or write from 5 s",
-    f"{ROUTE}, from 2 s, when leg 1 begins": (
-        "d.scenery:1:39: a walk begins at a time or with an event"
-    ),
-    f"{ROUTE}, when the robot is within 1 m of its hinge": (
-        "d.scenery:1:44: walks begin at a time or with an event, not with the robot's distance"
-    ),
-    f"{ROUTE}, yielding within 1 m, not yielding": "d.scenery:1:1: it yields or it does not",
-    f"{ROUTE}, at 3 m": "d.scenery:1:42: a speed is needed here, 3 m is a length",
-    f"{ROUTE}, once, round": 'd.scenery:1:45: "round" is written twice',
-    "d goes from a to b when leg 0 begins": "d.scenery:1:25: legs are counted from 1",
-    "d goes from a to b when leg 2 begins, again beyond 2 m": (
-        "d.scenery:1:39: an event is reacted to once"
-    ),
-    "d goes from a to b when leg 2 begins, starting at b": (
-        "d.scenery:1:39: only what waits for the robot to come near starts elsewhere"
-    ),
-    "d goes from a to b when the robot is within 1 m of its hinge, after 2 s": (
-        "d.scenery:1:63: only events are reacted to after some time"
-    ),
-    "d toggles between a and b after uniform 1 s to 3 s, up to 1 s late": (
-        'd.scenery:1:53: "late" is for changes every so often, not after waiting'
-    ),
-    "mover m link a box 1 m x 1 m from 0 m to 1 m, mass 1 kg "
-    "link b box 1 m x 1 m from 0 m to 1 m, mass 1 kg": (
-        "d.scenery:1:1: one link of m must carry all\n    join the others to it"
-    ),
-    "mover m link a box 1 m x 1 m from 0 m to 1 m, mass 1 kg "
-    "link b box 1 m x 1 m from 0 m to 1 m, mass 1 kg joint yaw fixed from a to b": (
-        "d.scenery:1:1: a mover has joints x, y and yaw already: yaw"
-    ),
-    "object o link a box 1 m x 1 m from 0 m to 1 m, mass 1 kg joint j fixed from a to c": (
-        'd.scenery:1:82: there is no link "c"'
-    ),
-    "d goes from a to b when leg two begins": "d.scenery:1:29: expected a whole number",
-}
-
-
-@pytest.mark.parametrize("text", MESSAGES, ids=lambda text: text[:60])
-def test_messages_say_what_is_wrong(text):
-    assert told(text).startswith(MESSAGES[text])

@@ -1,6 +1,7 @@
 """``scenario import``: a walls layer from a map, and what becomes of it."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -71,3 +72,22 @@ def test_what_cannot_be_imported_is_told(scenario, map_file):
     text = map_file.read_text().replace("free_thresh: 0.196", "free_thresh: 0.25")
     map_file.write_text(text)
     assert "grey 205" in scenario("import", "office.yaml").err
+
+
+def test_drawings_need_an_extra_that_the_message_names(scenario, folder, monkeypatch):
+    Path("hall.dxf").write_text("")
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    answer = scenario("import", "hall.dxf")
+    assert answer.code == 2
+    assert 'pip install "scenario-tui[import]"' in answer.err
+
+
+def test_a_drawing_that_is_refused_says_what_it_leaves_out(scenario, folder):
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new("R2010", units=6)
+    drawing.modelspace().add_line((0, 0), (9, 0), dxfattribs={"layer": "walls", "invisible": 1})
+    drawing.saveas("hall.dxf")
+    answer = scenario("import", "hall.dxf", "--layer", "wall*", "--standing", "racks")
+    assert answer.code == 2
+    assert "hall.dxf: warning: what the drawing hides was left out: walls (1)" in answer.err
+    assert "error: no layer with lines is named like wall*" in answer.err

@@ -16,35 +16,6 @@ def test_defaults_are_taken_and_given_values_replace_them():
     assert parameters.max_speed == PilotParameters().max_speed
 
 
-def test_an_unknown_parameter_is_answered_with_the_nearest_one():
-    with pytest.raises(ValueError, match=r'"goal_tolerence".*did you mean "goal_tolerance"\?'):
-        make_sut("pilot", {"goal_tolerence": 0.2})
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("max_speed", -1.0),
-        ("max_speed", float("nan")),
-        ("patience", "soon"),
-        ("recoveries", 1.5),
-    ],
-)
-def test_a_bad_value_is_named_with_what_was_given(name, value):
-    with pytest.raises(ValueError, match=name):
-        make_sut("pilot", {name: value})
-
-
-def test_a_quantity_with_its_unit_is_answered_with_what_to_write():
-    with pytest.raises(ValueError, match=r"goal_tolerance.*'15 cm'.*plain number in SI units"):
-        make_sut("pilot", {"goal_tolerance": "15 cm"})
-
-
-def test_all_problems_are_reported_at_once():
-    with pytest.raises(ValueError, match=r"no parameter \"x\".*max_speed.*patience"):
-        make_sut("pilot", {"x": 1, "max_speed": 0.0, "patience": -1.0})
-
-
 def test_the_idle_system_stands_still_and_takes_no_parameters():
     decision = make_sut("idle", {}).update(Observation(0.0, (), ()))
     assert decision.command == Twist2()

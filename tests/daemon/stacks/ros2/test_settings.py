@@ -4,7 +4,6 @@ import pytest
 
 from daemon.model.attachments import SutMissing
 from daemon.model.execution import decide_on_commands
-from daemon.stacks.findings import ParameterError
 from daemon.stacks.registry import make_sut
 from daemon.stacks.ros2.placeholders import (
     PlaceholderError,
@@ -29,12 +28,6 @@ STACK = {
     "ready": ["amcl", "bt_navigator"],
     "repeatable": False,
 }
-
-
-def problems(**changed):
-    with pytest.raises(ParameterError) as caught:
-        read_settings({key: x for key, x in (STACK | changed).items() if x is not None})
-    return [str(problem) for problem in caught.value.problems]
 
 
 def warnings(**changed):
@@ -98,67 +91,9 @@ def test_values_come_with_units_and_in_words():
     assert found.container.options == ("--gpus", "all")
 
 
-@pytest.mark.parametrize(
-    ("changed", "complaint"),
-    [
-        ({"launch": None}, 'launch: key "launch" is missing: the command that starts the stack'),
-        ({"launch": "  "}, "launch: launch: is empty"),
-        ({"container": {"engine": "docker"}}, 'container/image: key "image" is missing'),
-        ({"start-up": 60}, "start-up: start-up: 60 has no unit, expected a time"),
-        ({"late": "5 s"}, '"5 s" is in s, expected a ratio'),
-        ({"late": 1}, "late: late: must be less than 1"),
-        ({"patience": "2 min"}, "patience: must be less than or equal to 60"),
-        ({"tolerance": "2 s"}, "tolerance: must be less than or equal to 1"),
-        ({"idle": "2 s"}, "idle: must be less than or equal to 1"),
-        ({"period": "0.033 s"}, "0.033 s is not a multiple of 0.01 s"),
-        ({"reuse": "yes"}, "reuse: reuse: a stack belongs to one run"),
-        ({"lunch": "x"}, 'unknown key "lunch"; did you mean "launch"?'),
-        ({"topics": {"scann": "x"}}, 'topics/scann: unknown key "scann"; did you mean "scan"?'),
-        ({"topics": {"scan": "my scan"}}, "is not a ROS name"),
-        ({"frames": {"base": "/base"}}, "is not a frame of tf2"),
-        ({"ready": "a-b"}, "ready[0]"),
-        ({"mission": "dock"}, "must be 'waypoints', 'follow' or 'through'"),
-        ({"environment": {"ROS_DOMAIN_ID": 102}}, "must be own, or a whole number from 0 to 101"),
-        ({"environment": {"ROS_DOMAIN_ID": True}}, "must be own, or a whole number"),
-        ({"environment": {"DEBUG": 1}}, 'environment/DEBUG: DEBUG: must be text; 1 is a number'),
-        ({"environment": {"B C": "x"}}, "is not the name of an environment variable"),
-        ({"environment": {"SCENARIO_SOCKET": "x"}}, "is set by the run itself"),
-        ({"environment": {"setup": "ws/setup.bash"}}, "write it from the root"),
-        ({"files": {"map": "m.yaml"}}, 'every run has a placeholder "map"'),
-        ({"launch": "nav {mapp}"}, 'launch: no placeholder "mapp"; did you mean "map"?'),
-        ({"launch": "nav ${HOME}"}, "write {{ and }} for braces that are meant as they are"),
-        ({"launch": "awk '{print $1}'"}, "begins or ends no placeholder"),
-        ({"environment": {"A": "{x}"}}, 'environment/A: no placeholder "x"'),
-        ({"map": "published"}, "the map is published, not written"),
-        ({"transport": "zenoh"}, 'unknown key "transport"'),
-        ({"repeatable": True}, "a stack outside of the simulation is never repeatable"),
-    ],
-)  # fmt: skip
-def test_every_problem_is_at_its_place(changed, complaint):
-    assert any(complaint in problem for problem in problems(**changed))
-
-
-def test_all_problems_are_told_at_once():
-    assert len(problems(late="5 s", map="none", mission="dock")) == 3
-
-
 def test_an_image_needs_no_command():
     found = read_settings({"container": {"image": "my/nav2"}, "files": {}})
     assert found.launch == ""
-
-
-@pytest.mark.parametrize(
-    ("changed", "warning"),
-    [
-        ({"ready": []}, "ready names no nodes"),
-        ({"start-up": "5 s"}, "Nav2 needs 12 s"),
-        ({"launch": "nav {params}"}, "nothing here says {map}"),
-        ({"launch": "nav {map}"}, "files/params: nothing here says {params}"),
-        ({"environment": {"ROS_DOMAIN_ID": 7}}, "share this domain"),
-    ],
-)
-def test_what_probably_does_not_work_is_said(changed, warning):
-    assert any(warning in found for found in warnings(**changed))
 
 
 def test_values_are_one_word_to_the_shell():

@@ -9,7 +9,6 @@ from grammars.floorplan import parse_floorplan
 from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.scenery.composition import compile_scene
-from grammars.text.diagnostics import InputError
 from tests.grammars.plans import TWO_ROOMS, layer, resolved, scene_with, two_rooms
 
 
@@ -25,12 +24,6 @@ def the_door(text):
 
 def room_of(scene, point):
     return next((r.name for r in scene.regions if Polygon(r.outline).covers(Point(point))), "")
-
-
-def told(text):
-    with pytest.raises(InputError) as caught:
-        scene_with(text)
-    return str(caught.value).split(": ", 1)[1]
 
 
 def test_an_object_stands_in_the_frame_of_a_wall():
@@ -83,15 +76,6 @@ def test_a_name_means_one_frame_whoever_says_it(added, frame):
     stands = next(body.pose for body in scene.objects if body.name == "d")
     (walks,) = resolved(scene, [objects, walk]).behaviours
     assert (stands.x, stands.y) == walks.route[0]
-
-
-def test_a_name_of_two_features_is_refused():
-    hall = "location: wrt: world of: this\n"
-    pillar = TWO_ROOMS[TWO_ROOMS.index("    features:") : TWO_ROOMS.index("Entryway")]
-    plan = parse_floorplan(TWO_ROOMS.replace(hall, hall + pillar), "two_rooms.fpm")
-    with pytest.raises(InputError, match='"pillar" may mean several') as caught:
-        compile_scene(plan, [layer("d is a hinged_door at pillar")])
-    assert "hall.pillar or kitchen.pillar" in str(caught.value)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -171,73 +155,3 @@ def test_a_door_placed_by_hand_knows_its_doorway():
     beside = "d is a hinged_door at kitchen_doorway, x {} m, y 0.2 m, turned -90 deg"
     assert the_door(beside.format("-0.475")).doorway == "kitchen_doorway"
     assert the_door(beside.format("2")).doorway == ""
-
-
-MESSAGES = {
-    "d is a hinged_dor at hall": (
-        'd: there is no object model "hinged_dor"\n    did you mean "hinged_door"?'
-    ),
-    "d is a hinged_door at hal": (
-        'there is no space, opening or feature "hal" in the floor plan\n    did you mean "hall"?'
-    ),
-    "d is a hinged_door at hall.walls[4]": "there is no hall.walls[4]\n    it has walls 0 to 3",
-    "d is a hinged_door at hall.pilar": 'there is no feature in hall "pilar" in the floor plan',
-    "d is a hinged_door in hall_window, hinge left, opening inwards": (
-        'there is no entryway "hall_window" in the floor plan\n    it is a window'
-    ),
-    "d is a hinged_door in kitchen_doorway": (
-        "d: on which side is the hinge?\n"
-        "    add hinge left or hinge right, and opening inwards or outwards"
-    ),
-    "d is a hinged_door in way_out, hinge left, opening into kitchen": (
-        "way_out does not lead to kitchen\n    it leads to hall"
-    ),
-    "d is a slider in kitchen_doorway, hinge left, opening inwards": (
-        "d: hinge left is for doors with one leaf on one hinge"
-    ),
-    "d is a lift_door in kitchen_doorway, sliding left": (
-        "d: sliding left is for doors with one sliding leaf"
-    ),
-    "d is a hinged_door at hall, starts opened": (
-        'd: hinged_door has no state "opened"\n    did you mean "open"?'
-    ),
-    "d is a hinged_door at hall, starts 3 rad": (
-        "3 rad is outside the limits of d.hinge\n    between 0 rad and 2 rad"
-    ),
-    "d is a hinged_door at hall, starts 1 m": "an angle is needed here, 1 m is a length",
-    "d is a lift_door at hall, starts 0.1 m": (
-        "d has several joints\n    write d.left, or a state"
-    ),
-    "d is a hinged_door at hall\ngroup g: d\ng is frozen": '"g" is a group\n    write every g',
-    "d is a hinged_door at hall\nevery d is frozen": '"d" is one object\n    leave out every',
-    "d is a hinged_door at hall\nd.hing starts open": (
-        'd has no joint "hing"\n    did you mean "hinge"?'
-    ),
-}
-
-
-@pytest.mark.parametrize("text", MESSAGES)
-def test_what_cannot_be_placed_is_explained(text):
-    assert told(text).startswith(MESSAGES[text])
-
-
-def test_a_door_wider_than_its_doorway_is_refused():
-    narrow = two_rooms(("width=1 m, height=2 m", "width=0.9 m, height=2 m"))
-    door = layer("d is a hinged_door in kitchen_doorway, hinge left, opening inwards")
-    with pytest.raises(InputError, match="d is 0.990 m wide, kitchen_doorway only 0.900 m"):
-        compile_scene(narrow, [door])
-
-
-def test_the_same_name_in_two_layers_is_reported_with_both_places():
-    first = layer("d is a hinged_door at hall", "first")
-    second = layer("d is a hinged_door at kitchen", "second", models=False)
-    with pytest.raises(InputError) as caught:
-        compile_scene(two_rooms(), [first, second])
-    assert str(caught.value).startswith('second.scenery:1:1: there are two objects called "d"')
-    assert "first.scenery:" in str(caught.value)
-
-
-def test_every_object_that_cannot_be_placed_is_reported():
-    with pytest.raises(InputError) as caught:
-        scene_with("d is a hinged_door at nowhere\ne is a hinged_door in nothing")
-    assert len(caught.value.diagnostics) == 2

@@ -319,45 +319,6 @@ def test_a_silent_sensor_that_stops_move_base_is_an_error_in_the_local_costmap()
     assert "nothing is published on /front" in said
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"footprint": [[0.1, 0.0], [-0.1, 0.0]]}, "global_costmap/footprint: a polygon needs"),
-        ({"inflation_radius": -0.5}, "global_costmap/inflation_radius: must be"),
-        ({"plugins": ["static_layer"]}, "plugins[0]: must be a layer"),
-        ({"plugins": "static_layer"}, "plugins: must be a list of layers"),
-        ({"obstacle_layer": {"obstacle_range": "far"}}, "obstacle_layer/obstacle_range"),
-        ({"static_map": 1}, "static_map: must be true or false"),
-        ({"observation_sources": "s", "s": {"data_type": "Range"}}, "s/data_type: must be LaserS"),
-        ({"observation_sources": "s", "s": 3}, "global_costmap/s: must be keys with values"),
-        ({"static_map": True, "unknown_cost_value": 0}, "would make the unknown cells of the map"),
-        ({"static_map": True, "lethal_cost_threshold": 0}, "makes every known cell of the map"),
-        ({"width": 0.3, "rolling_window": True}, "0.3 is none at all; write 1 or more"),
-    ],
-)
-def test_what_cannot_be_is_refused_at_its_line(given, said):
-    (found,) = refusals(given)
-    assert said in found
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"inflation_layer": {"inflation_radios": 0.3}}, "inflation_layer/inflation_radios"),
-        ({"width": 2.5}, "global_costmap/width: costmap_2d takes whole metres: 2.5 is 3 to it"),
-        ({"map_type": "grid"}, "takes everything but voxel for costmap"),
-        ({"combination_method": 0}, 'nothing reads a parameter "combination_method"'),
-        ({"obstacle_layer": {"observation_sources": "scan", "scan": SCAN, "rear": SCAN}},
-         'nothing reads a namespace "rear"'),
-        ({"plugins": LAYERS[1:], "static_map": True}, "none of them is a static layer"),
-        ({"obstacle_layer": {"combination_method": 99}}, "what the layer sees never reaches"),
-    ],
-)  # fmt: skip
-def test_what_is_probably_a_slip_is_said(given, said):
-    _, problems = read(given)
-    assert any(said in problem for problem in problems), problems
-
-
 def test_what_has_no_effect_is_told():
     found = idle({"transform_tolerance": 2.0, **OBSTACLES, "scan": SCAN | {"sensor_frame": "laser"},
                   "z_voxels": 3, "other": SCAN, "static_map": True, "resolution": 0.1,

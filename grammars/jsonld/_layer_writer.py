@@ -1,0 +1,195 @@
+"""Scenery layers as JSON-LD: objects in the published vocabulary, sentences as they are written.
+
+Every instance has its pose in the world. Published tools go astray on the way to it from rooms
+that are placed by a wall at their side, and they know no entryways to fit doors into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grammars.floorplan import WORLD_FRAME, FloorPlan
+from grammars.jsonld._kinematics import Json
+from grammars.jsonld._object_writer import object_frame_nodes, object_nodes, object_pose_nodes
+from grammars.jsonld._plan_writer import PlanWriter
+from grammars.jsonld._written_contexts import layer_context
+from grammars.jsonld.vocabulary import ITEMS
+from grammars.scenery import SceneryLayer
+from grammars.scenery.composition import (
+    Catalogue,
+    mirrored_joints,
+    mirrored_links,
+    place_instance,
+)
+from grammars.scenery.model import (
+    Group,
+    In,
+    Instance,
+    Name,
+    ObjectModel,
+    Parameter,
+    Sentence,
+    Setting,
+)
+from grammars.text.diagnostics import InputError, Where
+
+
+def scenery_document(
+    layer: SceneryLayer, plan: FloorPlan, layers: Sequence[SceneryLayer] = ()
+) -> Json:
+    """Return a layer as one JSON-LD document; ``layers`` are all of the scenario, in order.
+
+    Raises :class:`InputError` for what cannot be placed.
+    """
+    writer = LayerWriter(PlanWriter(plan), layers or (layer,))
+    writer.write_layer(layer)
+    return writer.document()
+
+
+def objects_document(plan: FloorPlan, layers: Sequence[SceneryLayer]) -> Json:
+    """Return the objects of all layers as one document, for published tools: without sentences.
+
+    Raises :class:`InputError` for what cannot be placed.
+    """
+    writer = LayerWriter(PlanWriter(plan), layers)
+    for layer in layers:
+        writer.write_objects(layer)
+    return writer.document()
+
+
+class LayerWriter:
+    """Builds the nodes of layers; ``places`` tells where each was written in the text."""
+
+    def __init__(self, frames: PlanWriter, layers: Sequence[SceneryLayer]) -> None:
+        self._frames = frames
+        self._layers = tuple(layers)
+        self._catalogue = Catalogue(layers)
+        self._mirrored: set[str] = set()
+        self.nodes: list[Json] = []
+        self.places: dict[str, Where] = {}
+
+    def document(self) -> Json:
+        """Return what has been written as one document."""
+        return {"@context": layer_context(self._frames.base), "@graph": self.nodes}
+
+    def write_layer(self, layer: SceneryLayer) -> None:
+        """Write a layer and its parts; each says which layer it is in, and its place there."""
+        id = f"item:layer.{layer.name}"
+        number = self._layers.index(layer)
+        node = {"@id": id, "@type": "scn:Layer", "scn:name": layer.name, "scn:number": number}
+        self._add([node], Where(layer.file))
+        parts = self.write_objects(layer)
+        for part in (*layer.groups, *layer.parameters, *layer.settings, *layer.sentences):
+            parts.append(self._sentence(f"{id}.{len(parts)}", layer, part))
+        for place, part_node in enumerate(parts):
+            part_node |= {"scn:in-layer": {"@id": id}, "scn:number": place}
+
+    def write_objects(self, layer: SceneryLayer) -> list[Json]:
+        """Write the models and instances of a layer and return the node of each."""
+        models = [self._model(model) for model in layer.models]
+        return models + [self._instance(instance) for instance in layer.instances]
+
+    def _add(self, nodes: list[Json], where: Where) -> Json:
+        """Add nodes that were written at one place and return the last of them."""
+        self.nodes += nodes
+        for node in nodes:
+            if where.line:
+                self.places[ITEMS + node["@id"].removeprefix("item:")] = where
+        return nodes[-1]
+
+    def _model_id(self, name: str) -> str:
+        """Return the identifier of an object model: its name, unless an instance has it."""
+        return f"item:{name}.model" if name in self._catalogue.instances else f"item:{name}"
+
+    def _model(self, model: ObjectModel) -> Json:
+        id = self._model_id(model.name)
+        node = self._add(object_nodes(id, model), model.where)
+        for state in model.states:
+            self.places[f"{ITEMS}{id.removeprefix('item:')}.state.{state.name}"] = state.where
+        return node
+
+    def _instance(self, instance: Instance) -> Json:
+        plan, ids = self._frames.plan, self._frames.ids
+        model = self._catalogue.models[instance.model.text]
+        placed = place_instance(plan, instance, model)
+        id, kind = f"item:{instance.name}", self._model_id(model.name)
+        if placed.mirrored:
+            kind = self._mirror(model, placed.across)
+        node: Json = {
+            "@id": id,
+            "@type": "ObjectInstance",
+            "frame": f"{id}.frame",
+            "world": f"fpm:{ids['plan', plan.name]}",
+            "of-object": kind,
+            "scn:name": instance.name,
+        }
+        if instance.text:
+            node["scn:text"] = instance.text
+        starts = instance.starts
+        if isinstance(starts, Name) and any(s.name == starts.text for s in model.states):
+            node["start-state"] = f"{kind}.state.{starts}"
+        if isinstance(instance.place, In):
+            node |= self._doorway(instance.place)
+        wrt = f"fpm:{self._frames.frame(WORLD_FRAME)}"
+        pose = object_pose_nodes(f"{id}.frame", wrt, placed.pose)
+        return self._add([*object_frame_nodes(f"{id}.frame"), *pose, node], instance.where)
+
+    def _doorway(self, place: In) -> Json:
+        """Return the entryway that an object stands in, and the space its leaf opens into."""
+        plan, ids = self._frames.plan, self._frames.ids
+        opening = next(o for o in plan.openings if o.name == place.entryway.text)
+        links = {"scn:stands-in": {"@id": f"fpm:{ids[opening.kind, opening.id]}"}}
+        sides = {"in": opening.walls[:1], "out": opening.walls[1:]}
+        space = str(place.towards)
+        if not isinstance(place.towards, Name):
+            beside = sides[place.towards]
+            space = next((wall.space for wall in plan.walls if wall.id in beside), "")
+        if place.manner == "hinge" and space:
+            links["scn:opens-into"] = {"@id": f"fpm:{ids['space', space]}"}
+        return links
+
+    def _mirror(self, model: ObjectModel, across: tuple[float, float]) -> str:
+        """Write the mirror image of a model, once, and return its identifier."""
+        source = self._model_id(model.name)
+        id = f"{source}.mirrored"
+        if id not in self._mirrored:
+            self._mirrored.add(id)
+            turning = {joint.name for joint in model.joints if joint.kind == "revolute"}
+            states = (
+                replace(
+                    state,
+                    positions=tuple(
+                        (name, -value + 0.0 if name in turning else value)
+                        for name, value in state.positions
+                    ),
+                )
+                for state in model.states
+            )
+            image = replace(
+                model,
+                links=mirrored_links(model.links, across),
+                joints=mirrored_joints(model.joints, across),
+                states=tuple(states),
+            )
+            self._add(object_nodes(id, image, mirror_of=source), model.where)
+        return id
+
+    def _sentence(
+        self, id: str, layer: SceneryLayer, part: Group | Parameter | Setting | Sentence
+    ) -> Json:
+        node: Json = {"@id": id, "@type": "scn:Sentence", "scn:text": part.text}
+        about = [] if isinstance(part, Parameter) else self._about(layer, part)
+        if about:
+            node["scn:about"] = [{"@id": name} for name in about]
+        return self._add([node], part.where)
+
+    def _about(self, layer: SceneryLayer, part: Group | Setting | Sentence) -> list[str]:
+        """Return the objects a sentence is about, none where its names are of another scenario."""
+        subject = part.members if isinstance(part, Group) else part.subject
+        try:
+            targets = self._catalogue.targets(layer, subject)
+        except InputError:
+            # Resolving behaviours reports the names that matter.
+            return []
+        return list(dict.fromkeys(f"item:{target.object}" for target in targets))

@@ -1,0 +1,137 @@
+"""Checks of movers: routes through walls and furniture, movers that stand in a wall."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString
+
+from grammars.model.behaviour import Walk
+from grammars.model.free_space import hulls_between, moving_links, swept_pieces
+from grammars.model.geometry import Pose2
+from grammars.model.movers import CORNER, PLANAR_JOINTS, Route, is_mover
+from grammars.model.scene import SceneObject
+from grammars.preflight._checked import CheckedScene, Footprint
+from grammars.preflight._parts import check_inside, check_starts
+from grammars.text.diagnostics import did_you_mean
+
+_ROUTE_STEP: Final = 0.1
+_TURN_STEPS: Final = 46
+"""Placements of a mover that turns round: 4 degrees apart, as leaves are swept."""
+
+
+def check_walks(checked: CheckedScene) -> None:
+    """Find what is wrong with the routes of movers.
+
+    Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
+    lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
+    through what stands still, doors that stay as told included, or rest outside of the building.
+    """
+    bodies = {body.name: body for body in checked.scene.objects}
+    walks = [walk for walk in checked.behaviours if isinstance(walk, Walk)]
+    walking = {walk.object for walk in walks}
+    resting = [b for b in bodies.values() if is_mover(b.joints) and b.name not in walking]
+    check_starts(checked, resting)
+    check_inside(checked, resting)
+    for walk in walks:
+        body = bodies.get(walk.object)
+        if body is None:
+            hint = did_you_mean(walk.object, bodies)
+            checked.error(walk.joint, f'there is no object "{walk.object}"', hint)
+        elif body.frozen or not is_mover(body.joints):
+            why = "frozen" if body.frozen else "an object, not a mover"
+            checked.error(walk.joint, f"{body.name} cannot walk, it is {why}")
+        # A way from a point that is wrong says nothing new.
+        elif _check_points(checked, body, walk):
+            _check_way(checked, body, walk)
+
+
+def _check_points(checked: CheckedScene, body: SceneObject, walk: Walk) -> bool:
+    """Find points of a route that nobody can stand on; return whether all are sound."""
+    _, high = _heights(body)
+    sound = True
+    for number, point in enumerate(walk.route, start=1):
+        label = f"point {number} of the route of {body.name} ({point[0]:g}, {point[1]:g})"
+        distance, owner = checked.floor.solids.nearest(*point, z_max=high)
+        if distance == 0.0:
+            checked.error(walk.joint, f"{label} is inside of {owner}", "move it")
+            sound = False
+        elif not checked.floor.holds(point):
+            hint = "check its frame and the signs of x and y"
+            checked.error(walk.joint, f"{label} is outside of every room", hint)
+            sound = False
+    return sound
+
+
+def _heights(body: SceneObject) -> tuple[float, float]:
+    links = [link for link in body.links if link.polygons]
+    return min(link.z_min for link in links), max(link.z_max for link in links)
+
+
+def _check_way(checked: CheckedScene, body: SceneObject, walk: Walk) -> None:
+    ends = [*walk.route, walk.route[0]] if walk.manner == "round" else walk.route
+    through = checked.floor.solids.hit_by(LineString(ends), *_heights(body))
+    if through:
+        message = f"{body.name} walks through {' and '.join(through)}"
+        checked.error(walk.joint, message, "lead the route through a doorway")
+        return
+    walked = _walked(checked, body, walk)
+    brushed = [owner for part in walked for owner in checked.walls_at(part)]
+    # Doors that never move are as still as furniture.
+    still = [part for part in checked.floor.start if not part.jointed]
+    still += [p for parts in checked.shut.values() for p in parts if not is_mover(p.body.joints)]
+    near = {s.body.name for part in walked for s in still if s.body is not body and part.meets(s)}
+    crossed = [other.name for other in checked.scene.objects if other.name in near]
+    for what, names in (("brushes", brushed), ("walks through", crossed)):
+        if names:
+            message = f"{body.name} {what} {' and '.join(dict.fromkeys(names))} on its way"
+            hint = "nothing stops a mover but the robot: move the route"
+            checked.warn(walk.joint, message, hint)
+
+
+def _walked(checked: CheckedScene, body: SceneObject, walk: Walk) -> list[Footprint]:
+    """Return what the links of a mover cover while its body walks the route.
+
+    Its other joints are anywhere between their start and where behaviours send them.
+    """
+    at_home = dataclasses.replace(
+        body, pose=Pose2(), initial=(*(0.0 for _ in PLANAR_JOINTS), *body.initial[3:])
+    )
+    starts = dict(zip((joint.name for joint in body.joints), at_home.initial, strict=True))
+    ranges = {
+        name: (min(starts[name], low), max(starts[name], high))
+        for name, (low, high) in checked.ranges.get(body.name, {}).items()
+        if name in starts
+    }
+    poses = _walked_poses(walk)
+    walked = []
+    for link in moving_links(body):
+        # The pieces are convex, as the hulls between two poses take them to be.
+        rings = map(shapely.get_coordinates, swept_pieces(at_home, link, ranges))
+        hulls = [hull for ring in rings for hull in hulls_between(poses, ring[:-1].tolist())]
+        walked.append(Footprint(body, link, shapely.union_all(hulls), jointed=True))
+    return walked
+
+
+def _walked_poses(walk: Walk) -> list[Pose2]:
+    """Return the poses of a walking body, there and back, close to each other."""
+    route = Route(walk)
+    # A round turns in its first corner only when it comes there again.
+    length = route.length + (CORNER if route.closed else 0.0)
+    ways = np.linspace(0.0, length, max(2, int(length / _ROUTE_STEP) + 1)).tolist()
+    forward = [Pose2(*route.point(way), route.yaw(way)) for way in ways]
+    if walk.manner != "back-and-forth" or walk.facing != "ahead":
+        return forward
+    turns = [Pose2(yaw=float(turned)) for turned in np.linspace(0.0, math.pi, _TURN_STEPS)]
+    back = [pose @ turns[-1] for pose in reversed(forward)]
+    first, last = forward[0], forward[-1]
+    return [
+        *forward,
+        *(last @ turn for turn in turns),
+        *back,
+        *(first @ turn for turn in reversed(turns)),
+    ]
