@@ -244,9 +244,9 @@ def _map(path, scratch):
         return loads, "-", "-"
 
     def returned():
-        grid = read_map(file)
+        grid = read_map(file).grid
         write_map(grid, scratch / "again", laser_height=0.0)
-        again = read_map(scratch / "again.yaml")
+        again = read_map(scratch / "again.yaml").grid
         same = (grid.x, grid.y, grid.resolution) == (again.x, again.y, again.resolution)
         return "yes" if same and np.array_equal(grid.cells, again.cells) else "another map"
 
@@ -258,7 +258,7 @@ def _imported(file, scratch):
     maps = importlib.import_module("grammars.maps")
     if not hasattr(maps, "vectorise"):
         return "-"
-    imported = maps.vectorise(read_map(file), maps.ImportSettings())
+    imported = maps.vectorise(read_map(file).grid, maps.ImportSettings())
     walls = scratch / "imported.walls.yaml"
     walls.write_text(maps.walls_text(getattr(imported, "building", imported)), encoding="utf-8")
     return run_in(maps.load_walls(walls), walls, scratch)

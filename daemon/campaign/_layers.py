@@ -162,17 +162,6 @@ def _load_walls(path: Path) -> FloorPlan:
     return load_walls(path)
 
 
-def _load_map(path: Path) -> GivenMap:
-    grid = read_map(path)
-    try:
-        digest = store_data(pack_map(grid))
-    except OSError as error:
-        raise InputError.at(
-            Where(str(path)), f"the map cannot be kept for runs: {error}"
-        ) from error
-    return GivenMap(MapSettings(resolution=grid.resolution, file=digest), grid)
-
-
 _MOST_OVERRIDDEN: Final = 64
 """So many layers with overrides are kept; each is made again from what was read in no time."""
 
@@ -261,7 +250,7 @@ class LayerLibrary:
         if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
             raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
-        return self._once("map", path, _load_map)
+        return self._once("map", path, self._load_map)
 
     def sut(self, reference: LayerReference) -> SutReference:
         """Load a SUT file, or take a kind by its name with default parameters."""
@@ -331,6 +320,17 @@ class LayerLibrary:
             plan = _load_walls(path) if is_walls else load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
+
+    def _load_map(self, path: Path) -> GivenMap:
+        saved = read_map(path)
+        self.warnings.extend(saved.warnings)
+        try:
+            digest = store_data(pack_map(saved.grid))
+        except OSError as error:
+            raise InputError.at(
+                Where(str(path)), f"the map cannot be kept for runs: {error}"
+            ) from error
+        return GivenMap(MapSettings(resolution=saved.grid.resolution, file=digest), saved.grid)
 
     def _load_scenery(self, path: Path) -> SceneryLayer:
         if is_jsonld(path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from grammars.maps.model import DrawnBuilding
+from grammars.model.geometry import Point2
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,8 @@ class ImportReport:
     ``largest_error`` is the greatest distance between a corner of the cells and the line drawn for
     it, in cells; ``directions`` are the main directions of the walls [rad]. Areas are in m²:
     ``floor`` of all spaces, ``dropped_floor`` of pockets that were left out. ``dropped_walls`` and
-    ``filled_cells`` count cells that were taken for noise.
+    ``filled_cells`` count cells that were taken for noise. Floor ends without a wall along
+    ``open_border`` [m], the longest piece of which has its middle at ``widest_opening`` [m].
     """
 
     resolution: float
@@ -52,6 +54,8 @@ class ImportReport:
     dropped_floor: float
     dropped_walls: int
     filled_cells: int
+    open_border: float
+    widest_opening: Point2 | None
 
 
 @dataclass(frozen=True, slots=True)

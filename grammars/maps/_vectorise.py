@@ -13,6 +13,7 @@ import shapely
 from grammars.maps._borders import (
     FREE_CELL,
     OCCUPIED_CELL,
+    UNKNOWN_CELL,
     Loop,
     Patch,
     Points,
@@ -91,6 +92,14 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
         tuple(_entryways(gaps, frame, min(settings.door_height, settings.height))),
         source=f"Made by scenario import from a map of {per_cell:g} m per cell: {size}.",
     )
+    ends = sorted(
+        (
+            shapely.LineString(line)
+            for arc, line in zip(arcs, lines, strict=True)
+            if {arc.left, arc.right} == {FREE_CELL, UNKNOWN_CELL}
+        ),
+        key=shapely.length,
+    )
     report = ImportReport(
         resolution=per_cell,
         width=high[0] - low[0],
@@ -105,6 +114,8 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
         dropped_floor=tidy.dropped_free * per_cell**2,
         dropped_walls=tidy.dropped_occupied,
         filled_cells=tidy.filled,
+        open_border=float(sum(end.length for end in ends)),
+        widest_opening=_middle(ends[-1]) if ends else None,
     )
     return ImportedMap(building, report)
 
@@ -272,6 +283,11 @@ def _entryways(gaps: Sequence[MapGap], frame: _Frame, height: float) -> Iterable
     placed.sort(key=lambda door: (-round((door[0][1] + door[1][1]) / 2), *door))
     for number, (start, end, depth) in enumerate(placed, 1):
         yield DrawnEntryway(f"doorway_{number}", start, end, round(depth, _DECIMALS), height)
+
+
+def _middle(line: shapely.LineString) -> Point2:
+    middle = line.interpolate(0.5, normalized=True)
+    return (round(middle.x, 1), round(middle.y, 1))
 
 
 def _area(polygon: shapely.Polygon) -> Area:

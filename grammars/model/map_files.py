@@ -24,13 +24,8 @@ from pydantic import Field
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.map_images import MOST_CELLS, WHITE, MapImage, read_image
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic, InputError, Severity
-from grammars.text.documents import (
-    StrictModel,
-    YamlDocument,
-    load_yaml,
-    read_model,
-)
+from grammars.text.diagnostics import Diagnostic, Findings, InputError, Where
+from grammars.text.documents import StrictModel, load_yaml, read_model
 
 _SAVED_UNKNOWN: Final = 205
 _SAVED_GREYS: Final = {0, _SAVED_UNKNOWN, 254, WHITE}
@@ -53,75 +48,74 @@ class _MapKeys(StrictModel):
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
 
-def read_map(path: str | Path) -> OccupancyGrid:
-    """Read the map of a YAML file, its image from beside it.
-
-    Raises :class:`InputError` for files that cannot be read, an image that is neither PGM (P5 or
-    P2, up to 8 bits) nor PNG, more than :data:`MOST_CELLS` cells, and a map that is turned.
-    """
-    document, text = _read_keys(path)
-    if text.origin[2] != 0.0:
-        raise InputError.at(
-            document.where(("origin",)),
-            f"the map is turned by {text.origin[2]:g} rad",
-            "costmap_2d and amcl take no notice of that: turn the image and write 0 "
-            "(scenario import makes a building of it as it is)",
-        )
-    return _grid(_read_image(document, text, Path(path)), text)
-
-
 @dataclass(frozen=True, slots=True)
 class SavedMap:
-    """A map as a mapping tool saved it, which may be turned.
+    """A map as a mapping tool saved it.
 
-    ``grid`` is the map as if it were not; ``yaw`` [rad] turns it about its origin.
+    ``grid`` lies straight; ``yaw`` [rad] turns it about its origin.
     """
 
     grid: OccupancyGrid
     yaw: float
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...]
 
 
-def read_saved_map(path: str | Path) -> SavedMap:
-    """Read a map that may be turned, with a warning if its YAML takes unknown cells for free.
+def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
+    """Read the map of a YAML file, its image from beside it.
 
-    Raises :class:`InputError` as :func:`read_map` does.
+    Warnings are about unknown cells that count as free or occupied. Raises :class:`InputError` for
+    files that cannot be read, an image that is neither PGM (P5 or P2, up to 8 bits) nor PNG, more
+    than :data:`MOST_CELLS` cells, and a map with a yaw unless it may be ``turned``.
     """
-    document, text = _read_keys(path)
-    image = _read_image(document, text, Path(path))
-    values = _value_of_shades(image.shades, text)
-    used = np.bincount(image.levels.ravel(), minlength=len(values))
-    warnings: list[Diagnostic] = []
-    # map_saver of nav2 writes free_thresh: 0.25 and, for unknown, 205: an occupancy of 0.196.
-    saved = len(values) == WHITE + 1 and set(np.flatnonzero(used).tolist()) <= _SAVED_GREYS
-    if saved and text.mode == "trinary" and not text.negate and values[_SAVED_UNKNOWN] == FREE:
-        share = used[_SAVED_UNKNOWN] / image.levels.size
-        if share:
-            message = (
-                f"{share:.0%} of the cells are grey {_SAVED_UNKNOWN}, as which map_saver writes "
-                f"unknown, but free by free_thresh {text.free_thresh:g}: they become floor"
-            )
-            hint = "write free_thresh: 0.196 to have them unknown, for your navigation stack too"
-            where = document.where(("free_thresh",))
-            warnings.append(Diagnostic(where, message, hint, Severity.WARNING))
-    return SavedMap(_grid(image, text), text.origin[2], tuple(warnings))
-
-
-def _read_keys(path: str | Path) -> tuple[YamlDocument, _MapKeys]:
     document = load_yaml(path)
     text = read_model(document, _MapKeys)
     if text.free_thresh > text.occupied_thresh:
         raise InputError.at(
             document.where(("free_thresh",)), "free_thresh is above occupied_thresh"
         )
-    return document, text
-
-
-def _read_image(document: YamlDocument, text: _MapKeys, path: Path) -> MapImage:
+    yaw = text.origin[2]
+    if yaw != 0.0 and not turned:
+        raise InputError.at(
+            document.where(("origin",)),
+            f"the map is turned by {yaw:g} rad",
+            "costmap_2d and amcl take no notice of that: turn the image and write 0 "
+            "(scenario import makes a building of it as it is)",
+        )
+    findings, where = Findings(), document.where(("image",))
     # In trinary maps alpha is one more channel of the mean.
-    alpha_counts = text.mode == "trinary"
-    where = document.where(("image",))
-    return read_image(path.parent / text.image, where, alpha_counts=alpha_counts)
+    trinary = text.mode == "trinary"
+    image = read_image(Path(path).parent / text.image, where, alpha_counts=trinary)
+    grid = _grid(image, text)
+    if trinary and image.clear is not None:
+        colours = _grid(read_image(Path(path).parent / text.image, where, alpha_counts=False), text)
+        colours.cells[np.flipud(image.clear)] = UNKNOWN
+        if share := float((colours.cells != grid.cells).mean()):
+            message = (
+                f"{share:.0%} of the cells are not what their colour says: map_server averages "
+                "the alpha channel in, which makes floor or walls of unknown cells"
+            )
+            hint = "save the image without an alpha channel, for your navigation stack too"
+            findings.warning(where, message, hint)
+    _warn_of_free_unknown(image, text, document.where(("free_thresh",)), findings)
+    return SavedMap(grid, yaw, findings.warnings)
+
+
+def _warn_of_free_unknown(
+    image: MapImage, text: _MapKeys, where: Where, findings: Findings
+) -> None:
+    """Warn of a map of nav2's map_saver: free_thresh 0.25, and 205 for unknown (0.196)."""
+    values = _value_of_shades(image.shades, text)
+    used = np.bincount(image.levels.ravel(), minlength=len(values))
+    saved = len(values) == WHITE + 1 and set(np.flatnonzero(used).tolist()) <= _SAVED_GREYS
+    if saved and text.mode == "trinary" and not text.negate and values[_SAVED_UNKNOWN] == FREE:
+        share = used[_SAVED_UNKNOWN] / image.levels.size
+        if share:
+            message = (
+                f"{share:.0%} of the cells are grey {_SAVED_UNKNOWN}, as which map_saver writes "
+                f"unknown, but free by free_thresh {text.free_thresh:g}: they count as floor"
+            )
+            hint = "write free_thresh: 0.196 to have them unknown, for your navigation stack too"
+            findings.warning(where, message, hint)
 
 
 def _grid(image: MapImage, text: _MapKeys) -> OccupancyGrid:

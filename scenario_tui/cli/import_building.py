@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from grammars.maps import DrawnBuilding, ImportReport
+    from grammars.model.geometry import Point2
     from grammars.model.grid import OccupancyGrid
 
 _OTHER_FILE: Final = "of a map, name the YAML file that map_server reads, not its image"
@@ -31,7 +32,7 @@ class FoundDoorway(OutputPart):
 
 
 class MapFigures(OutputPart):
-    """How a map became a building: the largest error in cells, areas in m²."""
+    """How a map became a building: the largest error in cells, areas in m², the rest in metres."""
 
     cell: float
     largest_error: float
@@ -39,6 +40,8 @@ class MapFigures(OutputPart):
     dropped_floor: float
     dropped_wall_cells: int
     filled_cells: int
+    open_border: float
+    widest_opening: Point2 | None
 
 
 class ImportOutput(Output, schema="import"):
@@ -116,7 +119,7 @@ def import_building(
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
     from grammars.maps import EmptyMapError, ImportSettings, vectorise, walls_text
-    from grammars.model.map_files import read_saved_map
+    from grammars.model.map_files import read_map
 
     target = _target(file, out)
     if target.exists() and not force:
@@ -130,7 +133,7 @@ def import_building(
     if file.suffix.lower() in (".dxf", ".dwg"):
         grid = _drawn(file, layer, standing or (), unit, _length(thickness, "thickness"))
     elif file.suffix.lower() in (".yaml", ".yml"):
-        saved = read_saved_map(file)
+        saved = read_map(file, turned=True)
         report_diagnostics(saved.warnings)
         grid, yaw = saved.grid, saved.yaw
     else:
@@ -227,6 +230,8 @@ def _figures(report: ImportReport) -> MapFigures:
         round(report.dropped_floor, 3),
         report.dropped_walls,
         report.filled_cells,
+        round(report.open_border, 3),
+        report.widest_opening,
     )
 
 
@@ -244,6 +249,12 @@ def _described(found: ImportOutput) -> str:
         f"  error     at most {cells.largest_error:.2f} cells of {cells.cell:g} m"
         f" ({cells.largest_error * cells.cell:.3f} m)"
     )
+    if cells.widest_opening is not None:
+        x, y = cells.widest_opening
+        lines.append(
+            f"  open      floor ends without a wall along {cells.open_border:.1f} m,"
+            f" most of it at [{x}, {y}]"
+        )
     dropped = []
     if cells.dropped_floor:
         dropped.append(f"{cells.dropped_floor:.2f} m² of floor in small pockets")

@@ -132,7 +132,7 @@ def _object_graph(folder):
 
 
 def _map(folder):
-    pack_map(read_map(folder / "room.yaml"))
+    pack_map(read_map(folder / "room.yaml").grid)
 
 
 def _parameters(folder):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from grammars.maps import EmptyMapError, ImportSettings, vectorise, walls_text
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.model.map_files import read_saved_map
+from grammars.model.map_files import read_map
 from tests.grammars.maps.imported import (
     CELL,
     compared,
@@ -39,7 +39,7 @@ def published(data, name, folder):
         (folder / f"{name}.pgm").write_bytes(gzip.decompress(packed.read_bytes()))
     else:
         shutil.copy(source / f"{name}.pgm", folder)
-    return read_saved_map(folder / f"{name}.yaml").grid
+    return read_map(folder / f"{name}.yaml").grid
 
 
 def widths(grid):
@@ -159,6 +159,18 @@ def test_small_pockets_and_specks_are_left_out_and_counted():
     assert report.walls == 2
     (space,) = made.building.spaces
     assert len(space.area.holes) == 2
+
+
+def test_floor_that_ends_without_a_wall_is_measured():
+    # Unseen: 30 cells of the outer wall on the right, and 4 by 4 cells inside.
+    window = (20, 58, 30, 2, UNKNOWN)
+    grid = painted(
+        80, 60, (0, 0, 80, 60, OCCUPIED), (2, 2, 76, 56, FREE), window, (40, 20, 4, 4, UNKNOWN)
+    )
+    report = vectorise(grid).report
+    assert report.open_border == pytest.approx((30 + 16) * CELL)
+    assert report.widest_opening == (1.9, -0.2)
+    assert vectorise(house()).report.widest_opening is None
 
 
 def test_equal_maps_become_equal_texts():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.model.map_files import pack_map, read_map, read_saved_map, unpack_map, write_map
+from grammars.model.map_files import pack_map, read_map, unpack_map, write_map
 from grammars.text.diagnostics import InputError
 
 META = {
@@ -39,7 +39,7 @@ def same(one, other):
 @given(grids((FREE, OCCUPIED, UNKNOWN)) | grids(tuple(range(-1, 101))))
 def test_what_is_written_reads_back_the_same(tmp_path_factory, grid):
     _, meta = write_map(grid, tmp_path_factory.mktemp("map") / "room", laser_height=0.3)
-    read = read_map(meta)
+    read = read_map(meta).grid
     assert same(read, grid)
     assert read.cells.dtype == np.int8
     assert same(unpack_map(pack_map(grid)), grid)
@@ -67,7 +67,7 @@ def room(folder, pixels=b"P5 2 1 255\n\x00\xfe", **changes):
 )
 def test_pixels_mean_what_they_mean_to_map_server(tmp_path, changes, expected):
     image = b"P5\n%d 1\n255\n" % len(expected) + bytes(expected)
-    grid = read_map(room(tmp_path, image, **changes))
+    grid = read_map(room(tmp_path, image, **changes)).grid
     assert grid.cells.tolist() == [list(expected.values())]
     assert (grid.resolution, grid.x, grid.y) == (0.05, -1.5, 2.0)
 
@@ -84,7 +84,7 @@ def test_pixels_mean_what_they_mean_to_map_server(tmp_path, changes, expected):
     ],
 )
 def test_the_top_row_of_an_image_is_the_last_of_the_map(tmp_path, image):
-    cells = read_map(room(tmp_path, image)).cells
+    cells = read_map(room(tmp_path, image)).grid.cells
     assert cells.tolist()[1][:2] == [OCCUPIED, FREE]
     assert cells.tolist()[0] == [OCCUPIED, OCCUPIED, FREE]
 
@@ -93,7 +93,7 @@ def test_an_image_lies_beside_the_file_that_names_it(tmp_path):
     (tmp_path / "images").mkdir()
     path = room(tmp_path, image="images/plain.pgm")
     (tmp_path / "room.pgm").rename(tmp_path / "images" / "plain.pgm")
-    assert read_map(path).cells.tolist() == [[OCCUPIED, FREE]]
+    assert read_map(path).grid.cells.tolist() == [[OCCUPIED, FREE]]
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_what_is_no_map_is_refused_with_its_place(tmp_path, image, changes, comp
 
 
 def test_keys_of_other_readers_are_left_alone(tmp_path):
-    assert read_map(room(tmp_path, laser_height="0.7")).cells.shape == (1, 2)
+    assert read_map(room(tmp_path, laser_height="0.7")).grid.cells.shape == (1, 2)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_what_is_no_packed_map_is_refused(data):
 
 def test_published_maps_are_read(reference_data):
     for name in ("kitchen", "hbrs"):
-        grid = read_map(reference_data / "maps" / f"{name}.yaml")
+        grid = read_map(reference_data / "maps" / f"{name}.yaml").grid
         grey = np.flipud(np.asarray(Image.open(reference_data / "maps" / f"{name}.pgm")))
         expected = np.select([grey == 0, grey == 255], [OCCUPIED, FREE], UNKNOWN)
         assert np.array_equal(grid.cells, expected)
@@ -187,11 +187,22 @@ def shades(mode, values):
 def test_a_png_means_what_it_means_to_map_server(tmp_path, image, changes, expected):
     path = room(tmp_path, image="room.png", **changes)
     image.save(tmp_path / "room.png")
-    assert read_map(path).cells.tolist() == [expected]
+    assert read_map(path).grid.cells.tolist() == [expected]
+
+
+@pytest.mark.parametrize("around", [(205, 255), (0, 0)], ids=["opaque", "clear"])
+def test_unknown_cells_that_an_alpha_channel_changes_are_told(tmp_path, around):
+    image = shades("LA", [(0, 255), around, (254, 255), (254, 255)])
+    image.save(tmp_path / "room.png")
+    (warning,) = read_map(room(tmp_path, image="room.png")).warnings
+    assert "room.yaml:1:1: warning: 25% of the cells are not what their colour says" in str(warning)
+    assert "without an alpha channel" in warning.hint
+    image.convert("L").save(tmp_path / "room.png")
+    assert not read_map(room(tmp_path, image="room.png")).warnings
 
 
 def test_a_turned_map_is_read_for_import(tmp_path):
-    saved = read_saved_map(room(tmp_path, origin="[1, 2, 0.5]"))
+    saved = read_map(room(tmp_path, origin="[1, 2, 0.5]"), turned=True)
     assert (saved.grid.x, saved.grid.y, saved.yaw) == (1.0, 2.0, 0.5)
     assert saved.grid.cells.tolist() == [[OCCUPIED, FREE]]
     assert not saved.warnings
@@ -199,10 +210,10 @@ def test_a_turned_map_is_read_for_import(tmp_path):
 
 def test_unknown_cells_that_nav2_would_load_as_free_are_told(tmp_path):
     image = b"P5 4 1 255\n\x00\xcd\xfe\xfe"
-    (warning,) = read_saved_map(room(tmp_path, image, free_thresh="0.25")).warnings
+    (warning,) = read_map(room(tmp_path, image, free_thresh="0.25")).warnings
     assert "room.yaml:6:1: warning: 25% of the cells are grey 205" in str(warning)
     assert "write free_thresh: 0.196" in str(warning)
-    assert not read_saved_map(room(tmp_path, image)).warnings
+    assert not read_map(room(tmp_path, image)).warnings
     # Shades of probability, of which 205 is one of many.
     image = b"P5 4 1 255\n\x00\xcd\xfe\xf0"
-    assert not read_saved_map(room(tmp_path, image, free_thresh="0.25")).warnings
+    assert not read_map(room(tmp_path, image, free_thresh="0.25")).warnings

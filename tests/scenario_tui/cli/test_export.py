@@ -172,14 +172,14 @@ def test_maps_are_those_that_the_campaign_declares(campaigns, tmp_path):
         return out / "open-house"
 
     for rule in RULES:
-        found = read_map(exported(f"{{rule: {rule}}}") / "maps" / "flat.yaml")
+        found = read_map(exported(f"{{rule: {rule}}}") / "maps" / "flat.yaml").grid
         expected = occupancy_grid(scene, laser_height=0.2, rule=rule)
         assert np.array_equal(found.cells, expected.cells)
     own = occupancy_grid(scene, laser_height=0.2)
     own.cells[:3] = OCCUPIED
     write_map(own, demo.with_name("own"), laser_height=0.2)
     folder = exported("{file: own.yaml}")
-    assert np.array_equal(read_map(folder / "maps" / "flat.yaml").cells, own.cells)
+    assert np.array_equal(read_map(folder / "maps" / "flat.yaml").grid.cells, own.cells)
     assert {p.name for p in (folder / "maps").iterdir()} == {"flat.yaml", "flat.pgm"}
     assert "maps/flat.yaml" in (folder / "launch" / "open-house.launch").read_text()
 

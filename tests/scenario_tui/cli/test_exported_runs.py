@@ -151,7 +151,7 @@ def test_launch_files_load_the_map_of_the_run(worlds):
             _, _, message = next(iter(make_reader(stream).iter_messages(topics=["/map"])))
         told = ros.deserialize(message.data, "nav_msgs/msg/OccupancyGrid")
         for values, _ in launch_files(world):
-            grid = read_map(world.folder / values["map"])
+            grid = read_map(world.folder / values["map"]).grid
             origin = told.info.origin.position
             assert (grid.x, grid.y) == (origin.x, origin.y), (world.name, values["map"])
             assert grid.resolution == pytest.approx(told.info.resolution, rel=1e-7)
@@ -179,7 +179,7 @@ def test_every_draw_has_the_map_of_its_runs(worlds):
             name
             for name in names
             if np.array_equal(
-                read_map(world.folder / "maps" / f"{name}.yaml").cells, expected.cells
+                read_map(world.folder / "maps" / f"{name}.yaml").grid.cells, expected.cells
             )
         ]
         assert len(found) == 1, spec.label

@@ -74,6 +74,15 @@ def test_what_cannot_be_imported_is_told(scenario, map_file):
     assert "grey 205" in scenario("import", "office.yaml").err
 
 
+def test_it_says_where_floor_ends_without_a_wall(scenario, folder):
+    grid = house()
+    cells = grid.cells.copy()
+    cells[20:60, 190:192] = -1
+    write_map(OccupancyGrid(grid.resolution, grid.x, grid.y, cells), Path("glass"), laser_height=1)
+    answer = scenario("import", "glass.yaml")
+    assert "open      floor ends without a wall along 2.0 m, most of it at [8.5, 0.0]" in answer.out
+
+
 def test_drawings_need_an_extra_that_the_message_names(scenario, folder, monkeypatch):
     Path("hall.dxf").write_text("")
     monkeypatch.setitem(sys.modules, "ezdxf", None)

@@ -97,7 +97,7 @@ def test_the_map_is_named_that_a_stack_reads_from_a_file(file, scenario, tmp_pat
         lines = said_until(process, "Ctrl-C")
         named = re.search(r"^ROS 2: start your stack with this map: (\S+)$", lines, re.M)
         assert named is not None
-        drawn = read_map(Path(named[1]))
+        drawn = read_map(Path(named[1])).grid
         assert drawn.resolution == 0.05
         process.terminate()
         process.communicate(timeout=DEADLINE)
