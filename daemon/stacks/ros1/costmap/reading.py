@@ -54,6 +54,13 @@ _CLOUDS: Final = ("PointCloud", "PointCloud2")
 _SIZE: Final = ("width", "height", "resolution", "origin_x", "origin_y")
 _OLD: Final = ("static_map", "map_type")
 """Names that only count when there is no list of plugins."""
+_WAITS: Final = "move_base of Noetic waits for its transform for ever"
+_SLASHED: Final = {
+    "global_frame": _WAITS,
+    "robot_base_frame": _WAITS,
+    "sensor_frame": "the costmap of Noetic drops every scan",
+}
+"""Effect of a slash before a frame (tf2 ``validateFrameId``; amcl alone strips it)."""
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
@@ -129,6 +136,11 @@ class CostmapReader:
         elsewhere: Collection[str] = (),
         idle: Mapping[str, str] | None = None,
     ) -> M:
+        for name, effect in _SLASHED.items():
+            frame = space.value(name)
+            if isinstance(frame, str) and frame.startswith("/"):
+                message = f"tf2 refuses frames that begin with a slash: {effect}"
+                self._report.warn(space.entries[name].place, message, f"write {frame.lstrip('/')}")
         return read_section(
             model,
             {name: written.value for name, written in space.entries.items()},

@@ -252,13 +252,24 @@ def test_the_depth_layer_of_fetch_is_a_voxel_layer_without_its_camera():
 
 
 def test_a_static_layer_may_lie_in_a_rolling_window_and_in_odom():
-    given = {"rolling_window": True, "static_map": True, "global_frame": "/odom_comb"}
+    given = {"rolling_window": True, "static_map": True, "global_frame": "odom_comb"}
     costmap, problems = read(given, frames={"world": "map", "odom_comb": "odom"})
     assert problems == []
     assert costmap.frame == "odom"
     assert costmap.layers[0] == StaticLayer()
     (said,) = refusals(given)
     assert "amcl's global_frame_id (map) nor amcl's odom_frame_id (odom)" in said
+
+
+def test_frames_that_tf2_refuses_are_warned_of():
+    given = OBSTACLES | {"global_frame": "/map", "robot_base_frame": "/base_link"}
+    costmap, problems = read(given | {"scan": SCAN | {"sensor_frame": "/laser"}})
+    assert costmap.frame == "map"
+    waits = "tf2 refuses frames that begin with a slash: move_base of Noetic waits"
+    assert [problem for problem in problems if waits in problem and "write map" in problem]
+    assert [problem for problem in problems if waits in problem and "write base_link" in problem]
+    assert "drops every scan; write laser" in "\n".join(problems)
+    assert len(problems) == 3
 
 
 def test_a_static_layer_on_another_map_is_refused_with_what_to_do():
