@@ -2,7 +2,7 @@
 
 import ast
 
-_CALLS = frozenset({"Diagnostic", "_warning"})
+_CALLS = frozenset({"Diagnostic", "_warning", "error", "warn", "warning"})
 _GAP = "…"
 
 
@@ -16,8 +16,11 @@ def message_templates(path):
 
 def _messages(tree):
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            if node.func.id in _CALLS and len(node.args) > 1:
+        if isinstance(node, ast.Call):
+            name = (
+                node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+            )
+            if name in _CALLS and len(node.args) > 1:
                 yield node.args[1]
         elif isinstance(node, ast.Assign) and any(map(_is_message, node.targets)):
             yield node.value

@@ -12,6 +12,8 @@ SOURCES = (
     ROOT / "daemon" / "campaign" / "_findings.py",
     ROOT / "daemon" / "search" / "preparation" / "checks.py",
 )
+# Doors that cannot be hung have a message in common with those that hang.
+PLACEMENT = ROOT / "grammars" / "scenery" / "composition" / "_placement.py"
 _ROW = re.compile(r"^\| `(.+?)` \|", re.MULTILINE)
 _PLACEHOLDER = re.compile(r"\b[A-Z]+\b|\bN\b")
 
@@ -20,5 +22,5 @@ def test_the_page_of_checks_has_every_message():
     rows = _ROW.findall((ROOT / "docs" / "checks.md").read_text("utf-8"))
     told = {re.sub("…+", "…", _PLACEHOLDER.sub("…", row)) for row in rows}
     given = {template for file in SOURCES for template in message_templates(file)}
-    assert told - given == set()
+    assert told - given - message_templates(PLACEMENT) == set()
     assert given - told == set()

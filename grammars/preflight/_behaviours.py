@@ -30,7 +30,7 @@ from grammars.model.movers import PLANAR_JOINTS, is_fixed, is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.preflight._checked import CheckedScene, free_space
-from grammars.text.diagnostics import did_you_mean
+from grammars.text.diagnostics import Findings, Where, did_you_mean
 
 _TOLERANCE: Final = 1e-9
 _WaitingBehaviour: TypeAlias = Reaction | Walk
@@ -42,53 +42,54 @@ def check_behaviours(checked: CheckedScene) -> bool:
     Returns whether all behaviours can be followed.
     """
     joints = {f"{b.name}.{j.name}": (b, j) for b in checked.scene.objects for j in b.joints}
-    problems: list[tuple[str, str, str]] = []
-    told: set[str] = set()
+    problems = Findings()
+    served: set[str] = set()
     for behaviour in checked.behaviours:
-        name = behaviour.joint
-        if isinstance(behaviour, Walk):
-            if not told.isdisjoint(behaviour.joints):
-                problems.append((name, f"{behaviour.object} has two behaviours", "one must go"))
-            told.update(behaviour.joints)
+        name, where = behaviour.joint, checked.place(behaviour.joint)
+        walks = isinstance(behaviour, Walk)
+        if not walks and name not in joints:
+            message = f'there is no joint "{name}" in the scene'
+            problems.error(where, message, did_you_mean(name, joints))
             continue
-        if name not in joints:
-            hint = did_you_mean(name, joints)
-            problems.append((name, f'there is no joint "{name}" in the scene', hint))
-            continue
-        if name in told:
-            problems.append((name, f"{name} has two behaviours", "one must go"))
-        told.add(name)
-        problems += [(name, *problem) for problem in _problems(behaviour, *joints[name])]
-    for problem in problems:
-        checked.error(*problem)
-    return not problems
+        moved = behaviour.joints if isinstance(behaviour, Walk) else (name,)
+        if not served.isdisjoint(moved):
+            subject = behaviour.object if isinstance(behaviour, Walk) else name
+            problems.error(where, f"{subject} has two behaviours", "one must go")
+        served.update(moved)
+        if not isinstance(behaviour, Walk):
+            _check_behaviour(problems, where, behaviour, *joints[name])
+    checked.findings.add(problems.diagnostics)
+    return not problems.diagnostics
 
 
-def _problems(
-    behaviour: Hold | KeyFrames | Trigger | Reaction, body: SceneObject, joint: Joint
-) -> list[tuple[str, str]]:
-    """Return why a joint cannot follow its behaviour, each with what to do."""
+def _check_behaviour(
+    problems: Findings,
+    where: Where,
+    behaviour: Hold | KeyFrames | Trigger | Reaction,
+    body: SceneObject,
+    joint: Joint,
+) -> None:
+    """Find why a joint cannot follow its behaviour."""
     name, positions = behaviour.joint, behaviour.positions
     initial = body.initial[body.joints.index(joint)]
     holds = isinstance(behaviour, Hold)
     moves = not holds or any(abs(q - initial) > _TOLERANCE for q in positions)
     if body.frozen and moves:
-        hint = "leave out frozen, or the behaviour"
-        return [(f"{name} is to move, but {body.name} is frozen", hint)]
+        message = f"{name} is to move, but {body.name} is frozen"
+        problems.error(where, message, "leave out frozen, or the behaviour")
+        return
     if is_mover(body.joints) and joint.name in PLANAR_JOINTS and not holds:
-        return [(f"{name} belongs to a mover", f"let {body.name} walk")]
-    limits = f"between {joint.lower:g} and {joint.upper:g}"
-    problems = [
-        (f"{name} is sent to {q:g}, outside of its limits", limits)
-        for q in dict.fromkeys(positions)
-        if not joint.lower - _TOLERANCE <= q <= joint.upper + _TOLERANCE
-    ]
+        problems.error(where, f"{name} belongs to a mover", f"let {body.name} walk")
+        return
+    for q in dict.fromkeys(positions):
+        if not joint.lower - _TOLERANCE <= q <= joint.upper + _TOLERANCE:
+            message = f"{name} is sent to {q:g}, outside of its limits"
+            problems.error(where, message, f"between {joint.lower:g} and {joint.upper:g}")
     if not body.frozen and joint.upper - joint.lower < _TOLERANCE and not holds:
-        problems.append((f"{name} is to move, but its limits leave no room", ""))
+        problems.error(where, f"{name} is to move, but its limits leave no room")
     if isinstance(behaviour, Trigger) and behaviour.of == "doorway" and not body.doorway:
         message = f"{name} measures from its doorway, but {body.name} stands in none"
-        problems.append((message, "measure from its hinge or leaf"))
-    return problems
+        problems.error(where, message, "measure from its hinge or leaf")
 
 
 def check_events(checked: CheckedScene, mission: Mission) -> None:

@@ -64,9 +64,10 @@ def check_limit(
     ]
     findings = Findings()
     if late:
-        message = f"{limit:g} s are too short for mission {mission.name}: it takes "
+        takes = ", ".join(late)
+        message = f"{limit:g} s are too short for mission {mission.name}: it takes {takes}"
         hint = "give it a longer limit, or the runs end before the last waypoint"
-        findings.warning(where, message + ", ".join(late), hint)
+        findings.warning(where, message, hint)
     return findings.diagnostics
 
 

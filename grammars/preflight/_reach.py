@@ -34,10 +34,8 @@ def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequ
     space = free_space(checked.scene, robot.height)
     parts = space.for_radius(radius)
     part = parts.of(home.point)
-    no_room = f"… leaves no room for {robot.name}"
-    near = "a standing part of an object, or a wall, is too near"
     if part is None:
-        checked.error(home.where, no_room.replace("…", home.label), near)
+        _report(checked, [home], *_no_room(robot))
         return
     reached: list[Spot] = []
     away: dict[tuple[str, str], list[Spot]] = {}
@@ -46,28 +44,42 @@ def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequ
         if there == part:
             reached.append(spot)
         elif there is None:
-            away.setdefault((no_room, near), []).append(spot)
+            away.setdefault(_no_room(robot), []).append(spot)
         else:
             reason = _no_way(checked, robot, space, home.point, spot.point)
             away.setdefault(reason, []).append(spot)
-    # What is wrong with several waypoints for one reason is one finding.
-    for (message, hint), (first, *others) in away.items():
-        label = f"{first.label} and {len(others)} more" if others else first.label
-        checked.error(first.where, message.replace("…", label), hint)
+    for reason, spots in away.items():
+        _report(checked, spots, *reason)
     shut = checked.shut_below(robot.height)
     if shut:
         _check_doors(checked, space, shut, home.point, reached, radius)
 
 
+def _report(checked: CheckedScene, spots: Sequence[Spot], message: str, hint: str) -> None:
+    """Say of several spots at once what is wrong with them for one reason."""
+    first, *others = spots
+    label = f"{first.label} and {len(others)} more" if others else first.label
+    checked.error(first.where, message.replace("…", label), hint)
+
+
+# In the reasons … stands for the spots.
+
+
+def _no_room(robot: Robot) -> tuple[str, str]:
+    message = f"… leaves no room for {robot.name}"
+    return message, "a standing part of an object, or a wall, is too near"
+
+
 def _no_way(
     checked: CheckedScene, robot: Robot, space: FreeSpace, start: Point2, goal: Point2
 ) -> tuple[str, str]:
-    """Return why there is no way to a place, which ``…`` stands for, and what to do."""
+    """Return why there is no way to a place, and what to do."""
     needed = 2.0 * inscribed_radius(robot.footprint)
     # If not even a thread passes, the building is closed there; else something is too narrow.
     if not _connected(space.for_radius(_THIN), start, goal):
         hint = "an entryway may be missing in the floor plan, or not list both of its walls"
-        return "there is no way from the start to …", hint
+        message = "there is no way from the start to …"
+        return message, hint
     narrow = [
         f"{door.name} ({clear:.2f} m)"
         for door in checked.scene.doorways
@@ -78,7 +90,8 @@ def _no_way(
         message = f"the way to … leads through {' and '.join(narrow)}, {width}"
         return message, "widen the doorway or take a narrower robot"
     hint = "look for columns or walls that stand close to each other"
-    return f"the way to … is too narrow, {width}", hint
+    message = f"the way to … is too narrow, {width}"
+    return message, hint
 
 
 def _only_way(space: FreeSpace, door: Doorway, a: Point2, b: Point2) -> bool:

@@ -215,8 +215,11 @@ def height_problem(name: str, leaf: Link, hole: Opening | Doorway) -> tuple[str,
     """Return that a leaf of the object ``name`` is higher than a doorway, and what to do."""
     if leaf.z_max <= hole.z_max + _HIGHER:
         return None
-    heights = f"reaches {leaf.z_max:.2f} m high, {hole.name} only {hole.z_max:.2f} m"
-    return f"the {leaf.name} of {name} {heights}", "take a lower door or make the entryway higher"
+    message = (
+        f"the {leaf.name} of {name} reaches {leaf.z_max:.2f} m high, "
+        f"{hole.name} only {hole.z_max:.2f} m"
+    )
+    return message, "take a lower door or make the entryway higher"
 
 
 def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:
