@@ -1,54 +1,56 @@
-"""Models of a world as JSON-LD: in the six published files and in one."""
+"""Models of a world as JSON-LD: in the six published files and as one graph."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from grammars.floorplan import FloorPlan
 from grammars.jsonld import (
     objects_document,
-    plan_document,
     plan_documents,
+    scene_document,
     scenery_document,
 )
-from grammars.scenery import SceneryLayer
 from templates.naming import file_name
-from templates.world import ExportJob
+from templates.world import ArtefactWorld, ExportJob
 
 
 def export_jsonld(job: ExportJob) -> tuple[Path, ...]:
     """Write the folder ``jsonld``."""
-    plan, layers = job.world.plan, job.world.layers
-    if plan is None:
-        return ()
-    return write_jsonld(plan, job.folder / "jsonld", layers)
+    return write_jsonld(job.world, job.folder / "jsonld")
 
 
-def write_jsonld(
-    plan: FloorPlan, folder: Path, layers: Sequence[SceneryLayer] = ()
-) -> tuple[Path, ...]:
-    """Write a plan and scenery layers to ``folder``; return the paths of what was written.
+def write_jsonld(world: ArtefactWorld, folder: Path) -> tuple[Path, ...]:
+    """Write the models of a world to ``folder``; return the paths of the files.
 
     ``skeleton.json``, ``shape.json``, ``polyhedron.json``, ``spatial_relations.json``,
-    ``coordinate.json`` and ``floorplan.json`` as the published tools read them from a folder, and
-    the same nodes in one file, ``<plan>.jsonld``, which a campaign can name. Each layer is
-    ``<layer>.scenery.jsonld``; objects and instances of all of them are in ``objects.json``, for
-    the published tools again. Raises :class:`InputError` for objects that cannot be placed.
+    ``coordinate.json``, ``floorplan.json`` and ``objects.json`` are for the published tools, which
+    read them from a folder. ``<plan>.jsonld`` is the whole scene as one graph, with the moves of
+    its first repeat. ``<layer>.scenery.jsonld`` is one layer with all of its parts, also those that
+    the scene does without. Raises :class:`InputError` for objects that cannot be placed.
     """
+    plan, layers = world.plan, world.layers
+    if plan is None:
+        return ()
     folder.mkdir(parents=True, exist_ok=True)
-    written = [
-        _write(document, folder / f"{name}.json") for name, document in plan_documents(plan).items()
-    ]
-    written.append(_write(plan_document(plan), folder / f"{file_name(plan.name)}.jsonld"))
+    standing = {body.name for body in world.scene.objects}
+    objects = {instance.name for layer in layers for instance in layer.instances}
+    left_out = objects - standing
+    documents = {f"{name}.json": document for name, document in plan_documents(plan).items()}
     if any(layer.models or layer.instances for layer in layers):
-        written.append(_write(objects_document(plan, layers), folder / "objects.json"))
+        documents["objects.json"] = objects_document(plan, layers, left_out)
+    documents[f"{file_name(plan.name)}.jsonld"] = scene_document(
+        plan,
+        layers,
+        left_out=left_out,
+        behaviours=world.draws[0].behaviours,
+        states=world.states,
+    )
     for layer in layers:
-        path = folder / f"{file_name(layer.name)}.scenery.jsonld"
-        written.append(_write(scenery_document(layer, plan, layers), path))
-    return tuple(written)
+        name = f"{file_name(layer.name)}.scenery.jsonld"
+        documents[name] = scenery_document(layer, plan, layers)
+    return tuple(_write(document, folder / name) for name, document in documents.items())
 
 
 def _write(document: dict[str, Any], path: Path) -> Path:

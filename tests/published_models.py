@@ -39,6 +39,7 @@ from grammars.variation import load_variation, sample, write_variants
 from templates.jsonld import write_jsonld
 from templates.sdf import frames_text
 from templates.tasks import contour_route, inset_contour
+from tests.grammars.plans import world_of
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "published-models.md"
@@ -160,7 +161,7 @@ def _plan_folder(folder, scratch):
 
 def _returned(plan, scratch):
     """Write a plan as JSON-LD, read it, and compare the scenes."""
-    written = write_jsonld(plan, scratch / "jsonld")
+    written = write_jsonld(world_of(plan), scratch / "jsonld")
     again = load_floorplan_jsonld(next(p for p in written if p.suffix == ".jsonld"))
     return "yes" if alike(compile_scene(plan), compile_scene(again)) else "another scene"
 

@@ -22,10 +22,10 @@ from grammars.jsonld._compose import (
 from grammars.jsonld._expand import expand_text
 from grammars.jsonld._files import is_jsonld, model_files
 from grammars.jsonld._layer_reader import read_layers
-from grammars.jsonld._layer_writer import objects_document, scenery_document
+from grammars.jsonld._layer_writer import objects_document, scene_document, scenery_document
 from grammars.jsonld._legacy_terms import replace_legacy_terms
 from grammars.jsonld._plan_reader import read_plan
-from grammars.jsonld._plan_writer import plan_document, plan_documents
+from grammars.jsonld._plan_writer import plan_documents
 from grammars.jsonld._rules import refuse_broken
 
 __all__ = [
@@ -39,12 +39,12 @@ __all__ = [
     "load_scenery_jsonld",
     "model_files",
     "objects_document",
-    "plan_document",
     "plan_documents",
     "read_layers",
     "read_plan",
     "refuse_broken",
     "replace_legacy_terms",
+    "scene_document",
     "scenery_document",
     "validate",
 ]

@@ -19,13 +19,10 @@ from grammars.jsonld._files import (
     scenery_nodes,
 )
 from grammars.jsonld._layer_reader import read_layers
-from grammars.jsonld._layer_writer import LayerWriter
+from grammars.jsonld._layer_writer import scene_document
 from grammars.jsonld._legacy_terms import replace_legacy_terms
-from grammars.jsonld._nodes import NodeGraph
 from grammars.jsonld._plan_reader import read_plan
-from grammars.jsonld._plan_writer import FILES, PlanWriter
 from grammars.jsonld._rules import check_structure, refuse_broken
-from grammars.jsonld._written_contexts import plan_context
 from grammars.jsonld.vocabulary import FP
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
@@ -36,35 +33,14 @@ if TYPE_CHECKING:
     from grammars.jsonld.rdf import ModelGraph
 
 
-def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> NodeGraph:
-    """Return what a plan and its layers say together, each node with its place in the texts."""
-    writer = PlanWriter(plan)
-    nodes = NodeGraph()
-    for name, addresses in FILES.items():
-        document = {
-            "@context": plan_context(writer.base, addresses),
-            "@graph": writer.files[name],
-        }
-        nodes.merge(expand_text(json.dumps(document), name))
-    # Places in the .fpm text instead of those in JSON that nobody has seen.
-    nodes.places.update(writer.places)
-    layer_writer = LayerWriter(writer, layers)
-    for layer in layers:
-        layer_writer.write_layer(layer)
-    nodes.merge(expand_text(json.dumps(layer_writer.document()), "layers"))
-    nodes.places.update(layer_writer.places)
-    return nodes
-
-
 def compose(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> ModelGraph:
     """Return a plan and scenery layers, in order, as one rdflib graph.
 
-    The graph knows where its nodes were written (``graph.places``). Raises
-    :class:`grammars.text.diagnostics.InputError` for objects that cannot be placed.
+    Raises :class:`grammars.text.diagnostics.InputError` for objects that cannot be placed.
     """
     from grammars.jsonld.rdf import graph_of
 
-    return graph_of(composed_nodes(plan, layers))
+    return graph_of(expand_text(json.dumps(scene_document(plan, layers)), "<graph>"))
 
 
 def decompose(graph: Graph) -> tuple[FloorPlan, tuple[SceneryLayer, ...]]:
@@ -104,7 +80,7 @@ def check_composition(
     The fast part of :func:`validate`, without rdflib: our writer only produces what fits the
     shapes, so only what depends on the layers' content is looked at.
     """
-    nodes = composed_nodes(plan, layers)
+    nodes = expand_text(json.dumps(scene_document(plan, layers)), "<graph>")
     return tuple(dict.fromkeys((*nodes.diagnostics, *check_structure(nodes))))
 
 

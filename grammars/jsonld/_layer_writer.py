@@ -1,4 +1,4 @@
-"""Scenery layers as JSON-LD: objects in the published vocabulary, sentences as they are written.
+"""Scenery as JSON-LD: objects in the published vocabulary, sentences as they are written.
 
 Every instance has its pose in the world. Published tools go astray on the way to it from rooms
 that are placed by a wall at their side, and they know no entryways to fit doors into.
@@ -6,15 +6,15 @@ that are placed by a wall at their side, and they know no entryways to fit doors
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from grammars.floorplan import WORLD_FRAME, FloorPlan
 from grammars.jsonld._kinematics import Json
 from grammars.jsonld._object_writer import object_frame_nodes, object_nodes, object_pose_nodes
 from grammars.jsonld._plan_writer import PlanWriter
-from grammars.jsonld._written_contexts import layer_context
-from grammars.jsonld.vocabulary import ITEMS
+from grammars.jsonld._written_contexts import plain_context
+from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Trigger
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import (
     Catalogue,
@@ -32,7 +32,29 @@ from grammars.scenery.model import (
     Sentence,
     Setting,
 )
-from grammars.text.diagnostics import InputError, Where
+from grammars.text.diagnostics import InputError
+
+
+def scene_document(
+    plan: FloorPlan,
+    layers: Sequence[SceneryLayer] = (),
+    *,
+    left_out: Collection[str] = (),
+    behaviours: Iterable[Behaviour] = (),
+    states: Iterable[tuple[str, Iterable[tuple[str, float]]]] = (),
+) -> Json:
+    """Return a scene as one graph: its plan, its layers in order, and how its objects move.
+
+    ``left_out`` are objects of the layers that the scene does without. ``states`` gives names to
+    positions [rad or m] of joints by their scene-wide names. Raises :class:`InputError` for what
+    cannot be placed.
+    """
+    writer = LayerWriter(PlanWriter(plan), layers, left_out)
+    for layer in layers:
+        writer.write_layer(layer)
+    names = {place: name for name, positions in states for place in positions}
+    moves = [node for behaviour in behaviours for node in _moves(behaviour, names)]
+    return writer.document(writer.frames.nodes + writer.nodes + moves)
 
 
 def scenery_document(
@@ -44,58 +66,88 @@ def scenery_document(
     """
     writer = LayerWriter(PlanWriter(plan), layers or (layer,))
     writer.write_layer(layer)
-    return writer.document()
+    return writer.document(writer.nodes)
 
 
-def objects_document(plan: FloorPlan, layers: Sequence[SceneryLayer]) -> Json:
+def objects_document(
+    plan: FloorPlan, layers: Sequence[SceneryLayer], left_out: Collection[str] = ()
+) -> Json:
     """Return the objects of all layers as one document, for published tools: without sentences.
 
     Raises :class:`InputError` for what cannot be placed.
     """
-    writer = LayerWriter(PlanWriter(plan), layers)
+    writer = LayerWriter(PlanWriter(plan), layers, left_out)
     for layer in layers:
         writer.write_objects(layer)
-    return writer.document()
+    return writer.document(writer.nodes)
+
+
+def _moves(behaviour: Behaviour, states: Mapping[tuple[str, float], str]) -> Iterator[Json]:
+    """Yield where a behaviour takes a joint, and when: at a time [s] or within a distance [m]."""
+    name, _, joint = behaviour.joint.partition(".")
+    moves: list[tuple[float, str, float]] = []
+    if isinstance(behaviour, Hold):
+        moves = [(behaviour.position, "scn:at", 0.0)]
+    elif isinstance(behaviour, KeyFrames):
+        moves = [(frame.position, "scn:at", frame.time) for frame in behaviour.frames]
+    elif isinstance(behaviour, Trigger):
+        moves = [(behaviour.end, "scn:within", behaviour.distance)]
+    for number, (position, word, amount) in enumerate(moves):
+        node: Json = {"@id": f"item:{behaviour.joint}.move-{number}", "@type": "scn:Move"}
+        node |= {"scn:of": {"@id": f"item:{name}"}, "scn:joint": joint, word: amount}
+        node["scn:position"] = position
+        if (behaviour.joint, position) in states:
+            node["scn:to"] = states[behaviour.joint, position]
+        yield node
 
 
 class LayerWriter:
-    """Builds the nodes of layers; ``places`` tells where each was written in the text."""
+    """Builds the nodes of layers; ``left_out`` are objects that are not written."""
 
-    def __init__(self, frames: PlanWriter, layers: Sequence[SceneryLayer]) -> None:
-        self._frames = frames
+    def __init__(
+        self,
+        frames: PlanWriter,
+        layers: Sequence[SceneryLayer],
+        left_out: Collection[str] = (),
+    ) -> None:
+        self.frames = frames
         self._layers = tuple(layers)
+        self._left_out = left_out
         self._catalogue = Catalogue(layers)
         self._mirrored: set[str] = set()
         self.nodes: list[Json] = []
-        self.places: dict[str, Where] = {}
 
-    def document(self) -> Json:
-        """Return what has been written as one document."""
-        return {"@context": layer_context(self._frames.base), "@graph": self.nodes}
+    def document(self, nodes: list[Json]) -> Json:
+        """Return nodes as one document."""
+        return {"@context": plain_context(self.frames.base), "@graph": nodes}
 
     def write_layer(self, layer: SceneryLayer) -> None:
         """Write a layer and its parts; each says which layer it is in, and its place there."""
         id = f"item:layer.{layer.name}"
         number = self._layers.index(layer)
         node = {"@id": id, "@type": "scn:Layer", "scn:name": layer.name, "scn:number": number}
-        self._add([node], Where(layer.file))
+        self._add([node])
         parts = self.write_objects(layer)
         for part in (*layer.groups, *layer.parameters, *layer.settings, *layer.sentences):
-            parts.append(self._sentence(f"{id}.{len(parts)}", layer, part))
+            named = [] if isinstance(part, Parameter) else self._about(layer, part)
+            about = [{"@id": f"item:{name}"} for name in named if name not in self._left_out]
+            if named and not about:
+                continue
+            sentence: Json = {"@id": f"{id}.{len(parts)}", "@type": "scn:Sentence"}
+            sentence |= {"scn:text": part.text} | ({"scn:about": about} if about else {})
+            parts.append(self._add([sentence]))
         for place, part_node in enumerate(parts):
             part_node |= {"scn:in-layer": {"@id": id}, "scn:number": place}
 
     def write_objects(self, layer: SceneryLayer) -> list[Json]:
         """Write the models and instances of a layer and return the node of each."""
         models = [self._model(model) for model in layer.models]
-        return models + [self._instance(instance) for instance in layer.instances]
+        standing = (one for one in layer.instances if one.name not in self._left_out)
+        return models + [self._instance(instance) for instance in standing]
 
-    def _add(self, nodes: list[Json], where: Where) -> Json:
-        """Add nodes that were written at one place and return the last of them."""
+    def _add(self, nodes: list[Json]) -> Json:
+        """Add nodes and return the last of them."""
         self.nodes += nodes
-        for node in nodes:
-            if where.line:
-                self.places[ITEMS + node["@id"].removeprefix("item:")] = where
         return nodes[-1]
 
     def _model_id(self, name: str) -> str:
@@ -103,14 +155,10 @@ class LayerWriter:
         return f"item:{name}.model" if name in self._catalogue.instances else f"item:{name}"
 
     def _model(self, model: ObjectModel) -> Json:
-        id = self._model_id(model.name)
-        node = self._add(object_nodes(id, model), model.where)
-        for state in model.states:
-            self.places[f"{ITEMS}{id.removeprefix('item:')}.state.{state.name}"] = state.where
-        return node
+        return self._add(object_nodes(self._model_id(model.name), model))
 
     def _instance(self, instance: Instance) -> Json:
-        plan, ids = self._frames.plan, self._frames.ids
+        plan, ids = self.frames.plan, self.frames.ids
         model = self._catalogue.models[instance.model.text]
         placed = place_instance(plan, instance, model)
         id, kind = f"item:{instance.name}", self._model_id(model.name)
@@ -131,13 +179,13 @@ class LayerWriter:
             node["start-state"] = f"{kind}.state.{starts}"
         if isinstance(instance.place, In):
             node |= self._doorway(instance.place)
-        wrt = f"fpm:{self._frames.frame(WORLD_FRAME)}"
+        wrt = f"fpm:{self.frames.frame(WORLD_FRAME)}"
         pose = object_pose_nodes(f"{id}.frame", wrt, placed.pose)
-        return self._add([*object_frame_nodes(f"{id}.frame"), *pose, node], instance.where)
+        return self._add([*object_frame_nodes(f"{id}.frame"), *pose, node])
 
     def _doorway(self, place: In) -> Json:
         """Return the entryway that an object stands in, and the space its leaf opens into."""
-        plan, ids = self._frames.plan, self._frames.ids
+        plan, ids = self.frames.plan, self.frames.ids
         opening = next(o for o in plan.openings if o.name == place.entryway.text)
         links = {"scn:stands-in": {"@id": f"fpm:{ids[opening.kind, opening.id]}"}}
         sides = {"in": opening.walls[:1], "out": opening.walls[1:]}
@@ -172,17 +220,8 @@ class LayerWriter:
                 joints=mirrored_joints(model.joints, across),
                 states=tuple(states),
             )
-            self._add(object_nodes(id, image, mirror_of=source), model.where)
+            self._add(object_nodes(id, image, mirror_of=source))
         return id
-
-    def _sentence(
-        self, id: str, layer: SceneryLayer, part: Group | Parameter | Setting | Sentence
-    ) -> Json:
-        node: Json = {"@id": id, "@type": "scn:Sentence", "scn:text": part.text}
-        about = [] if isinstance(part, Parameter) else self._about(layer, part)
-        if about:
-            node["scn:about"] = [{"@id": name} for name in about]
-        return self._add([node], part.where)
 
     def _about(self, layer: SceneryLayer, part: Group | Setting | Sentence) -> list[str]:
         """Return the objects a sentence is about, none where its names are of another scenario."""
@@ -192,4 +231,4 @@ class LayerWriter:
         except InputError:
             # Resolving behaviours reports the names that matter.
             return []
-        return list(dict.fromkeys(f"item:{target.object}" for target in targets))
+        return list(dict.fromkeys(target.object for target in targets))

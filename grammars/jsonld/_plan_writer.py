@@ -1,4 +1,4 @@
-"""A floor plan as the six published JSON-LD files, or as one.
+"""A floor plan as the six published JSON-LD files.
 
 Nothing is computed that the plan does not hold: poses and outlines are those its text gives, so a
 reader gets the same numbers back, bit by bit. Where published walls are those that the outline
@@ -35,7 +35,6 @@ from grammars.jsonld._kinematics import (
 from grammars.jsonld._written_contexts import plan_context
 from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
 from grammars.model.geometry import Pose2, Ring, signed_area
-from grammars.text.diagnostics import Where
 
 _SAME: Final = 1e-9
 
@@ -112,7 +111,6 @@ class _Element:
     corners: tuple[Point3, ...]
     outline: int
     solid: bool
-    where: Where
 
 
 @dataclass(slots=True)
@@ -121,12 +119,11 @@ class PlanWriter:
 
     plan: FloorPlan
     files: dict[str, list[Json]] = field(default_factory=lambda: {name: [] for name in FILES})
-    places: dict[str, Where] = field(default_factory=dict)
     ids: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._name_everything()
-        self._skeleton_frame(WORLD, None)
+        self._skeleton_frame(WORLD)
         for space in self.plan.spaces:
             self._space(space)
         for feature in self.plan.features:
@@ -134,6 +131,11 @@ class PlanWriter:
         for opening in self.plan.openings:
             self._opening(opening)
         self._structure()
+
+    @property
+    def nodes(self) -> list[Json]:
+        """The nodes of the six files, one after the other."""
+        return [node for nodes in self.files.values() for node in nodes]
 
     @property
     def base(self) -> str:
@@ -176,13 +178,13 @@ class PlanWriter:
         of = self.frame(placed.of) if placed else f"{id}-frame"
         ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
         solid = tuple((x, y, 0.0) for x, y in ring)
-        self._element(_Element(id, id, solid, len(ring), False, space.where))
-        self._holes(id, id, [space.frame.inverse().apply_ring(r) for r in space.holes], space.where)
+        self._element(_Element(id, id, solid, len(ring), False))
+        self._holes(id, id, [space.frame.inverse().apply_ring(r) for r in space.holes])
         self._pose(of, self.frame(placed.wrt if placed else f"{WORLD}-frame"), offset)
         for wall, (pose, footprint) in zip(space.walls, _walls(space, ring), strict=True):
             wall_id = self.ids["wall", wall.id]
             corners = _prism(footprint, wall.height)
-            self._element(_Element(wall_id, wall_id, corners, 4, True, space.where))
+            self._element(_Element(wall_id, wall_id, corners, 4, True))
             self._pose(f"{wall_id}-frame", f"{id}-frame", pose)
 
     def _feature(self, feature: Feature) -> None:
@@ -191,9 +193,9 @@ class PlanWriter:
         local = feature.frame.inverse().apply_ring(feature.footprint)
         ring = _flat(placed.outline) if placed else local
         corners = _prism(ring, feature.height)
-        self._element(_Element(id, stem, corners, len(ring), True, feature.where))
+        self._element(_Element(id, stem, corners, len(ring), True))
         holes = [feature.frame.inverse().apply_ring(ring) for ring in feature.holes]
-        self._holes(id, stem, holes, feature.where)
+        self._holes(id, stem, holes)
         wrt = self.frame(placed.wrt if placed else f"{WORLD}-frame")
         self._pose(f"{stem}-frame", wrt, placed.offset if placed else feature.frame)
 
@@ -202,43 +204,40 @@ class PlanWriter:
         stem = f"{opening.kind}-{opening.id}"
         near = placed.outline if placed else _untilted(opening)
         far = tuple((x, opening.depth, z) for x, _, z in near)
-        self._element(_Element(id, stem, (*near, *far), len(near), True, opening.where))
+        self._element(_Element(id, stem, (*near, *far), len(near), True))
         wrt = placed.wrt if placed else f"{WORLD}-frame"
         offset = placed.offset if placed else opening.frame
         self._pose(f"{stem}-frame", self.frame(wrt), offset, opening.z, opening.tilt)
 
-    def _holes(self, id: str, stem: str, holes: Iterable[Ring], where: Where) -> None:
+    def _holes(self, id: str, stem: str, holes: Iterable[Ring]) -> None:
         """Write the outlines of holes, in the frame of the element they are in."""
         for number, ring in enumerate(holes):
             corners = tuple((x, y, 0.0) for x, y in ring)
-            hole = _Element(f"{id}-hole-{number}", stem, corners, len(ring), False, where)
+            hole = _Element(f"{id}-hole-{number}", stem, corners, len(ring), False)
             self._outline(hole)
 
     def _element(self, element: _Element) -> None:
         """Write frame, corners with their positions, outline and body of one element."""
-        self._skeleton_frame(element.stem, element.where)
+        self._skeleton_frame(element.stem)
         self._outline(element)
 
     def _outline(self, element: _Element) -> None:
         frame, origin = f"{element.stem}-frame", f"{element.stem}-origin"
         points = [f"{element.id}-corner-{k}" for k in range(len(element.corners))]
-        self._place(element.where, element.id, f"{element.id}-polygon", *points)
         count = element.outline
         self.files["shape"].append(
             {"@id": f"{element.id}-polygon", "@type": "Polygon", "points": points[:count]}
         )
         if element.solid:
-            self._place(element.where, f"{element.id}-polyhedron")
             self.files["polyhedron"].append(polyhedron_node(f"{element.id}-polyhedron", points))
         for point, at in zip(points, element.corners, strict=True):
             self.files["skeleton"].append({"@id": point, "@type": POINT})
             id = f"position-{point}-wrt-{frame}"
             ids = (id, f"coord-{id}")
-            self._relate(element.where, position_nodes(ids, point, frame, origin, at))
+            self._relate(position_nodes(ids, point, frame, origin, at))
 
-    def _skeleton_frame(self, stem: str, where: Where | None) -> None:
+    def _skeleton_frame(self, stem: str) -> None:
         origin, frame = f"{stem}-origin", f"{stem}-frame"
-        self._place(where, origin, frame)
         self.files["skeleton"] += frame_nodes(frame, origin)
 
     def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
@@ -248,13 +247,11 @@ class PlanWriter:
         own = of.startswith(f"{wrt.removesuffix('frame')}wall-")
         by_wall = _WALL_FRAME.search(of) and not _WALL_FRAME.search(wrt) and not own
         id = f"pose-{'wall-' if by_wall else ''}{of}-wrt-{wrt}"
-        where = self.places.get(self.base + of)
-        self._relate(where, pose_nodes((id, f"coord-{id}"), of, wrt, pose, z, tilt))
+        self._relate(pose_nodes((id, f"coord-{id}"), of, wrt, pose, z, tilt))
 
-    def _relate(self, where: Where | None, nodes: list[Json]) -> None:
+    def _relate(self, nodes: list[Json]) -> None:
         """Write a relation and its coordinates."""
         relation, coordinates = nodes
-        self._place(where, relation["@id"], coordinates["@id"])
         self.files["spatial_relations"].append(relation)
         self.files["coordinate"].append(coordinates)
 
@@ -318,11 +315,6 @@ class PlanWriter:
             node["@type"] = [node["@type"], SCN["Gap"]]
         return self._named(node, opening.name)
 
-    def _place(self, where: Where | None, *ids: str) -> None:
-        if where is not None and where.line:
-            for id in ids:
-                self.places[self.base + id] = where
-
 
 def plan_base(name: str) -> str:
     """Return the IRI the identifiers of a plan are relative to."""
@@ -336,14 +328,6 @@ def plan_documents(plan: FloorPlan) -> dict[str, Json]:
         name: {"@context": plan_context(writer.base, FILES[name]), "@graph": writer.files[name]}
         for name in FILES
     }
-
-
-def plan_document(plan: FloorPlan) -> Json:
-    """Return a plan as one document, the nodes of the six files one after the other."""
-    writer = PlanWriter(plan)
-    contexts = list(dict.fromkeys(context for used in FILES.values() for context in used))
-    nodes = [node for name in FILES for node in writer.files[name]]
-    return {"@context": plan_context(writer.base, contexts), "@graph": nodes}
 
 
 def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:

@@ -304,7 +304,8 @@ def _make(
     ((world, _),) = placed
     with TemporaryDirectory() as temporary:
         done = export(world, kinds, Path(temporary), settings=settings)
-        (made,) = (path for path in done.paths if path.suffix == named.suffix)
+        # Of several files with one ending, the first is the whole.
+        made = next(path for path in done.paths if path.suffix == named.suffix)
         shutil.move(made, named)
         yield replace(done, made={str(kinds[0]): (named,)})
 

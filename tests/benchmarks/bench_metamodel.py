@@ -17,7 +17,7 @@ from grammars.jsonld import (
     compose,
     decompose,
     expand_text,
-    plan_document,
+    scene_document,
     validate,
 )
 from grammars.jsonld import vocabulary as contexts
@@ -46,7 +46,7 @@ def measure():
     files = [FOLDER / f"{name}.scenery" for name in ("doors", "doors_random")]
     plan, layers = load_floorplan(plan_file), [load_scenery(file) for file in files]
     graph = compose(plan, layers)
-    document = plan_document(plan)
+    document = scene_document(plan)
     inlined = [contexts.context_for(c, set()) if isinstance(c, str) else c
                for c in document["@context"]]  # fmt: skip
     text = json.dumps(document | {"@context": inlined})

@@ -15,7 +15,7 @@ from grammars.floorplan import load_floorplan
 from grammars.jsonld import (
     load_floorplan_jsonld,
     load_scenery_jsonld,
-    plan_document,
+    scene_document,
     scenery_document,
 )
 from grammars.model.map_files import pack_map, read_map
@@ -47,7 +47,7 @@ def prepare(folder):
     shutil.copytree(SEEDS, folder, dirs_exist_ok=True)
     plan = load_floorplan(folder / "plan.fpm")
     layer = load_scenery(folder / "objects.scenery")
-    (folder / "plan.jsonld").write_bytes(_json(plan_document(plan)))
+    (folder / "plan.jsonld").write_bytes(_json(scene_document(plan)))
     (folder / "objects.jsonld").write_bytes(_json(scenery_document(layer, plan)))
     return folder
 

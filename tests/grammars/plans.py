@@ -5,6 +5,7 @@ import numpy as np
 from grammars.floorplan import parse_floorplan
 from grammars.scenery import parse_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
+from templates.world import ArtefactWorld
 from tests.grammars.scenery.samples import DOOR, LIFT, SLIDER
 
 MODELS = DOOR + SLIDER + LIFT
@@ -49,6 +50,11 @@ def two_rooms(*changes):
 def layer(text, name="objects", models=True):
     """Return a layer of ``text``, with the models of the samples in front."""
     return parse_scenery((MODELS if models else "") + text, f"{name}.scenery")
+
+
+def world_of(plan, layers=()):
+    """Return the world of a plan and layers, as exports get it."""
+    return ArtefactWorld(plan.name, compile_scene(plan, layers), plan, layers=tuple(layers))
 
 
 def scene_with(text):

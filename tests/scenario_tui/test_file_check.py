@@ -5,10 +5,11 @@ import json
 import pytest
 
 from grammars.floorplan import load_floorplan
-from grammars.jsonld import plan_document
+from grammars.jsonld import scene_document
 from grammars.scenery import load_scenery
 from scenario_tui.file_check import check_file
 from templates.jsonld import write_jsonld
+from tests.grammars.plans import world_of
 
 
 @pytest.mark.parametrize(
@@ -28,7 +29,7 @@ def test_every_kind_of_layer_is_known_and_sound(campaigns, name, kind):
 
 
 def test_a_json_ld_graph_is_checked_as_a_whole(campaigns, tmp_path):
-    document = plan_document(load_floorplan(campaigns / "demo" / "flat.fpm"))
+    document = scene_document(load_floorplan(campaigns / "demo" / "flat.fpm"))
     path = tmp_path / "flat.jsonld"
     path.write_text(json.dumps(document))
     assert check_file(path) == ("JSON-LD graph", ())
@@ -40,7 +41,8 @@ def test_a_json_ld_graph_is_checked_as_a_whole(campaigns, tmp_path):
 
 def test_a_folder_of_json_ld_files_is_checked_as_a_whole(campaigns, tmp_path):
     plan = load_floorplan(campaigns / "demo" / "flat.fpm")
-    write_jsonld(plan, tmp_path / "flat", [load_scenery(campaigns / "demo" / "doors.scenery")])
+    layers = [load_scenery(campaigns / "demo" / "doors.scenery")]
+    write_jsonld(world_of(plan, layers), tmp_path / "flat")
     assert check_file(tmp_path / "flat") == ("JSON-LD graph", ())
     (tmp_path / "flat" / "shape.json").unlink()
     found = check_file(tmp_path / "flat")[1]

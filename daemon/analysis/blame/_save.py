@@ -32,7 +32,7 @@ from daemon.model.attachments import FILES_PARAMETER, stored_file
 from daemon.model.spec import RunSpec, SutReference
 from daemon.run_map import stored_map
 from daemon.stacks.registry import stack_kind
-from grammars.jsonld import is_jsonld, plan_document
+from grammars.jsonld import is_jsonld, scene_document
 from grammars.model.map_files import write_map
 from grammars.text.yaml_text import yaml_text
 
@@ -156,7 +156,7 @@ def _plan(case: RunCase, scenario: ResolvedScenario, folder: _Folder) -> LayerRe
             return None
     # Who gets the folder must not have to draw the variant again.
     plan = case.cell.plan
-    text = json.dumps(plan_document(plan), indent=1)
+    text = json.dumps(scene_document(plan), indent=1)
     name = folder.write(f"floorplans/{plan.name}.jsonld", text)
     return LayerReference(name, {}, scenario.where)
 

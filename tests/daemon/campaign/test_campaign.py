@@ -9,10 +9,11 @@ import pytest
 from daemon.campaign import examine, expand, load_campaign
 from daemon.stacks import registry
 from grammars.floorplan import load_floorplan
-from grammars.jsonld import plan_document, scenery_document
+from grammars.jsonld import scene_document, scenery_document
 from grammars.scenery import load_scenery
 from grammars.text.diagnostics import InputError, Severity
 from templates.jsonld import write_jsonld
+from tests.grammars.plans import world_of
 
 CAMPAIGN = """\
 campaign: tiny
@@ -168,7 +169,7 @@ def test_a_scenario_may_draw_other_variants_than_the_campaign(folder):
 
 def test_layers_written_as_json_ld_make_the_same_runs(folder):
     plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
-    (folder / "flat2.jsonld").write_text(json.dumps(plan_document(plan)))
+    (folder / "flat2.jsonld").write_text(json.dumps(scene_document(plan)))
     (folder / "doors2.jsonld").write_text(json.dumps(scenery_document(doors, plan)))
     text = CAMPAIGN.replace("floorplan: flat", "floorplan: flat2.jsonld")
     text = text.replace("objects: doors", "objects: doors2.jsonld")
@@ -180,7 +181,7 @@ def test_layers_written_as_json_ld_make_the_same_runs(folder):
 def test_a_folder_of_json_ld_files_is_a_layer(folder):
     """As exports of ours and published models are."""
     plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
-    write_jsonld(plan, folder / "floorplans" / "house", [doors])
+    write_jsonld(world_of(plan, [doors]), folder / "floorplans" / "house")
     written = expand(load_campaign(write(folder, CAMPAIGN))).scenes[0]
     for name in ("house", "floorplans/house"):
         text = CAMPAIGN.replace("floorplan: flat", f"floorplan: {name}")

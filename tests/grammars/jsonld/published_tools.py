@@ -39,9 +39,10 @@ def by_pyld(data):
 
 def inlined(data):
     """Return a document with our contexts in the place of the published ones."""
+    written = data["@context"]
     parts = [
         contexts.context_for(part, set()) if isinstance(part, str) else part
-        for part in data["@context"]
+        for part in (written if isinstance(written, list) else [written])
     ]
     return data | {"@context": parts}
 

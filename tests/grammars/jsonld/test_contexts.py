@@ -7,7 +7,7 @@ import pytest
 from rdflib import URIRef
 
 from grammars.floorplan import parse_floorplan
-from grammars.jsonld import expand_text, plan_document, plan_documents
+from grammars.jsonld import expand_text, plan_documents
 from grammars.jsonld import vocabulary as contexts
 from grammars.jsonld.rdf import graph_of
 from grammars.jsonld.vocabulary import COORD, GEOM
@@ -36,7 +36,7 @@ def test_documents_mean_what_the_standard_says(data):
 
 
 def test_every_type_of_a_node_brings_its_terms():
-    graph = graph_of(expanded(plan_document(PLAN)))
+    graph = graph_of(expanded(plan_documents(PLAN)["coordinate"]))
     for term in ("as-seen-by", "x", "y", "z", "of-pose", "alpha"):
         of_poses = set(graph.subjects(None, URIRef(COORD["PoseCoordinate"])))
         assert of_poses

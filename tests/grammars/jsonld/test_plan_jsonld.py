@@ -13,12 +13,13 @@ from grammars.jsonld import (
     compose,
     decompose,
     load_floorplan_jsonld,
-    plan_document,
     plan_documents,
+    scene_document,
 )
 from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import InputError, Severity
 from templates.jsonld import write_jsonld
+from tests.grammars.plans import world_of
 
 CELL = """
 Floor plan: demo
@@ -172,7 +173,7 @@ def test_things_with_one_name_get_identifiers_of_their_own():
 
 
 def written(plan, folder):
-    return write_jsonld(plan, folder)[-1]
+    return write_jsonld(world_of(plan), folder)[-1]
 
 
 @pytest.mark.parametrize("text", [CELL, CELL + DOOR, ODD], ids=["cell", "door", "odd"])
@@ -181,7 +182,7 @@ def test_a_plan_comes_back_bit_by_bit(text, tmp_path):
     for source in (written(plan, tmp_path), tmp_path):
         back = load_floorplan_jsonld(source)
         assert back == plan
-        assert plan_document(back) == plan_document(plan)
+        assert scene_document(back) == scene_document(plan)
         assert compile_scene(back).digest == compile_scene(plan).digest
 
 
@@ -217,9 +218,10 @@ def old_fashioned(text):
 
 def test_old_ways_of_writing_are_read_with_one_warning_each(tmp_path):
     plan = parse_floorplan(ODD.replace("Column hall:", "Column post:"))
-    file = written(plan, tmp_path)
-    file.write_text(old_fashioned(file.read_text()))
-    back = load_floorplan_jsonld(file)
+    written(plan, tmp_path)
+    for file in tmp_path.glob("*.json"):
+        file.write_text(old_fashioned(file.read_text()))
+    back = load_floorplan_jsonld(tmp_path)
     said = [d.message for d in back.warnings]
     for word in ("outdated address", '"theta"', '"degrees"', '"feature"'):
         assert sum(word in message for message in said) == 1, word
@@ -251,15 +253,13 @@ def test_the_files_of_the_published_tool_are_read(tmp_path):
 
 def test_old_namespaces_are_read(tmp_path):
     plan = parse_floorplan(CELL)
-    document = plan_document(plan)
+    document = scene_document(plan)
     old = "https://hbrs-sesame.github.io/metamodels/"
-    document["@context"].append(
-        {
-            "Space": f"{old}floor-plan/floor-plan#Space",
-            "Polygon": f"{old}polytope#Polygon",
-            "unit": {"@id": "https://qudt.org/schema/qudt/unit", "@type": "@vocab"},
-        }
-    )
+    document["@context"] |= {
+        "Space": f"{old}floor-plan/floor-plan#Space",
+        "Polygon": f"{old}polytope#Polygon",
+        "unit": {"@id": "https://qudt.org/schema/qudt/unit", "@type": "@vocab"},
+    }
     file = tmp_path / "old.jsonld"
     file.write_text(json.dumps(document))
     back = load_floorplan_jsonld(file)
@@ -276,7 +276,7 @@ def test_a_context_nobody_knows_is_refused_without_looking_for_it(tmp_path):
 
 
 def test_keys_no_context_knows_are_reported(tmp_path):
-    document = plan_document(parse_floorplan(CELL))
+    document = scene_document(parse_floorplan(CELL))
     node(document, "cell")["colour"] = "blue"
     file = tmp_path / "plan.json"
     file.write_text(json.dumps(document, indent=0))
@@ -312,7 +312,7 @@ def test_what_is_broken_is_said(change, message, tmp_path):
     assert any(message in str(d) for d in caught.value.diagnostics), str(caught.value)
 
 
-NODES = plan_document(parse_floorplan(CELL + DOOR))
+NODES = scene_document(parse_floorplan(CELL + DOOR))
 VALUES = st.sampled_from(
     [None, True, 0, -1, 1e308, "", "x", "world-frame", [], {}, [[]], {"@id": "cell"}, ["cell", 3],
      {"@value": "a"}, {"@list": [1]}, {"@id": 5}, "Frame", "_:b", "https://e.org/ x"]

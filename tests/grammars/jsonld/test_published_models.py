@@ -15,7 +15,7 @@ from grammars.text.diagnostics import InputError, Severity
 from templates.jsonld import write_jsonld
 from tests.grammars.jsonld.earlier_models import write_plan
 from tests.grammars.jsonld.samples import document, hinged_door, table
-from tests.grammars.plans import two_rooms
+from tests.grammars.plans import two_rooms, world_of
 
 FIRST_FORM = {"skeleton", "shape", "spatial_relations", "coordinate", "floorplan"}
 
@@ -66,7 +66,7 @@ def test_a_folder_or_its_files_name_a_plan_and_what_stands_beside_it(tmp_path):
 
 def test_plans_of_2023_come_back_from_an_export(tmp_path):
     plan = load_floorplan_jsonld(write_plan(two_rooms(), tmp_path / "earlier"))
-    write_jsonld(plan, tmp_path / "now")
+    write_jsonld(world_of(plan), tmp_path / "now")
     for path in (tmp_path / "now", tmp_path / "now" / "two_rooms.jsonld"):
         back = load_floorplan_jsonld(path)
         assert back == plan
@@ -86,7 +86,7 @@ def test_what_a_plan_lacks_is_said_with_its_place(tmp_path):
 
 def test_a_relative_identifier_resolves_against_a_given_base(tmp_path):
     """A plan without ``@base``, and a file that calls its things by their whole address."""
-    write_jsonld(two_rooms(), tmp_path)
+    write_jsonld(world_of(two_rooms()), tmp_path)
     for file in tmp_path.glob("*.json"):
         data = json.loads(file.read_text())
         data["@context"] = [c for c in data["@context"] if not isinstance(c, dict)]
@@ -238,7 +238,7 @@ def test_published_plans_are_where_the_published_tool_puts_them(
             if space.name not in MOVED[name]:
                 for p, q in zip(wall.footprint, same["footprint"], strict=True):
                     assert p == pytest.approx(tuple(q), abs=1e-6), wall.id
-    write_jsonld(plan, tmp_path)
+    write_jsonld(world_of(plan), tmp_path)
     assert load_floorplan_jsonld(tmp_path) == plan
     assert not [d for d in check_jsonld(folder) if d.severity is Severity.ERROR]
 
@@ -273,5 +273,5 @@ def test_the_published_door_is_the_one_described(reference_data):
 def test_a_space_may_still_be_called_like_an_earlier_identifier(tmp_path):
     text = "Floor plan: p Space space: shape: Rectangle width=2 m, length=2 m location: wrt: world of: this walls: thickness: 0.2 m height: 2 m"  # noqa: E501
     plan = parse_floorplan(text)
-    write_jsonld(plan, tmp_path)
+    write_jsonld(world_of(plan), tmp_path)
     assert load_floorplan_jsonld(tmp_path) == plan

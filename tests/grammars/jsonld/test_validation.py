@@ -11,7 +11,7 @@ from grammars.jsonld import (
     check_jsonld,
     compose,
     decompose,
-    plan_document,
+    scene_document,
     validate,
 )
 from grammars.jsonld.vocabulary import COORD, FP, OBJ, POLY, QUDT, REL
@@ -54,7 +54,7 @@ def test_campaigns_are_valid(campaigns, folder, names):
 
 def test_one_divider_in_several_rooms_is_found(tmp_path):
     """Five dividers with the same names in four spaces send the published tools 50 m astray."""
-    document = plan_document(parse_floorplan(SCREENS))
+    document = scene_document(parse_floorplan(SCREENS))
     assert "east-screen" in json.dumps(document)
     text = json.dumps(document).replace("east-screen", "screen").replace("west-screen", "screen")
     file = tmp_path / "offices.json"
@@ -106,15 +106,6 @@ def test_faults_of_a_composed_graph_are_found(subject, predicate, value, message
         graph.add((*place, value))
     found = [str(d) for d in validate(graph)]
     assert any(message in text for text in found), found
-
-
-def test_faults_are_reported_where_the_text_is():
-    graph = graph_with_door()
-    limit = URIRef(f"{ITEM}hinged_door.joint.hinge.upper")
-    graph.set((limit, URIRef(QUDT["value"]), Literal(-1.0)))
-    graph.remove((URIRef(f"{PLAN}kitchen"), URIRef(FP["walls"]), None))
-    found = {(d.where.file, d.where.line > 0) for d in validate(graph)}
-    assert found == {("objects.scenery", True), ("two_rooms.fpm", True)}
 
 
 def test_frames_of_nowhere_are_found():

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from daemon.analysis.coverage import room_cells
 from daemon.campaign import examine, load_campaign
-from grammars.jsonld import check_jsonld, load_floorplan_jsonld, plan_document
+from grammars.jsonld import check_jsonld, load_floorplan_jsonld, scene_document
 from grammars.maps import load_walls
 from grammars.model.free_space import FreeSpace
 from grammars.model.geometry import Pose2
@@ -150,7 +150,7 @@ def test_floor_is_counted_without_holes(scene):
 
 def test_jsonld_reads_back(plan, tmp_path):
     path = tmp_path / "hut.jsonld"
-    path.write_text(json.dumps(plan_document(plan)), encoding="utf-8")
+    path.write_text(json.dumps(scene_document(plan)), encoding="utf-8")
     again = load_floorplan_jsonld(path)
     assert again == plan
     assert again.warnings == ()

@@ -82,6 +82,16 @@ def test_several_worlds_are_no_file(demo, scenario, tmp_path):
     assert "has 3 worlds" in said.err
 
 
+def test_a_campaign_of_one_world_is_one_graph(demo, scenario, tmp_path):
+    shutil.copytree(demo.parents[1], tmp_path / "campaigns")
+    campaign = tmp_path / "campaigns" / "demo" / "open.yaml"
+    campaign.write_text(demo.read_text().partition("  busy-house:")[0])
+    named = tmp_path / "open.jsonld"
+    said = scenario("export", str(campaign), "jsonld", "-o", str(named))
+    assert (said.code, said.out) == (0, f"{named}\n")
+    assert "doors_open" in named.read_text()
+
+
 @pytest.mark.parametrize(
     ("option", "value"), [("--resolution", "0.1"), ("--distance", "1"), ("--repeats", "2")]
 )
