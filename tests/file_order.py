@@ -30,6 +30,7 @@ LONG = (
     "daemon/analysis/blame/test_saving.py",
     "daemon/batch/test_chaos.py",
     "daemon/batch/worker/test_process_trees.py",
+    "grammars/errors/test_errors.py",
     "scenario_tui/cli/test_verify.py",
     "daemon/batch/test_quota.py",
     "scenario_tui/cli/test_real_runs.py",
