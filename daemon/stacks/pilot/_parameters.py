@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 
+from daemon.stacks.findings import ParameterError, ParameterFinding
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.documents import plain_message
 
@@ -59,10 +60,12 @@ class PilotParameters:
 
 
 def read_parameters(given: Mapping[str, object]) -> PilotParameters:
-    """Return validated parameters; raises ``ValueError`` naming everything wrong with ``given``."""
+    """Return validated parameters; raises :class:`ParameterError` with everything wrong."""
     known = tuple(field.name for field in fields(PilotParameters))
     problems = [
-        f'no parameter "{name}" in the pilot: {did_you_mean(str(name), known)}'
+        ParameterFinding(
+            (name,), f'no parameter "{name}" in the pilot', did_you_mean(str(name), known)
+        )
         for name in given
         if name not in known
     ]
@@ -72,10 +75,13 @@ def read_parameters(given: Mapping[str, object]) -> PilotParameters:
         parameters = PilotParameters(**usable)
     except ValidationError as error:
         problems += [
-            f'parameter "{issue["loc"][0]}" {plain_message(issue)} (given: {issue["input"]!r})'
-            + ("; write a plain number in SI units" if issue["type"] == "float_type" else "")
+            ParameterFinding(
+                issue["loc"],
+                f"{plain_message(issue)} (given: {issue['input']!r})",
+                "write a plain number in SI units" if issue["type"] == "float_type" else "",
+            )
             for issue in error.errors()
         ]
     if problems:
-        raise ValueError("; ".join(problems))
+        raise ParameterError(problems)
     return parameters
