@@ -115,7 +115,7 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
         kind = stack_kind(sut.kind)
         settings = kind.read(sut.local_parameters)
         for finding in kind.advise(settings, robot):
-            place = "" if kind.keys else f" {format_path(finding.path)}"
+            place = "" if kind.keys else f" {format_path(finding.path)}:"
             message = f"{sut.name}:{place} {finding.message}"
             yield Diagnostic(where, message, finding.hint, Severity.WARNING)
 
