@@ -17,7 +17,7 @@ from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
 from daemon.stacks.registry import stack_kind
 from grammars.model.robot import Robot
-from grammars.oracle import signal_declaration, signals_of
+from grammars.oracle import signal_declaration
 from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
@@ -122,7 +122,7 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
 
 def _unrecorded(cell: CampaignCell) -> Iterator[Diagnostic]:
     """Yield the signals of oracles that a system's runs do not record."""
-    read = ((oracle, signal) for oracle in cell.oracles for signal in signals_of(oracle))
+    read = ((oracle, signal) for oracle in cell.oracles for signal in oracle.signals())
     for (oracle, signal), sut in itertools.product(read, cell.suts):
         declared = signal_declaration(signal.name)
         if declared is None or not declared.report or declared.report in sut.recorded:

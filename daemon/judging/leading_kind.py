@@ -15,14 +15,8 @@ from daemon.model.search import OracleScale
 from grammars.model.robot import Robot
 from grammars.oracle import (
     Amount,
-    Comparison,
     CustomCall,
-    Expression,
-    Function,
     Judgement,
-    Logic,
-    Not,
-    Number,
     Oracle,
     Reached,
     Signal,
@@ -30,9 +24,9 @@ from grammars.oracle import (
     Temporal,
     Until,
     kind_of,
-    render,
     unit_of,
 )
+from grammars.text.expressions import Comparison, Expression, Function, Logic, Not, Number, render
 
 LEADING_FLAGS: Final = frozenset({"contact", "in", "loc.inside_2sigma"})
 """True-or-false signals that are led by a length [m]: the clearance, the way to the border of the
@@ -163,7 +157,7 @@ def _constant(expression: Expression) -> float:
     match expression:
         case Number(value=value):
             return value
-        case Function(operand=operand):
+        case Function(operands=(operand,)):
             return _constant(operand)
     return 0.0
 

@@ -25,7 +25,8 @@ from daemon.model.ranges import LARGEST_VALUE
 from daemon.model.verdicts import Outcome, Verdict, deciding_verdict
 from daemon.trace import JointTrack, Trace
 from grammars.model.geometry import Floats
-from grammars.oracle import Signal, kind_of, render
+from grammars.oracle import Signal, kind_of
+from grammars.text.expressions import render
 from grammars.text.terminal_text import printable
 
 TimeSpan = tuple[float, float]

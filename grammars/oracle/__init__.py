@@ -1,30 +1,21 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
 from grammars.oracle._checks import kind_of, margin_kind, unit_of
-from grammars.oracle._compared_limits import ComparedLimit, LimitSide, compared_limits
-from grammars.oracle._limits import check_joint_limits
+from grammars.oracle._limits import ComparedLimit, check_joint_limits, compared_limits
 from grammars.oracle._model import (
     ROBOT,
     Amount,
-    Arithmetic,
-    Comparison,
     CustomCall,
-    Expression,
-    Function,
     Judgement,
     Leg,
     Limit,
-    Logic,
-    Not,
-    Number,
     Oracle,
     Reached,
     Signal,
     Statistic,
     Temporal,
     Until,
-    render,
-    signals_of,
+    thing_of,
 )
 from grammars.oracle._parse import load_oracles, parse_oracle
 from grammars.oracle._references import (
@@ -33,7 +24,6 @@ from grammars.oracle._references import (
     leg_number,
     object_signals,
     obstacle_names,
-    place_names,
 )
 from grammars.oracle._signals import (
     OBJECT_SIGNALS,
@@ -47,30 +37,20 @@ from grammars.oracle._signals import (
     custom_signal_names,
     signal_declaration,
 )
-from grammars.text.units import Dimension
 
 __all__ = [
     "OBJECT_SIGNALS",
     "ROBOT",
     "SIGNALS",
     "Amount",
-    "Arithmetic",
     "ComparedLimit",
-    "Comparison",
     "CustomCall",
     "CustomOracle",
     "CustomSignal",
-    "Dimension",
-    "Expression",
-    "Function",
     "JointReference",
     "Judgement",
     "Leg",
     "Limit",
-    "LimitSide",
-    "Logic",
-    "Not",
-    "Number",
     "Oracle",
     "Reached",
     "Signal",
@@ -92,9 +72,7 @@ __all__ = [
     "object_signals",
     "obstacle_names",
     "parse_oracle",
-    "place_names",
-    "render",
     "signal_declaration",
-    "signals_of",
+    "thing_of",
     "unit_of",
 ]

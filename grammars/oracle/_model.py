@@ -1,8 +1,4 @@
-"""Oracles as values: what a line of the oracle language says, with the dimensions of its numbers.
-
-Every expression carries ``column``, the offset of its first character in the oracle's text;
-:func:`render` writes one as text again, for messages that name a part of an oracle.
-"""
+"""Oracles as values: what a line of the oracle language says about expressions of signals."""
 
 from __future__ import annotations
 
@@ -10,93 +6,33 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from grammars.text.diagnostics import Where
-from grammars.text.units import Dimension
+from grammars.text.diagnostics import SourceText, Where
+from grammars.text.expressions import (
+    Comparison,
+    ComparisonOperator,
+    Expression,
+    Name,
+    Number,
+    walk,
+)
 
 ROBOT: Final = "robot"
 """What oracles and recorded contacts call the robot."""
 
-ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">", "==", "!="]
+Signal: TypeAlias = Name
+"""A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``.
+
+An object named as an argument, ``clearance(door_17)``, is a :class:`Signal` of that name; so is the
+robot in ``distance(robot, door_17)``, and a node in ``bt.node(Spin)``.
+"""
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
-    """A constant: SI ``value`` of ``dimension``, and how it was written."""
-
-    value: float
-    dimension: Dimension
-    text: str
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Signal:
-    """A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``.
-
-    An object named as an argument, ``clearance(door_17)``, is a :class:`Signal` of that name; so is
-    the robot in ``distance(robot, door_17)``, and a node in ``bt.node(Spin)``.
-    """
-
-    name: str
-    arguments: tuple[Expression, ...] = ()
-    column: int = 0
-
-    @property
-    def object(self) -> Signal | None:
-        """The thing in the scene it is about, named as its first argument or behind the robot."""
-        named = [a for a in self.arguments[:2] if isinstance(a, Signal) and not a.arguments]
-        if not named or named[0] is not self.arguments[0]:
-            return None
-        return named[1] if named[0].name == ROBOT and len(named) > 1 else named[0]
-
-
-@dataclass(frozen=True, slots=True)
-class Arithmetic:
-    """``left operator right``, sample by sample."""
-
-    operator: Literal["+", "-", "*", "/"]
-    left: Expression
-    right: Expression
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Function:
-    """A function of one expression: sign change or magnitude."""
-
-    name: Literal["-", "abs"]
-    operand: Expression
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """``left operator right``: true or false at each sample."""
-
-    operator: ComparisonOperator
-    left: Expression
-    right: Expression
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Not:
-    """True where the operand is false."""
-
-    operand: Expression
-    column: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Logic:
-    """``and`` or ``or`` of at least two predicates."""
-
-    operator: Literal["and", "or"]
-    operands: tuple[Expression, ...]
-    column: int = 0
-
-
-Expression: TypeAlias = Number | Signal | Arithmetic | Function | Comparison | Not | Logic
+def thing_of(signal: Signal) -> Signal | None:
+    """Return the thing a signal is about: its first argument, or the one behind the robot."""
+    named = [a for a in signal.arguments[:2] if isinstance(a, Signal) and not a.arguments]
+    if not named or named[0] is not signal.arguments[0]:
+        return None
+    return named[1] if named[0].name == ROBOT and len(named) > 1 else named[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,71 +140,31 @@ class Oracle:
         """Whether it only measures: no limit, so never red."""
         return isinstance(self.judgement, Amount | Statistic) and self.judgement.limit is None
 
+    def judged(self) -> Iterator[tuple[Expression, bool | None]]:
+        """Yield what is judged, in the order written, and whether it is to hold at each sample.
+
+        ``None``: no single sample decides. A statistic with a limit is a comparison of its signal.
+        """
+        match self.judgement:
+            case Temporal(operator=operator, predicate=predicate):
+                yield predicate, None if operator == "eventually" else operator == "always"
+            case Until(operator=operator, predicate=predicate, release=release):
+                yield predicate, operator == "always"
+                yield release, None
+            case Amount(predicate=predicate, limit=limit):
+                yield predicate, None if limit is None else limit.operator in (">=", ">")
+            case Statistic(signal=signal, limit=None):
+                yield signal, None
+            case Statistic(operator=operator, signal=signal, limit=Limit() as limit):
+                compared = Comparison(limit.operator, signal, limit.number, signal.column)
+                yield compared, True if operator in ("max", "min") else None
+
+    def signals(self) -> Iterator[Signal]:
+        """Yield every signal the oracle reads, in the order written."""
+        guard = () if self.guard is None else (self.guard,)
+        for expression in (*(judged for judged, _ in self.judged()), *guard):
+            yield from (part for part in walk(expression) if isinstance(part, Signal))
+
     def place(self, column: int) -> Where:
         """Where the character at offset ``column`` of the text stands in its file."""
-        return shift_place(self.where, self.text, column)
-
-
-def shift_place(where: Where, text: str, column: int) -> Where:
-    """Return the place of ``text[column]`` when ``text`` starts at ``where``.
-
-    A line without a column is all that is known of a text that is laid out otherwise in its file.
-    """
-    if "\n" in text or (where.line and not where.column):
-        return where
-    return Where(where.file, where.line, (where.column or 1) + column)
-
-
-def walk(expression: Expression) -> Iterator[Expression]:
-    """Yield an expression and everything in it, in the order written; arguments are not parts."""
-    yield expression
-    match expression:
-        case Not(operand=inner) | Function(operand=inner):
-            yield from walk(inner)
-        case Comparison(left=left, right=right) | Arithmetic(left=left, right=right):
-            yield from walk(left)
-            yield from walk(right)
-        case Logic(operands=operands):
-            for inner in operands:
-                yield from walk(inner)
-
-
-def signals_of(oracle: Oracle) -> Iterator[Signal]:
-    """Yield every signal the oracle reads, in the order written."""
-    judged: tuple[Expression, ...] = ()
-    match oracle.judgement:
-        case Temporal(predicate=predicate) | Amount(predicate=predicate):
-            judged = (predicate,)
-        case Statistic(signal=signal):
-            judged = (signal,)
-        case Until(predicate=predicate, release=release):
-            judged = (predicate, release)
-    guard = () if oracle.guard is None else (oracle.guard,)
-    for expression in (*judged, *guard):
-        yield from (part for part in walk(expression) if isinstance(part, Signal))
-
-
-def render(expression: Expression) -> str:
-    """Return ``expression`` in the oracle language; compound parts in parentheses."""
-    match expression:
-        case Number():
-            return expression.text
-        case Signal(name=name, arguments=arguments):
-            return f"{name}({', '.join(map(render, arguments))})" if arguments else name
-        case Function(name="abs", operand=operand):
-            return f"abs({render(operand)})"
-        case Function(operand=operand):
-            return f"-{_part(operand)}"
-        case Not(operand=operand):
-            return f"not {_part(operand)}"
-        case Logic(operator=word, operands=operands):
-            return f" {word} ".join(map(_part, operands))
-        case Arithmetic(operator=sign, left=left, right=right):
-            return f"{_part(left)} {sign} {_part(right)}"
-        case Comparison(operator=sign, left=left, right=right):
-            return f"{render(left)} {sign} {render(right)}"
-
-
-def _part(expression: Expression) -> str:
-    text = render(expression)
-    return text if isinstance(expression, Number | Signal) else f"({text})"
+        return SourceText(self.text, self.where.file, within=self.where).where(column)

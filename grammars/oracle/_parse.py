@@ -6,46 +6,49 @@ The syntax is read by textX, values and units by this module.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from grammars.oracle._checks import check_types
 from grammars.oracle._model import (
     Amount,
-    Arithmetic,
-    Comparison,
     CustomCall,
-    Expression,
-    Function,
     Judgement,
     Leg,
     Limit,
-    Logic,
-    Not,
-    Number,
     Oracle,
     Reached,
-    Signal,
     Statistic,
     Temporal,
     Until,
-    shift_place,
 )
 from grammars.oracle._signals import custom_oracle_names
-from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
+from grammars.text.diagnostics import (
+    Findings,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    did_you_mean,
+)
 from grammars.text.documents import YamlDocument, load_yaml
-from grammars.text.parsing import Language, SyntaxFault
-from grammars.text.quantity import parse_quantity
-from grammars.text.units import DIMENSIONS
+from grammars.text.expressions import (
+    Expression,
+    ExpressionLanguage,
+    Number,
+    read_expression,
+    read_name,
+    read_number,
+)
+from grammars.text.parsing import SyntaxFault
 
 _OPERATORS: Final = (
     *("always", "never", "eventually", "fraction", "time", "longest", "count"),
     *("max", "min", "mean", "final", "p95", "reached"),
 )
 _MAX_LENGTH: Final = 1000
-_MAX_DEPTH: Final = 16
-"""Longer or deeper oracles are refused: nobody could read them, and the parser recurses through a
-dozen rules for every parenthesis."""
+"""Longer oracles are refused: nobody could read them."""
 _EXAMPLE: Final = "an oracle reads like: always(loc.error <= 0.35 m)"
 
 
@@ -55,39 +58,24 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
     Raises :class:`InputError` on syntax errors, unknown signals or units, and comparisons of
     unlike quantities. Names of scenery objects are checked by :func:`check_scene`.
     """
-    tree = _parse_tree(text, where)
-    builder = _OracleBuilder(text, where)
-    guard = builder.expression(tree.guard) if tree.guard else None
-    leg = builder.leg(tree.leg) if tree.leg else None
-    oracle = Oracle(name, text, where, builder.judgement(tree.judgement), guard, leg)
-    found = check_types(oracle)
-    if found:
-        raise InputError(found)
+    # A misspelt operator would read as an oracle that plugs in, and be told as a missing plug-in.
+    _refuse_unknown_operator(text, where)
+    if len(text) > _MAX_LENGTH:
+        raise InputError.at(where, f"is longer than {_MAX_LENGTH} characters")
+    source = SourceText(text, where.file, within=where)
+    tree = _LANGUAGE.parse(source)
+    guard = read_expression(tree.guard, source) if tree.guard else None
+    oracle = Oracle(name, text, where, _judgement(tree.judgement, source), guard, _leg(tree.leg))
+    check_types(oracle)
     return oracle
 
 
-class _OracleLanguage(Language):
-    def message(self, fault: SyntaxFault) -> str:
-        rest = fault.rest.strip()
-        if not rest:
-            return "the oracle ends too early: a parenthesis, a signal or a quantity is missing"
-        read = fault.text[: fault.offset]
-        if re.match(r"(<=|>=|==|!=|<|>)", rest) and re.search(r"[<>=]", read):
-            return 'comparisons cannot be chained: join two of them with "and"'
-        return f'cannot read on at "{rest.split()[0]}"'
-
+class _OracleLanguage(ExpressionLanguage):
     def hint(self, fault: SyntaxFault) -> str:
         return _EXAMPLE
 
 
 _LANGUAGE: Final = _OracleLanguage(Path(__file__).with_name("oracle.tx"), autokwd=True)
-
-
-def _parse_tree(text: str, where: Where) -> Any:
-    # A misspelt operator would read as an oracle that plugs in, and be told as a missing plug-in.
-    _refuse_unknown_operator(text, where)
-    _refuse_oversized(text, where)
-    return _LANGUAGE.parse(SourceText(text, where.file, within=where))
 
 
 def _refuse_unknown_operator(text: str, where: Where) -> None:
@@ -101,106 +89,53 @@ def _refuse_unknown_operator(text: str, where: Where) -> None:
         raise InputError.at(where, f"{given} does not begin an oracle", hint)
 
 
-def _refuse_oversized(text: str, where: Where) -> None:
-    if len(text) > _MAX_LENGTH:
-        raise InputError.at(where, f"is longer than {_MAX_LENGTH} characters")
-    depth = 0
-    for column, character in enumerate(text):
-        depth += (character == "(") - (character == ")")
-        if depth > _MAX_DEPTH:
-            place = shift_place(where, text, column)
-            raise InputError.at(place, f"nests parentheses deeper than {_MAX_DEPTH}")
+def _judgement(node: SyntaxNode, source: SourceText) -> Judgement:
+    match type(node).__name__:
+        case "Temporal":
+            predicate = read_expression(node.predicate, source)
+            if node.until:
+                return _until(node, predicate, source)
+            return Temporal(node.operator, predicate, _quantity(node.within, source))
+        case "Amount":
+            predicate = read_expression(node.predicate, source)
+            return Amount(node.operator, predicate, _limit(node.limit, source))
+        case "Statistic":
+            signal = read_expression(node.signal, source)
+            return Statistic(node.operator, signal, _limit(node.limit, source))
+        case "Reached":
+            return Reached(read_number(node.tolerance, source))
+    arguments = tuple(read_number(argument, source) for argument in node.arguments)
+    return CustomCall(read_name(node.name), arguments)
 
 
-class _OracleBuilder:
-    """Turns the parse tree of one text into values."""
+def _until(node: SyntaxNode, predicate: Expression, source: SourceText) -> Until:
+    until = node.until
+    if node.operator == "eventually" or node.within:
+        hint = "such as: never(contact) until within 60 s (mission.reached >= 1)"
+        first = "eventually" if node.operator == "eventually" else f"{node.operator} within"
+        raise InputError.at(source.at(until), f'"{first}" takes no "until"', hint)
+    release = read_expression(until.release, source)
+    return Until(node.operator, predicate, release, _quantity(until.within, source))
 
-    def __init__(self, text: str, where: Where) -> None:
-        self._text = text
-        self._where = where
 
-    def judgement(self, node: Any) -> Judgement:
-        match type(node).__name__:
-            case "Temporal":
-                return self._until(node) if node.until else self._temporal(node)
-            case "Amount":
-                return Amount(node.operator, self.expression(node.predicate), self.limit(node))
-            case "Statistic":
-                return Statistic(node.operator, self.expression(node.signal), self.limit(node))
-            case "Reached":
-                return Reached(self.number(node.tolerance))
-            case _:
-                return CustomCall(node.name, tuple(map(self.number, node.arguments)))
+def _quantity(node: SyntaxNode, source: SourceText) -> Number | None:
+    return read_number(node, source) if node else None
 
-    def _temporal(self, node: Any) -> Temporal:
-        within = self.number(node.within) if node.within else None
-        return Temporal(node.operator, self.expression(node.predicate), within)
 
-    def _until(self, node: Any) -> Until:
-        part = node.until
-        if node.operator == "eventually" or node.within:
-            place = shift_place(self._where, self._text, part._tx_position)
-            hint = "such as: never(contact) until within 60 s (mission.reached >= 1)"
-            first = "eventually" if node.operator == "eventually" else f"{node.operator} within"
-            raise InputError.at(place, f'"{first}" takes no "until"', hint)
-        within = self.number(part.within) if part.within else None
-        predicate, release = self.expression(node.predicate), self.expression(part.release)
-        return Until(node.operator, predicate, release, within)
+def _limit(node: SyntaxNode, source: SourceText) -> Limit | None:
+    if not node:
+        return None
+    number = read_number(node.quantity, source)
+    if node.negative:
+        number = replace(number, value=-number.value, text=f"-{number.text}")
+    return Limit(node.operator, number)
 
-    def leg(self, node: Any) -> Leg:
-        return Leg(int(node.number or 0), node.waypoint or "", node._tx_position)
 
-    def limit(self, node: Any) -> Limit | None:
-        if not node.limit:
-            return None
-        number = self.number(node.limit.quantity)
-        if node.limit.negative:
-            number = Number(-number.value, number.dimension, f"-{number.text}", number.column)
-        return Limit(node.limit.operator, number)
-
-    def number(self, node: Any) -> Number:
-        column = node._tx_position
-        place = shift_place(self._where, self._text, column)
-        quantity = parse_quantity(node.text, place)
-        kind = DIMENSIONS[quantity.dimension]
-        # Fifteen digits are what people write, binary fractions have more.
-        return Number(float(f"{quantity.value:.15g}"), kind, node.text, column)
-
-    def expression(self, node: Any) -> Expression:
-        column = node._tx_position
-        match type(node).__name__:
-            case "Or" | "And" as kind:
-                operands = tuple(self.expression(operand) for operand in node.operands)
-                if len(operands) == 1:
-                    return operands[0]
-                return Logic("or" if kind == "Or" else "and", operands, column)
-            case "Negation":
-                return Not(self.expression(node.operand), column)
-            case "Comparison":
-                left = self.expression(node.left)
-                if not node.right:
-                    return left
-                return Comparison(node.operator, left, self.expression(node.right), column)
-            case "Sum" | "Product":
-                return self._chain(node)
-            case "Minus":
-                return Function("-", self.expression(node.operand), column)
-            case "Absolute":
-                return Function("abs", self.expression(node.operand), column)
-            case "Group":
-                return self.expression(node.expression)
-            case "Quantity":
-                return self.number(node)
-            case _:
-                arguments = tuple(self.expression(argument) for argument in node.arguments)
-                return Signal(node.name, arguments, column)
-
-    def _chain(self, node: Any) -> Expression:
-        result = self.expression(node.first)
-        for tail in node.rest:
-            operand = self.expression(tail.operand)
-            result = Arithmetic(tail.operator, result, operand, node._tx_position)
-        return result
+def _leg(node: SyntaxNode) -> Leg | None:
+    if not node:
+        return None
+    waypoint = read_name(node.waypoint) if node.waypoint else ""
+    return Leg(int(node.number or 0), waypoint, node._tx_position)
 
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -219,14 +154,11 @@ def load_oracles(path: str | Path) -> dict[str, Oracle]:
             "such as: localised: always(loc.error <= 0.35 m)",
         )
     oracles: dict[str, Oracle] = {}
-    found: list[Diagnostic] = []
+    findings = Findings()
     for name, text in document.data.items():
-        try:
+        with findings.collecting():
             oracles[name] = _read(document, name, text)
-        except InputError as error:
-            found.extend(error.diagnostics)
-    if found:
-        raise InputError(found)
+    findings.raise_errors()
     return oracles
 
 

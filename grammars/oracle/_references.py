@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from grammars.model.mission import Mission
 from grammars.model.movers import is_mover
 from grammars.model.scene import Joint, Scene, SceneObject
-from grammars.oracle._model import ROBOT, Leg, Oracle, Reached, Signal, signals_of
+from grammars.oracle._model import ROBOT, Leg, Oracle, Reached, Signal, thing_of
 from grammars.oracle._signals import SIGNALS, custom_signal_names, mover_hint
 from grammars.text.diagnostics import Diagnostic, did_you_mean
 from grammars.text.words import count_noun
@@ -43,15 +43,16 @@ def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Di
     known = object_signals(scene)
     everywhere = {*SIGNALS, *custom_signal_names()}
     found = []
-    for signal in signals_of(oracle):
+    for signal in oracle.signals():
         if signal.name not in everywhere and signal.name not in known:
             found.append(_missing(oracle, signal, scene, known))
         declared = SIGNALS.get(signal.name)
         # The nodes of a tree are known to nobody but the stack.
-        if signal.object is not None and not (declared and declared.takes_node):
+        thing = thing_of(signal)
+        if thing is not None and not (declared and declared.takes_node):
             things = _related_names(signal, scene)
-            if signal.object.name not in things:
-                found.append(_missing(oracle, signal.object, scene, things, signal.name))
+            if thing.name not in things:
+                found.append(_missing(oracle, thing, scene, things, signal.name))
     if isinstance(oracle.judgement, Reached) and not mission.waypoints:
         found.append(Diagnostic(oracle.where, f'mission "{mission.name}" has no waypoints'))
     if oracle.leg is not None:

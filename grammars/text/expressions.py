@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Final, Literal, TypeAlias, TypeVar
+from typing import Final, Literal, Protocol, TypeAlias, TypeVar
 
 from grammars.text.diagnostics import (
     Diagnostic,
@@ -101,7 +101,7 @@ class Logic:
 
 Expression: TypeAlias = Number | Name | Arithmetic | Function | Comparison | Not | Logic
 
-_PLAIN_NAME: Final = re.compile(r"[^\W\d][\w-]*(\.\w[\w-]*)*")
+_PLAIN_NAME: Final = re.compile(r"(?!(and|or|not|when|within)$)[^\W\d][\w-]*(\.\w[\w-]*)*")
 
 
 def read_expression(node: SyntaxNode, source: SourceText) -> Expression:
@@ -280,6 +280,14 @@ Kind: TypeAlias = Dimension | None
 MaybeKind: TypeAlias = Kind | Literal[Unknown.UNKNOWN]
 
 
+class Placed(Protocol):
+    """A part of a text, beginning at ``column``."""
+
+    @property
+    def column(self) -> int:
+        """Offset of its first character."""
+
+
 @dataclass(frozen=True, slots=True)
 class DimensionCheck:
     """Finds what the expressions of a text are measured in; adds what does not go together.
@@ -293,9 +301,9 @@ class DimensionCheck:
     kind_of_name: Callable[[Name], MaybeKind]
     bare: Dimension = RATIO
 
-    def error(self, expression: Expression, message: str, hint: str = "") -> None:
+    def error(self, place: Placed, message: str, hint: str = "") -> None:
         """Add an error at the place of an expression."""
-        self.findings.error(self.source.where(expression.column), message, hint)
+        self.findings.error(self.source.where(place.column), message, hint)
 
     def kind(self, expression: Expression) -> MaybeKind:
         """Return what an expression is measured in."""
@@ -390,7 +398,7 @@ class ExpressionLanguage(Language):
     def message(self, fault: SyntaxFault) -> str:
         """Return what is wrong with the word that stands there."""
         if not fault.word:
-            return "ends too early: a parenthesis, a name or a quantity is missing"
+            return "the text ends too early: a parenthesis, a name or a quantity is missing"
         if fault.word in "<>=!" and re.search(r"[<>=]", fault.done):
             return 'comparisons cannot be chained: join two of them with "and"'
         return f'cannot read on at "{fault.rest.split()[0]}"'

@@ -231,8 +231,7 @@ def _exercised(example):
         language = _LANGUAGES[kind]
         if kind == "fpm" and not text.lstrip().startswith("Floor plan"):
             text = f"Floor plan: part\n{text}"
-        used = ebnf.used(language, text)
-        return {f"{grammar} {one}" for grammar in (language, "expressions") for one in used}
+        return {f"{language} {one}" for one in ebnf.used(language, text)}
     data = _yaml(text)
     if kind == "oracles":
         used = frozenset().union(*(ebnf.used("oracle", line) for line in data.values()))

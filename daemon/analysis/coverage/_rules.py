@@ -20,7 +20,7 @@ from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
 from grammars.model.scene import Region, Scene, SceneObject
-from grammars.oracle import Reached, parse_oracle, signals_of
+from grammars.oracle import Reached, parse_oracle
 from grammars.text.diagnostics import InputError, Where
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _oracle_signals(text: str) -> OracleSignals:
         return OracleSignals(frozenset(), False)
     # What only says when to judge is not what is judged: a guard on a door makes no door oracle.
     judged = dataclasses.replace(oracle, guard=None)
-    names = {signal.name for signal in signals_of(judged)}
+    names = {signal.name for signal in judged.signals()}
     if isinstance(oracle.judgement, Reached):
         names.add(MISSION)
     return OracleSignals(frozenset(names), not oracle.is_measure)

@@ -9,8 +9,9 @@ from daemon.analysis.report._input import ReportInput
 from daemon.analysis.report._safety_buffer import SafetyBuffer
 from daemon.judging.assessment import reference_comparisons
 from daemon.model.assessments import DURATION, Assessment, ReferenceComparison, ReferenceValue
-from grammars.oracle import Amount, Comparison, Number, Oracle, Signal, Statistic, parse_oracle
+from grammars.oracle import Amount, Oracle, Signal, Statistic, parse_oracle
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.expressions import Comparison, Number
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from daemon.judging.oracles import SignalSampler
 from grammars.model.geometry import Floats, Point2, Ring
-from grammars.oracle import Comparison, Number, Signal, parse_oracle
+from grammars.oracle import Signal, parse_oracle
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.expressions import Comparison, Number
 
 if TYPE_CHECKING:
     from daemon.judging.oracles import ObstaclePolygons

@@ -23,7 +23,8 @@ from daemon.judging.oracles import SignalSampler, quantile_index
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Joint, SceneObject
-from grammars.oracle import Number, Signal, object_signals
+from grammars.oracle import Signal, object_signals
+from grammars.text.expressions import Number
 from grammars.text.units import Dimension
 
 if TYPE_CHECKING:

@@ -59,18 +59,9 @@ from daemon.model.verdicts import Evidence, MarginInterval, Outcome, Verdict
 from daemon.trace import Trace
 from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
-from grammars.oracle import (
-    Amount,
-    Comparison,
-    Expression,
-    Oracle,
-    Reached,
-    Signal,
-    Statistic,
-    Temporal,
-    Until,
-)
+from grammars.oracle import Amount, Oracle, Reached, Signal, Statistic, Temporal, Until
 from grammars.text.diagnostics import InputError
+from grammars.text.expressions import Comparison, Expression
 
 _LEAST: Final = 1e-6
 """The smallest leading margin [SI] that is not 0: a touch without depth is a failure by so much."""

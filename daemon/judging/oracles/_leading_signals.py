@@ -18,7 +18,8 @@ from daemon.judging.oracles._obstacles import footprint_box, obstacles_named
 from daemon.judging.oracles._sampler import SignalSampler
 from daemon.judging.oracles._series import SignalSeries
 from grammars.model.geometry import Ring
-from grammars.oracle import Expression, Function, Signal, obstacle_names
+from grammars.oracle import Signal, obstacle_names, thing_of
+from grammars.text.expressions import Expression, Function
 
 _NEAR: Final = 0.5
 """Up to here [m] the outline of the robot counts, and not the box around it."""
@@ -42,7 +43,7 @@ def leading_quantity(expression: Expression, sampler: SignalSampler) -> SignalSe
     Only what stands alone: in a product or a magnitude going on would change what is meant.
     """
     match expression:
-        case Function(name="-", operand=operand):
+        case Function(name="-", operands=(operand,)):
             signal = leading_quantity(operand, sampler)
             if signal is not None:
                 return SignalSeries(-signal.values, signal.objects, signal.names, signal.note)
@@ -54,7 +55,8 @@ def leading_quantity(expression: Expression, sampler: SignalSampler) -> SignalSe
 
 
 def _thing(signal: Signal) -> str:
-    return signal.object.name if signal.object is not None else ""
+    thing = thing_of(signal)
+    return thing.name if thing is not None else ""
 
 
 def _contact(thing: str, sampler: SignalSampler) -> SignalSeries:

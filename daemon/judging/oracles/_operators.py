@@ -40,7 +40,8 @@ from daemon.judging.oracles._series import SignalSeries, TimeBase, quantile_inde
 from daemon.model.verdicts import Evidence, MarginInterval, join_notes, unknown_margin
 from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
-from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal, Until, render
+from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal, Until
+from grammars.text.expressions import render
 
 _RELEASED = "what it waits for held from the start"
 

@@ -21,18 +21,9 @@ from daemon.judging.oracles._predicate import (
 )
 from daemon.judging.oracles._sampler import PluginError, SignalSampler
 from daemon.model.spec import OracleText
-from grammars.oracle import (
-    Amount,
-    Oracle,
-    Signal,
-    Statistic,
-    Temporal,
-    Until,
-    compared_limits,
-    render,
-    signals_of,
-)
+from grammars.oracle import Amount, Oracle, Signal, Statistic, Temporal, Until, compared_limits
 from grammars.text.diagnostics import InputError
+from grammars.text.expressions import render
 
 Stretch = tuple[float, float]
 
@@ -59,7 +50,7 @@ def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeli
         against = _violations(oracle, sampler) if len(sampler.time_base.time) else ()
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())
-    named = {render(signal): signal for signal in signals_of(oracle)}
+    named = {render(signal): signal for signal in oracle.signals()}
     limits = tuple((one.signal, one.value) for one in compared_limits(oracle))
     return OracleTimeline(written.name, tuple(named.values()), limits, against)
 

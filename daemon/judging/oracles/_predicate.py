@@ -7,7 +7,7 @@ exact meaning. An oracle judges the whole of a run, or the leg of one waypoint.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -17,20 +17,16 @@ import numpy.typing as npt
 from daemon.judging.oracles._sampler import SignalSampler
 from daemon.judging.oracles._series import ObjectIndices, SignalSeries, TimeBase
 from grammars.model.geometry import Floats
-from grammars.oracle import (
+from grammars.oracle import Leg, Oracle, Signal, kind_of, leg_number, margin_kind
+from grammars.text.expressions import (
     Arithmetic,
     Comparison,
     Expression,
     Function,
-    Leg,
     Logic,
     Not,
     Number,
-    Oracle,
-    Signal,
-    kind_of,
-    leg_number,
-    margin_kind,
+    fold,
     render,
 )
 
@@ -108,28 +104,29 @@ def evaluate_predicate(
 
 def evaluate_quantity(expression: Expression, sampler: SignalSampler) -> SignalSeries:
     """Evaluate a checked quantity on the time base; division by zero is unknown (NaN)."""
-    match expression:
-        case Number(value=value):
-            return SignalSeries(np.full(len(sampler.time_base.time), value))
-        case Signal():
-            return sampler.sample(expression)
-        case Function(name=name, operand=operand):
-            inner = evaluate_quantity(operand, sampler)
-            values = -inner.values if name == "-" else np.abs(inner.values)
-            return SignalSeries(values, inner.objects, inner.names, inner.note)
-        case Arithmetic():
-            return _arithmetic(expression, sampler)
-        case _:
-            raise TypeError(f"{render(expression)} is not a quantity")
+
+    def visit(part: Expression, sides: Sequence[SignalSeries]) -> SignalSeries:
+        match part:
+            case Number(value=value):
+                return SignalSeries(np.full(len(sampler.time_base.time), value))
+            case Signal():
+                return sampler.sample(part)
+            case Function(name="min" | "max" as name):
+                return _extreme(name, sides)
+            case Function(name=name):
+                (side,) = sides
+                values = -side.values if name == "-" else np.abs(side.values)
+                return SignalSeries(values, side.objects, side.names, side.note)
+            case Arithmetic(operator=operator):
+                return _arithmetic(operator, *sides)
+        raise TypeError(f"{render(part)} is not a quantity")
+
+    return fold(expression, visit)
 
 
-def _arithmetic(expression: Arithmetic, sampler: SignalSampler) -> SignalSeries:
-    left, right = (
-        evaluate_quantity(expression.left, sampler),
-        evaluate_quantity(expression.right, sampler),
-    )
+def _arithmetic(operator: str, left: SignalSeries, right: SignalSeries) -> SignalSeries:
     a, b = left.values, right.values
-    match expression.operator:
+    match operator:
         case "+":
             values = a + b
         case "-":
@@ -139,8 +136,27 @@ def _arithmetic(expression: Arithmetic, sampler: SignalSampler) -> SignalSeries:
         case _:
             values = np.divide(a, b, out=np.full(len(a), np.nan), where=b != 0.0)
     about = left if left.objects is not None else right
-    note = "; ".join(dict.fromkeys(n for n in (left.note, right.note) if n))
-    return SignalSeries(values, about.objects, about.names, note)
+    return SignalSeries(values, about.objects, about.names, _notes((left, right)))
+
+
+def _extreme(name: str, sides: Sequence[SignalSeries]) -> SignalSeries:
+    """Return the smallest or largest of some series, about the object of that one."""
+    values = np.stack([side.values for side in sides])
+    # A value that is not known is the extreme one for numpy too.
+    extreme = values.argmin(axis=0) if name == "min" else values.argmax(axis=0)
+    picked = (extreme, np.arange(values.shape[1]))
+    names: tuple[str, ...] = ()
+    objects = []
+    for side in sides:
+        own = np.full(values.shape[1], -1) if side.objects is None else side.objects
+        objects.append(np.where(own >= 0, own + len(names), -1))
+        names += side.names
+    owners = np.stack(objects)[picked].astype(np.int32) if names else None
+    return SignalSeries(values[picked], owners, names, _notes(sides))
+
+
+def _notes(sides: Sequence[SignalSeries]) -> str:
+    return "; ".join(dict.fromkeys(side.note for side in sides if side.note))
 
 
 def margin_of(operator: str, value: Floats, limit: Floats) -> Floats:

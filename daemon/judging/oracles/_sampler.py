@@ -48,14 +48,15 @@ from grammars.oracle import (
     SIGNALS,
     CustomCall,
     JointReference,
-    Number,
     Signal,
     custom_oracle,
     custom_signal,
     custom_signal_names,
     object_signals,
     obstacle_names,
+    thing_of,
 )
+from grammars.text.expressions import Number
 from grammars.text.plugins import explain_plugin_error
 
 DOOR_CLEARANCE: Final = "clearance(doors)"
@@ -191,7 +192,8 @@ class SignalSampler:
 
         Raises :class:`PluginError` for a signal of one's own that fails.
         """
-        thing = signal.object.name if signal.object is not None else ""
+        named = thing_of(signal)
+        thing = "" if named is None else named.name
         arguments = tuple(a.value for a in signal.arguments if isinstance(a, Number))
         key = (signal.name, thing, arguments)
         if key not in self._cache:

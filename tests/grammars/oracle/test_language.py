@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 from grammars.oracle import (
     SIGNALS,
     Amount,
-    Comparison,
-    Function,
     Leg,
-    Logic,
-    Not,
-    Number,
     Signal,
     Statistic,
     Temporal,
@@ -22,9 +17,10 @@ from grammars.oracle import (
     kind_of,
     margin_kind,
     parse_oracle,
-    render,
+    thing_of,
 )
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.expressions import Comparison, Function, Logic, Not, Number, render
 
 HERE = Where("navigation.oracles.yaml", 4, 12)
 
@@ -132,7 +128,7 @@ def test_an_object_may_come_before_the_size_of_the_box():
     judgement = parse("min(clearance(door-17, 0.35 m, 0.2 m))").judgement
     assert isinstance(judgement, Statistic)
     assert isinstance(judgement.signal, Signal)
-    assert judgement.signal.object == Signal("door-17", (), 14)
+    assert thing_of(judgement.signal) == Signal("door-17", (), 14)
     assert render(judgement.signal) == "clearance(door-17, 0.35 m, 0.2 m)"
 
 
@@ -163,6 +159,16 @@ def test_a_unit_ends_where_a_signal_begins():
     assert render(oracle.judgement.signal) == "0.5 m / loc.error"
 
 
+@pytest.mark.parametrize("name", ["Follow Path", "a/b", "Spin-2", "not"])
+def test_a_node_may_have_any_name_in_quotes(name):
+    oracle = parse(f"never(bt.node('{name}'))")
+    (signal,) = oracle.signals()
+    assert thing_of(signal) == Signal(name, (), 14)
+    quoted = name if name == "Spin-2" else f'"{name}"'
+    assert render(signal) == f"bt.node({quoted})"
+    assert render(predicate(render(signal))) == render(signal)
+
+
 def test_names_may_contain_hyphens():
     oracle = parse("min(door-17.distance)")
     assert isinstance(oracle.judgement, Statistic)
@@ -182,7 +188,7 @@ def test_what_was_not_read_from_a_text_stands_at_its_beginning():
     assert here == Signal("speed", (), 0)
     assert there.column == 0
     compared = Comparison("<", here, there)
-    made = (compared, Not(compared), Logic("or", (compared,)), Function("abs", here), Leg(1, ""))
+    made = (compared, Not(compared), Logic("or", (compared,)), Function("abs", (here,)), Leg(1, ""))
     assert [node.column for node in made] == [0] * 5
 
 
@@ -233,7 +239,6 @@ def test_any_text_is_either_an_oracle_or_an_input_error(text):
     "text",
     [
         f"never({'(' * 400}contact{')' * 400})",
-        f"never({'(' * 17}contact{')' * 17})",
         f"max({'-' * 900}speed)",
         f"never({'not ' * 900}contact)",
         f"max({'speed + ' * 400}speed)",
@@ -243,11 +248,10 @@ def test_monsters_are_refused_instead_of_exhausting_the_parser(text):
     assert re.search("nest|longer", refusal(text).message)
 
 
-def test_what_is_long_or_deep_but_no_more_than_allowed_is_read():
+def test_what_is_long_or_deep_but_no_monster_is_read():
     assert parse("never(contact)" + " " * 986).text.startswith("never(contact)")
     assert "longer than 1000" in refusal("never(contact)" + " " * 987).message
     parse(f"never({'(' * 15}contact{')' * 15})")
-    assert "deeper than 16" in refusal(f"never({'(' * 16}contact{')' * 16})").message
 
 
 def test_every_declared_signal_can_be_used():

@@ -13,7 +13,6 @@ from grammars.oracle import (
     check_references,
     object_signals,
     parse_oracle,
-    signals_of,
 )
 from grammars.text.diagnostics import InputError, Where
 
@@ -111,7 +110,7 @@ def test_reaching_an_empty_mission_is_no_requirement():
 def test_signals_are_listed_wherever_they_stand():
     text = "always(abs(loc.error.x) < 1 m or not contact) when speed / elapsed > 0 m/s^2"
     oracle = parse_oracle("it", text, Where("o.yaml"))
-    assert [s.name for s in signals_of(oracle)] == ["loc.error.x", "contact", "speed", "elapsed"]
+    assert [s.name for s in oracle.signals()] == ["loc.error.x", "contact", "speed", "elapsed"]
 
 
 LINKS, JOINTS = with_planar_chain((leaf("body"),), (), "body")

@@ -8,7 +8,7 @@ import pytest
 from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline
 from daemon.model.spec import OracleText
 from daemon.trace import CommandTrack, ProgressRecord
-from grammars.oracle import render
+from grammars.text.expressions import render
 from tests.daemon.judging.oracles.traces import along, make_trace, mission, still, times, track
 
 

@@ -86,6 +86,12 @@ def test_a_node_runs_until_its_last_one_of_that_name_does_not():
     assert value(trace, "time(bt.node(Spin))") == 0.0
 
 
+def test_a_node_with_blanks_in_its_name_is_named_in_quotes():
+    tick = (1.0, "Compute Path 1 IDLE>RUNNING"), (3.0, "Compute Path 1 RUNNING>SUCCESS")
+    trace = with_tree(still_trace(), *tick)
+    assert value(trace, 'time(bt.node("Compute Path"))') == pytest.approx(2.0, abs=0.06)
+
+
 def test_a_node_that_ran_between_two_samples_ran():
     tick = (2.01, "Wait 1 IDLE>RUNNING", "Wait 1 RUNNING>SUCCESS")
     trace = with_tree(still_trace(), tick)
@@ -118,6 +124,22 @@ def test_the_nearest_of_all_things_is_the_nearest_of_each():
     each = [value(trace, f"min(clearance({name}, 0.4 m, 0.3 m))")
             for name in obstacle_names(CORRIDOR) if name != "lintel"]  # fmt: skip
     assert value(trace, "min(clearance(0.4 m, 0.3 m))") == min(each)
+
+
+def test_the_smaller_of_two_signals_is_about_the_thing_of_that_one():
+    trace = full()
+    found = verdict(trace, "min(min(clearance(door-17), 9 m, clearance(wall-north)))")
+    assert found.evidence.value == value(trace, "min(clearance(wall-north))")
+    assert found.evidence.object == "wall-north"
+    found = verdict(trace, "final(max(clearance(wall-north), clearance(door-17)))")
+    assert found.evidence.value == value(trace, "final(clearance(door-17))")
+    assert found.evidence.object == "door-17.leaf"
+    assert value(trace, "max(max(speed, 9 m/s))") == 9.0
+    assert verdict(trace, "max(max(clearance(lintel), 1 m))").evidence.value is None
+
+
+def test_a_long_sum_is_judged_like_a_short_one():
+    assert value(full(), f"final({'1+' * 480}1)") == 481.0
 
 
 def test_a_thing_above_the_robot_has_no_clearance():

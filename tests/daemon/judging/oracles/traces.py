@@ -160,7 +160,7 @@ def with_tree(trace, *ticks):
             time,
             [
                 TreeChange(node, int(uid), *way.split(">"))
-                for node, uid, way in map(str.split, tick)
+                for node, uid, way in (change.rsplit(" ", 2) for change in tick)
             ],
         )
         for time, *tick in ticks
