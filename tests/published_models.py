@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import gzip
-import importlib
 import json
 import os
 import shutil
@@ -29,6 +28,8 @@ from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
+from grammars.maps import load_walls, walls_text
+from grammars.maps.map_import import vectorise
 from grammars.model.behaviour import KeyFrames
 from grammars.model.map_files import read_map, write_map
 from grammars.model.mission_files import load_mission
@@ -256,13 +257,9 @@ def _map(path, scratch):
 
 def _imported(file, scratch):
     """Run in the building that is made of a map."""
-    maps = importlib.import_module("grammars.maps")
-    if not hasattr(maps, "vectorise"):
-        return "-"
-    imported = maps.vectorise(read_map(file).grid, maps.ImportSettings())
     walls = scratch / "imported.walls.yaml"
-    walls.write_text(maps.walls_text(getattr(imported, "building", imported)), encoding="utf-8")
-    return run_in(maps.load_walls(walls), walls, scratch)
+    walls.write_text(walls_text(vectorise(read_map(file).grid).building), encoding="utf-8")
+    return run_in(load_walls(walls), walls, scratch)
 
 
 def _key_frames(path, scratch):

@@ -1,6 +1,6 @@
 """FloorPlan language: from `.fpm` text to world geometry."""
 
-from grammars.floorplan._compile import check_geometry
+from grammars.floorplan._compile import check_geometry, check_overlaps
 from grammars.floorplan._features import OpeningPrism, opening_at
 from grammars.floorplan._files import (
     ParsedFloorPlan,
@@ -40,6 +40,7 @@ __all__ = [
     "Space",
     "Wall",
     "check_geometry",
+    "check_overlaps",
     "frames",
     "load_floorplan",
     "opening_at",

@@ -51,7 +51,8 @@ def check_geometry(plan: FloorPlan, drafts: Sequence[SpaceDraft], findings: Find
     walls = {wall.id: wall for wall in plan.walls}
     for opening in plan.openings:
         _check_opening(opening, [walls[name] for name in opening.walls], findings)
-    _check_floor(plan, findings)
+    check_overlaps(plan, findings)
+    _check_features(plan, findings)
 
 
 def _check_winding(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
@@ -136,8 +137,8 @@ def _check_pair(opening: Opening, first: Wall, second: Wall, findings: Findings)
         )
 
 
-def _check_floor(plan: FloorPlan, findings: Findings) -> None:
-    """Warn of rooms that share floor and of features outside their space."""
+def check_overlaps(plan: FloorPlan, findings: Findings) -> None:
+    """Warn of spaces that share floor."""
     import shapely
 
     # A tree, because all pairs of rooms of a large plan are too many.
@@ -152,7 +153,13 @@ def _check_floor(plan: FloorPlan, findings: Findings) -> None:
                     plan.spaces[b].where,
                     f'"{plan.spaces[b].name}" and "{plan.spaces[a].name}" overlap ({area:.2f} m²)',
                 )
-    by_name = {space.name: outline for space, outline in zip(plan.spaces, outlines, strict=True)}
+
+
+def _check_features(plan: FloorPlan, findings: Findings) -> None:
+    """Warn of features outside their space."""
+    import shapely
+
+    by_name = {s.name: shapely.Polygon(s.outline, s.holes) for s in plan.spaces}
     for feature in plan.features:
         if feature.space and not by_name[feature.space].intersects(
             shapely.Polygon(feature.footprint)

@@ -34,9 +34,9 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diag
 
     Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
     """
-    from grammars.floorplan import load_floorplan
+    from grammars.floorplan import WALLS_ENDING, load_floorplan
     from grammars.jsonld import is_jsonld, load_floorplan_jsonld, model_files
-    from grammars.maps import WALLS_ENDING, load_walls
+    from grammars.maps import load_walls
     from grammars.scenery.composition import compile_scene
     from templates.world import ArtefactWorld
 
@@ -209,7 +209,7 @@ def export(
             _refuse_options(context, names, f"goes with {kind}")
     named = _named_file(out, kinds)
     from daemon.analysis.campaign_worlds import worlds_of_campaign
-    from grammars.maps import WALLS_ENDING
+    from grammars.floorplan import WALLS_ENDING
     from grammars.text.diagnostics import Diagnostic, Severity, Where
     from templates.naming import file_name
     from templates.world import ExportSettings

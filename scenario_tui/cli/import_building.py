@@ -16,7 +16,8 @@ from scenario_tui.cli.output import Output, OutputPart, report_diagnostics, say
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from grammars.maps import DrawnBuilding, ImportReport
+    from grammars.maps import WallsText
+    from grammars.maps.map_import import ImportReport
     from grammars.model.geometry import Point2
     from grammars.model.grid import OccupancyGrid
 
@@ -118,7 +119,8 @@ def import_building(
 
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
-    from grammars.maps import EmptyMapError, ImportSettings, vectorise, walls_text
+    from grammars.maps import walls_text
+    from grammars.maps.map_import import EmptyMapError, ImportSettings, vectorise
     from grammars.model.map_files import read_map
 
     target = _target(file, out)
@@ -202,36 +204,28 @@ def _refuse(file: str, message: str, hint: str) -> NoReturn:
     raise InputError.at(Where(file), message, hint)
 
 
-def _output(target: Path, building: DrawnBuilding, report: ImportReport) -> ImportOutput:
-    areas = [space.area for space in building.spaces] + [wall.area for wall in building.walls]
-    rings = [ring for area in areas for ring in (area.outline, *area.holes)]
-    xs = [x for ring in rings for x, _ in ring]
-    ys = [y for ring in rings for _, y in ring]
+def _output(target: Path, building: WallsText, report: ImportReport) -> ImportOutput:
     return ImportOutput(
         str(target),
-        round(max(xs) - min(xs), 3),
-        round(max(ys) - min(ys), 3),
-        [space.name for space in building.spaces],
-        len(building.walls),
+        round(report.width, 3),
+        round(report.depth, 3),
+        list(building.spaces),
+        len(building.standing),
         report.corners,
         [
-            FoundDoorway(door.name, round(math.dist(door.start, door.end), 3), door.depth)
-            for door in building.entryways
+            FoundDoorway(name, round(math.dist(door.start, door.end), 3), door.depth)
+            for name, door in building.entryways.items()
         ],
-        _figures(report),
-    )
-
-
-def _figures(report: ImportReport) -> MapFigures:
-    return MapFigures(
-        report.resolution,
-        round(report.largest_error, 3),
-        [round(math.degrees(direction), 2) for direction in report.directions],
-        round(report.dropped_floor, 3),
-        report.dropped_walls,
-        report.filled_cells,
-        round(report.open_border, 3),
-        report.widest_opening,
+        MapFigures(
+            report.resolution,
+            round(report.largest_error, 3),
+            [round(math.degrees(direction), 2) for direction in report.directions],
+            round(report.dropped_floor, 3),
+            report.dropped_walls,
+            report.filled_cells,
+            round(report.open_border, 3),
+            report.widest_opening,
+        ),
     )
 
 

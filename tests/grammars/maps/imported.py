@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from grammars.floorplan import FloorPlan
-from grammars.maps import ImportedMap, load_walls, vectorise, walls_text
+from grammars.maps import load_walls, walls_text
+from grammars.maps.map_import import ImportedMap, vectorise
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid

@@ -8,7 +8,8 @@ from itertools import pairwise
 import pytest
 import shapely
 
-from grammars.maps import ImportSettings, load_walls, vectorise, walls_text
+from grammars.maps import load_walls, walls_text
+from grammars.maps.map_import import ImportSettings, vectorise
 from grammars.text.diagnostics import Findings, InputError
 
 # Imported in the tests, for every process of a round reads this file.
@@ -70,7 +71,7 @@ def bounds(ring):
 
 
 def rooms(building):
-    return [bounds(space.area.outline) for space in building.spaces]
+    return [bounds(space.outline) for space in building.spaces.values()]
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +83,7 @@ def house(tmp_path_factory):
 
 def test_walls_rooms_and_doorways_are_found(house, tmp_path):
     building = imported(house)
-    (door,) = building.entryways
+    (door,) = building.entryways.values()
     assert (*door.start, *door.end, door.depth) == pytest.approx(
         (6.08, 2, 6.08, 2.9, 0.15), abs=0.03
     )
@@ -112,7 +113,7 @@ def test_units_are_those_of_the_file_or_given(unit, scale, given, tmp_path):
 def test_coordinates_of_a_country_are_moved(tmp_path):
     draw(tmp_path / "house.dxf", unit=6, scale=1.0, at=5_600_000.0)
     assert "was moved by (-5600000 m, -5600000 m)" in drawn(tmp_path / "house.dxf")[1]
-    (dx, dy), *_ = imported(tmp_path / "house.dxf").spaces[0].area.outline
+    (dx, dy), *_ = imported(tmp_path / "house.dxf").spaces["room_1"].outline
     assert 0.0 <= min(dx, dy) <= max(dx, dy) <= 7.0
 
 
@@ -147,10 +148,10 @@ def polygon_area(ring):
 @pytest.mark.parametrize("corners", [L_SHAPE, U_SHAPE], ids=["corner", "yard"])
 def test_floor_outside_that_is_open_is_no_room(corners, tmp_path):
     walls = [(*a, *b) for a, b in pairwise(corners)]
-    (room,) = imported(lines_of(tmp_path / "house.dxf", *walls)).spaces
+    (room,) = imported(lines_of(tmp_path / "house.dxf", *walls)).spaces.values()
     # Corners of thickened lines are round, which may take a corner more.
-    assert polygon_area(room.area.outline) == pytest.approx(polygon_area(corners) - 3.5, abs=1.0)
-    assert bounds(room.area.outline) == (0.05, 0.05, 19.95, 14.95)
+    assert polygon_area(room.outline) == pytest.approx(polygon_area(corners) - 3.5, abs=1.0)
+    assert bounds(room.outline) == (0.05, 0.05, 19.95, 14.95)
 
 
 def spoil(change):
@@ -197,8 +198,8 @@ def test_arcs_of_walls_are_round(tmp_path):
     for vertex in inner.vertices:
         vertex.dxf.bulge = 1.0
     drawing.saveas(tmp_path / "tower.dxf")
-    (room,) = imported(tmp_path / "tower.dxf").spaces
-    assert all(math.hypot(x, y) == pytest.approx(3.7, abs=0.05) for x, y in room.area.outline)
+    (room,) = imported(tmp_path / "tower.dxf").spaces.values()
+    assert all(math.hypot(x, y) == pytest.approx(3.7, abs=0.05) for x, y in room.outline)
 
 
 def test_blocks_are_looked_into_and_windows_are_chosen_by_their_layer(tmp_path):
@@ -214,9 +215,9 @@ def test_blocks_are_looked_into_and_windows_are_chosen_by_their_layer(tmp_path):
     closed = imported(tmp_path / "storey.dxf", layers=("*wall*", "*window*"))
     assert rooms(closed) == [(10.05, 10.05, 14.95, 13.95)]
     assert (
-        len(imported(tmp_path / "storey.dxf").walls[0].area.holes)
+        len(imported(tmp_path / "storey.dxf").standing[0].holes)
         == 0
-        < len(closed.walls[0].area.holes)
+        < len(closed.standing[0].holes)
     )
 
 
@@ -308,11 +309,11 @@ def test_racks_and_columns_of_their_layer_stand_in_the_room(tmp_path):
     racks = (("racks", (2, 2, 9, 3.2)), ("columns", (2, 5, 2.4, 5.4)), ("racks", (20, 0, 22, 2)))
     path = save(hall_of(*racks), tmp_path / "hall.dxf")
     hall = imported(path, standing=("Rack*", "columns"))
-    assert [bounds(wall.area.outline) for wall in hall.walls[1:]] == [
+    assert [bounds(wall.outline) for wall in hall.standing[1:]] == [
         (2, 5, 2.4, 5.4),
         (2, 2, 9, 3.2),
     ]
-    assert len(hall.spaces[0].area.holes) == 2
+    assert len(hall.spaces["room_1"].holes) == 2
     assert "racks (2)" in drawn(path)[1]
 
 

@@ -10,7 +10,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.maps import EmptyMapError, ImportSettings, vectorise, walls_text
+from grammars.maps import walls_text
+from grammars.maps.map_import import EmptyMapError, ImportSettings, vectorise
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.map_files import read_map
 from tests.grammars.maps.imported import (
@@ -43,7 +44,7 @@ def published(data, name, folder):
 
 
 def widths(grid):
-    doors = vectorise(grid).building.entryways
+    doors = vectorise(grid).building.entryways.values()
     return [round(math.dist(door.start, door.end), 3) for door in doors]
 
 
@@ -68,7 +69,7 @@ def test_the_building_of_a_published_map_has_that_map(
     assert found.differing < 0.006
     assert report.largest_error <= 1.0
     assert report.corners < corners
-    assert len(found.plan.openings) == report.doorways == doorways
+    assert len(found.plan.openings) == doorways
     assert not found.plan.warnings
 
 
@@ -88,11 +89,11 @@ def test_walls_along_the_cells_are_drawn_exactly(tmp_path):
 
 def test_doorways_part_rooms_that_are_named_in_reading_order():
     made = vectorise(house()).building
-    assert [space.name for space in made.spaces] == ["room_1", "room_2", "room_3", "room_4"]
-    assert [door.name for door in made.entryways] == ["doorway_1", "doorway_2", "doorway_3"]
-    assert {(door.depth, door.height) for door in made.entryways} == {(0.1, 2.0)}
+    assert list(made.spaces) == ["room_1", "room_2", "room_3", "room_4"]
+    assert list(made.entryways) == ["doorway_1", "doorway_2", "doorway_3"]
+    assert {(door.depth, door.height) for door in made.entryways.values()} == {(0.1, 2.0)}
     assert widths(house()) == [0.9, 0.9, 0.9]
-    (first, *_) = made.entryways
+    (first, *_) = made.entryways.values()
     assert first.start == (3.5, 2.95)
     assert first.end == (4.4, 2.95)
     whole = vectorise(house(), ImportSettings(doorways=False)).building
@@ -120,13 +121,13 @@ def test_doorways_are_found_in_buildings_that_stand_aslant(degrees, turned):
     cells = np.full(x.shape, UNKNOWN, dtype=np.int8)
     cells[inside] = original.cells[y[inside], x[inside]]
     made = vectorise(OccupancyGrid(CELL, 0.0, 0.0, cells), yaw=turned)
-    assert [math.dist(d.start, d.end) for d in made.building.entryways] == [
+    assert [math.dist(d.start, d.end) for d in made.building.entryways.values()] == [
         pytest.approx(0.9, abs=0.1)
     ] * 3
     expected = math.remainder(math.radians(degrees), math.pi / 2)
     assert made.report.directions[0] == pytest.approx(expected, abs=0.005)
     assert len(made.building.spaces) == 4
-    (door, *_) = made.building.entryways
+    (door, *_) = made.building.entryways.values()
     heading = math.atan2(door.end[1] - door.start[1], door.end[0] - door.start[0])
     off = math.remainder(heading - math.radians(degrees) - turned, math.pi / 2)
     assert off == pytest.approx(0.0, abs=0.02)
@@ -134,9 +135,9 @@ def test_doorways_are_found_in_buildings_that_stand_aslant(degrees, turned):
 
 def test_a_turned_map_is_turned_about_its_origin():
     straight, turned = vectorise(house()), vectorise(house(), yaw=math.pi / 2)
-    (before, *_), (after, *_) = (made.building.walls for made in (straight, turned))
-    moved = shapely.Polygon([(-1.0 - (y + 2.0), -2.0 + (x + 1.0)) for x, y in before.area.outline])
-    assert shapely.Polygon(after.area.outline).symmetric_difference(moved).area < 1e-3
+    (before, *_), (after, *_) = (made.building.standing for made in (straight, turned))
+    moved = shapely.Polygon([(-1.0 - (y + 2.0), -2.0 + (x + 1.0)) for x, y in before.outline])
+    assert shapely.Polygon(after.outline).symmetric_difference(moved).area < 1e-3
 
 
 def test_small_pockets_and_specks_are_left_out_and_counted():
@@ -156,9 +157,9 @@ def test_small_pockets_and_specks_are_left_out_and_counted():
     assert report.dropped_floor == pytest.approx(9 * CELL**2)
     assert (report.dropped_walls, report.filled_cells) == (2, 2)
     # A single occupied cell inside is something the robot meets; what nobody saw is a hole.
-    assert report.walls == 2
-    (space,) = made.building.spaces
-    assert len(space.area.holes) == 2
+    assert len(made.building.standing) == 2
+    (space,) = made.building.spaces.values()
+    assert len(space.holes) == 2
 
 
 def test_floor_that_ends_without_a_wall_is_measured():
@@ -190,8 +191,8 @@ def test_any_map_becomes_polygons_that_do_not_overlap(rectangles):
         return
     made = vectorise(grid, ImportSettings(least_room=0.0, specks=1, doorways=False))
     floors, walls = (
-        [shapely.Polygon(part.area.outline, part.area.holes) for part in parts]
-        for parts in (made.building.spaces, made.building.walls)
+        [shapely.Polygon(part.outline, part.holes) for part in parts]
+        for parts in (made.building.spaces.values(), made.building.standing)
     )
     assert all(polygon.is_valid for polygon in (*floors, *walls))
     assert made.report.largest_error <= 1.0

@@ -34,7 +34,7 @@ def test_it_writes_a_layer_and_says_what_is_in_it(scenario, map_file):
     assert "doorways  3: doorway_1 0.90 m" in said.out
     assert "at most 0.00 cells of 0.05 m" in said.out
     assert "floorplan: house" in said.err
-    assert "from a map of 0.05 m per cell: 9.2 m by 6.2 m" in Path("house.walls.yaml").read_text()
+    assert "from a map of 0.05 m per cell, 9.2 m by 6.2 m" in Path("house.walls.yaml").read_text()
 
 
 def test_it_never_writes_over_a_layer_unless_told(scenario, map_file):

@@ -1,10 +1,13 @@
-"""From an occupancy map to a building: floor, walls and doorways, and how exact they are."""
+"""From an occupancy map to a building: floor, walls and doorways, and how exact they are.
+
+This module takes scipy, which campaigns that only read a walls layer do without.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -24,18 +27,17 @@ from grammars.maps._borders import (
 from grammars.maps._cells import tidied
 from grammars.maps._doorways import DoorwaySizes, MapGap, find_doorways
 from grammars.maps._main_directions import main_directions
-from grammars.maps._map_import import EmptyMapError, ImportedMap, ImportReport, ImportSettings
 from grammars.maps._straight_lines import StraightArc
-from grammars.maps.model import Area, DrawnBuilding, DrawnEntryway, DrawnSpace, DrawnWall
+from grammars.maps._walls_layer import AreaText, EntrywayText, StandingText, WallsText
 from grammars.model.geometry import Point2, Pose2, Ring
-
-if TYPE_CHECKING:
-    from grammars.model.grid import OccupancyGrid
+from grammars.model.grid import OccupancyGrid
 
 _DECIMALS: Final = 3
 """Corners are whole millimetres, as a walls layer is written."""
 _FLAT: Final = 1e-6
 """A corner nearer than this to the line past it is none [m]."""
+_NARROWEST, _WIDEST, _DOOR_HEIGHT = 0.7, 1.3, 2.0
+"""Sizes of doorways [m]."""
 _DEEPEST: Final = 0.6
 """Thickness of the thickest wall with a doorway [m]."""
 _WIDER: Final = 0.25
@@ -48,8 +50,72 @@ _JAMB_CELLS: Final = 4.0
 """How far beyond a gap's cells its jambs are looked for."""
 
 
-def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> ImportedMap:
-    """Return the building that a map shows; see :func:`grammars.maps.vectorise`."""
+@dataclass(frozen=True, slots=True)
+class ImportSettings:
+    """Choices for making a building of a map.
+
+    ``tolerance`` is the largest distance between a border of cells and the line drawn for it
+    [cells, at least 0.4]; ``specks`` the fewest cells that are more than noise; ``least_room`` the
+    smallest piece of floor that stays [m²]; ``height`` that of the walls [m], of which a map says
+    nothing. With ``doorways``, gaps between walls become doorways.
+    """
+
+    name: str = "building"
+    tolerance: float = 1.0
+    specks: int = 4
+    least_room: float = 1.0
+    height: float = 2.5
+    doorways: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ImportReport:
+    """Sizes of a building made of a map, and how far it is from the map.
+
+    ``largest_error`` is the greatest distance between a corner of the cells and the line drawn for
+    it, in cells; ``directions`` are the main directions of the walls [rad]; ``dropped_floor`` is
+    the area of pockets that were left out [m²]. ``dropped_walls`` and ``filled_cells`` count cells
+    that were taken for noise. Floor ends without a wall along ``open_border`` [m], the longest
+    piece of which has its middle at ``widest_opening`` [m].
+    """
+
+    resolution: float
+    width: float
+    depth: float
+    corners: int
+    largest_error: float
+    directions: tuple[float, ...]
+    dropped_floor: float
+    dropped_walls: int
+    filled_cells: int
+    open_border: float
+    widest_opening: Point2 | None
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedMap:
+    """A building made of a map, and the report on it."""
+
+    building: WallsText
+    report: ImportReport
+
+
+class EmptyMapError(ValueError):
+    """A map without a single free cell."""
+
+
+def vectorise(
+    grid: OccupancyGrid, settings: ImportSettings | None = None, *, yaw: float = 0.0
+) -> ImportedMap:
+    """Return the building that a map shows.
+
+    Free floor becomes spaces, occupied cells walls; both have their borders in common, and what is
+    unknown is in neither. No corner of a cell on a border lies further from the line drawn for it
+    than the tolerance. ``yaw`` [rad] turns the map about its origin. Equal maps, equal buildings.
+
+    Raises :class:`EmptyMapError` for a map that shows no floor.
+    """
+    settings = settings or ImportSettings()
     per_cell = grid.resolution
     room = max(round(settings.least_room / per_cell**2), 1)
     tidy = tidied(grid.cells, least_room=room, specks=settings.specks)
@@ -70,8 +136,8 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
     if settings.doorways:
         # A cell more or less: a wall may begin anywhere in its first cell.
         sizes = DoorwaySizes(
-            settings.narrowest / per_cell - 1.0,
-            settings.widest / per_cell + 1.0,
+            _NARROWEST / per_cell - 1.0,
+            _WIDEST / per_cell + 1.0,
             _DEEPEST / per_cell,
             _WALL / per_cell,
             _CLEAR / per_cell,
@@ -81,16 +147,17 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
         gaps = find_doorways(tidy.labels, directions, sizes)
     gaps = tuple(_between_walls(gap, walls, frame) for gap in gaps)
     rooms = _parted(floors, gaps, frame)
-    low, high = _extent([*rooms, *walls])
-    size = f"{high[0] - low[0]:.1f} m by {high[1] - low[1]:.1f} m"
-    building = DrawnBuilding(
-        settings.name,
-        tuple(
-            DrawnSpace(f"room_{number}", _area(polygon)) for number, polygon in enumerate(rooms, 1)
-        ),
-        tuple(DrawnWall(_area(polygon), settings.height) for polygon in _in_order(walls)),
-        tuple(_entryways(gaps, frame, min(settings.door_height, settings.height))),
-        source=f"Made by scenario import from a map of {per_cell:g} m per cell: {size}.",
+    bounds = np.array([polygon.bounds for polygon in (*rooms, *walls)])
+    width, depth = (bounds[:, 2:].max(axis=0) - bounds[:, :2].min(axis=0)).tolist()
+    size = f"{width:.1f} m by {depth:.1f} m"
+    # The corners are sound already; reading them once more would take as long as the import.
+    building = WallsText.model_construct(
+        walls=settings.name,
+        about=f"Made by scenario import from a map of {per_cell:g} m per cell, {size}.",
+        height=settings.height,
+        spaces={f"room_{k}": AreaText.model_construct(**_area(p)) for k, p in enumerate(rooms, 1)},
+        standing=[StandingText.model_construct(**_area(p)) for p in _in_order(walls)],
+        entryways=_entryways(gaps, frame, min(_DOOR_HEIGHT, settings.height)),
     )
     ends = sorted(
         (
@@ -102,13 +169,9 @@ def building_of(grid: OccupancyGrid, settings: ImportSettings, yaw: float) -> Im
     )
     report = ImportReport(
         resolution=per_cell,
-        width=high[0] - low[0],
-        depth=high[1] - low[1],
-        spaces=len(rooms),
-        walls=len(walls),
+        width=width,
+        depth=depth,
         corners=sum(len(line) - 1 for line in lines),
-        doorways=len(gaps),
-        floor=float(sum(polygon.area for polygon in rooms)),
         largest_error=max(arc.error() for arc in straight),
         directions=directions,
         dropped_floor=tidy.dropped_free * per_cell**2,
@@ -271,8 +334,8 @@ def _in_order(polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
     return sorted(polygons, key=place)
 
 
-def _entryways(gaps: Sequence[MapGap], frame: _Frame, height: float) -> Iterable[DrawnEntryway]:
-    """Yield the entryways in reading order, each from its left or lower jamb on."""
+def _entryways(gaps: Sequence[MapGap], frame: _Frame, height: float) -> dict[str, EntrywayText]:
+    """Return the entryways in reading order, each from its left or lower jamb on."""
     placed: list[tuple[Point2, Point2, float]] = []
     for gap in gaps:
         half = gap.along() * gap.width / 2
@@ -281,8 +344,12 @@ def _entryways(gaps: Sequence[MapGap], frame: _Frame, height: float) -> Iterable
         start, end = sorted((a, b))
         placed.append(((start[0], start[1]), (end[0], end[1]), gap.depth * frame.resolution))
     placed.sort(key=lambda door: (-round((door[0][1] + door[1][1]) / 2), *door))
-    for number, (start, end, depth) in enumerate(placed, 1):
-        yield DrawnEntryway(f"doorway_{number}", start, end, round(depth, _DECIMALS), height)
+    return {
+        f"doorway_{k}": EntrywayText.model_construct(
+            start=start, end=end, depth=round(depth, _DECIMALS), height=height
+        )
+        for k, (start, end, depth) in enumerate(placed, 1)
+    }
 
 
 def _middle(line: shapely.LineString) -> Point2:
@@ -290,15 +357,14 @@ def _middle(line: shapely.LineString) -> Point2:
     return (round(middle.x, 1), round(middle.y, 1))
 
 
-def _area(polygon: shapely.Polygon) -> Area:
-    return Area(_ring(polygon.exterior), tuple(_ring(hole) for hole in polygon.interiors))
+def _area(polygon: shapely.Polygon) -> dict[str, Any]:
+    """Return the keys of an area."""
+    holes = [_ring(hole) for hole in polygon.interiors]
+    return {"outline": _ring(polygon.exterior)} | ({"holes": holes} if holes else {})
 
 
 def _ring(ring: shapely.LinearRing) -> Ring:
-    return tuple((x, y) for x, y in ring.coords[:-1])
-
-
-def _extent(polygons: Sequence[shapely.Polygon]) -> tuple[Point2, Point2]:
-    bounds = np.array([polygon.bounds for polygon in polygons])
-    low, high = bounds[:, :2].min(axis=0).tolist(), bounds[:, 2:].max(axis=0).tolist()
-    return (low[0], low[1]), (high[0], high[1])
+    # 0.0 is added against -0.0, which would be written another way.
+    return tuple(
+        (round(x, _DECIMALS) + 0.0, round(y, _DECIMALS) + 0.0) for x, y in ring.coords[:-1]
+    )
