@@ -1,12 +1,12 @@
-"""Write what is said anew: ``python -m tests.grammars.errors [LANGUAGE …]``, all by default."""
+"""Renew golden files of messages: ``python -m tests.grammars.errors [LANGUAGE …]``."""
 
 import sys
 import tempfile
 from pathlib import Path
 
-from tests.grammars.errors.goldens import FILES, renew
+from tests.grammars.errors.goldens import GOLDENS, renew
 
-for golden in FILES:
+for golden in GOLDENS:
     if golden.stem in sys.argv[1:] or not sys.argv[1:]:
         with tempfile.TemporaryDirectory() as folder:
             text = renew(golden, Path(folder) / "files")
