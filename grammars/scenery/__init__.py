@@ -88,8 +88,8 @@ of the last point. A yielding one brakes while the robot is so near, ahead of it
 :class:`grammars.model.behaviour.Walk`.
 """
 
-from grammars.scenery._layer import configure, load_scenery, parse_scenery
-from grammars.scenery._usage import unused_groups, unused_parameters, values_in
+from grammars.scenery._layer import load_scenery, parse_scenery
+from grammars.scenery._parameters import configure, unused_groups, unused_parameters
 from grammars.scenery.model import SceneryLayer
 
 __all__ = [
@@ -99,5 +99,4 @@ __all__ = [
     "parse_scenery",
     "unused_groups",
     "unused_parameters",
-    "values_in",
 ]

@@ -1,46 +1,132 @@
-"""From the text of a ``.scenery`` file to a :class:`SceneryLayer`, and a campaign's overrides."""
+"""From the text of a ``.scenery`` file to a :class:`SceneryLayer`."""
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Final, TypeAlias
 
-from grammars.scenery._reader import NodeReader
-from grammars.scenery._syntax import parse_tree
-from grammars.scenery.measure import parse_measure, require_dimension
+from grammars.scenery._objects import read_object
+from grammars.scenery._reader import SceneryReader, rule_of
+from grammars.scenery._sentences import read_sentence
 from grammars.scenery.model import (
     Group,
     Instance,
     ObjectModel,
     Parameter,
-    Path,
     SceneryLayer,
     Sentence,
     Setting,
-    Statement,
-    Subject,
 )
-from grammars.text.diagnostics import (
-    Diagnostic,
-    InputError,
-    SourceText,
-    SyntaxNode,
-    Where,
-    did_you_mean,
-)
+from grammars.text.diagnostics import SourceText, SyntaxNode, Where
+from grammars.text.parsing import Language, SyntaxFault, listed, without_comments
 from grammars.text.sources import read_text
 
 _Part: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _SPACE: Final = re.compile(r'("[^"\n]*")|(?:\s|//[^\n]*)+')
-"""What is between words, and names in quotes, which keep theirs."""
-_OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")
+"""Everything between words; names in quotes keep theirs."""
+_STARTERS: Final = (
+    "object",
+    "mover",
+    "link",
+    "joint",
+    "state",
+    "group",
+    "parameter",
+    "every",
+    "all",
+)
+_STATEMENT_START: Final = re.compile(r"^(?!(?:link|joint|state)\b)[^\W\d]", re.MULTILINE)
+"""A word that is not indented; no sentence needs to begin so, but after an error it must be."""
+_UNITLESS: Final = re.compile(
+    r"(?<!leg\s)(?<!waypoint\s)(?<!probability\s)(?<![\w.\[])\d+(?:\.\d*)?$"
+)
+_READABLE: Final = {
+    "Name": "a name",
+    "QuantityText": "a number",
+    r"an?\b": '"a"',
+    "AxisName": "x or y",
+    "INT": "a whole number",
+    "EOF": "the end of the file",
+    r"[^\d\W]\w*": "a name",
+    r"robot's\s+footprint\b": '"robot\'s footprint"',
+    r"back\s+and\s+forth\b": '"back and forth"',
+    "WaypointName": "a waypoint",
+}
+"""What rules and patterns of the grammar are called in messages."""
+_SHOWN: Final = 8
+_UNSAID: Final = frozenset(
+    {"are", "all", "start", "stay", "move", "toggle", "go", "their", "walk", "cylinder"}
+)
+"""Other forms of words: accepted, but not suggested beside the first form."""
 
 
-def load_scenery(path: str | FilePath) -> SceneryLayer:
+class _SceneryLanguage(Language):
+    words = _READABLE
+    token = re.compile(r"\w+|\S")
+
+    def statement_starts(self, text: str) -> Sequence[int]:
+        return [match.start() for match in _STATEMENT_START.finditer(without_comments(text))]
+
+    def phrases(self, fault: SyntaxFault) -> Sequence[str]:
+        """Return what could stand there, words before signs."""
+        said = [self.words.get(key, f'"{key}"') for key in fault.expected if key not in _UNSAID]
+        return sorted(dict.fromkeys(said), key=lambda name: not name.strip('"')[:1].isalnum())
+
+    def message(self, fault: SyntaxFault) -> str:
+        found = _quoted(fault.word) if fault.word else "the end of the file"
+        words = self.phrases(fault)
+        if words:
+            many = len(words) > _SHOWN
+            expected = ", ".join((*words[:_SHOWN], "…")) if many else listed(words)
+            return f"expected {expected}, found {found}"
+        return f"{found} {'cannot be a name' if _is_reserved(fault) else 'is not expected'}"
+
+    def hint(self, fault: SyntaxFault) -> str:
+        """Compare the word found with those expected, and the first of its line with openings."""
+        expected = self.phrases(fault)
+        if not expected and _is_reserved(fault):
+            return "take another word"
+        if fault.word == "#":
+            return "comments start with //"
+        if re.search(r"\d,\d[^,()]*$", fault.done):
+            return "decimals are written with a point: 1.5, not 1,5"
+        unitless = _UNITLESS.search(fault.done)
+        if unitless is not None:
+            return f"a unit is missing after {unitless[0]}"
+        line = fault.text[fault.text.rfind("\n", 0, fault.offset) + 1 : fault.offset]
+        first = re.match(r"\s*(\w+)", line)
+        candidates = [
+            (fault.word, [word.strip('"') for word in expected]),
+            (first[1] if first else "", list(_STARTERS)),
+        ]
+        for word, known in candidates:
+            if len(word) < 3 or word in known:
+                continue
+            if word.lower() in known:
+                return f'write "{word.lower()}" in small letters'
+            close = difflib.get_close_matches(word, known, 1, 0.75)
+            if close:
+                return f'did you mean "{close[0]}"?'
+        return ""
+
+
+def _is_reserved(fault: SyntaxFault) -> bool:
+    return fault.word in (*_STARTERS, "except")
+
+
+def _quoted(word: str) -> str:
+    return f"'{word}'" if word == '"' else f'"{word}"'
+
+
+_LANGUAGE: Final = _SceneryLanguage(Path(__file__).with_name("scenery.tx"), autokwd=True)
+
+
+def load_scenery(path: str | Path) -> SceneryLayer:
     """Read a ``.scenery`` file; raises :class:`InputError` with every problem found in it."""
     return parse_scenery(read_text(path), str(path))
 
@@ -49,18 +135,17 @@ def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryL
     """Read the text of a layer; ``file`` is the name used in messages, its stem names the layer.
 
     ``within`` is the place of a text that is part of another file. Raises :class:`InputError` with
-    every problem found (of a syntax error only the first).
+    every problem found, of syntax one per statement.
     """
     source = SourceText(text, file, within=within)
-    reader = NodeReader(source)
-    tree = parse_tree(source)
-    nodes = getattr(tree, "statements", ())  # an empty text gives no tree
-    values: list[_Part] = reader.read_all(nodes, partial(_read, reader, source))
+    reader = SceneryReader(source)
+    # An empty text gives no tree.
+    nodes = getattr(_LANGUAGE.parse_sound(source, reader), "statements", ())
+    values: list[_Part] = reader.read_all(nodes, partial(_part, text))
     _check_names(reader, values)
-    if reader.diagnostics:
-        raise InputError(sorted(reader.diagnostics, key=lambda d: (d.where.line, d.where.column)))
+    reader.raise_errors()
     return SceneryLayer(
-        name=FilePath(file).name.removesuffix(".scenery"),
+        name=Path(file).name.removesuffix(".scenery"),
         file=file,
         models=tuple(v for v in values if isinstance(v, ObjectModel)),
         instances=tuple(v for v in values if isinstance(v, Instance)),
@@ -71,96 +156,26 @@ def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryL
     )
 
 
-def _read(reader: NodeReader, source: SourceText, node: SyntaxNode) -> _Part:
-    part: _Part = node.read(reader)
-    if not isinstance(part, Statement):
-        return part
-    written = source.text[node._tx_position : node._tx_position_end]
+def _part(text: str, reader: SceneryReader, node: SyntaxNode) -> _Part:
+    match rule_of(node):
+        case "Object":
+            return read_object(reader, node)
+        case "ObjectGroup":
+            part: Group | Parameter | Instance | Setting | Sentence
+            part = Group(node.name, reader.subject(node.members), reader.where(node))
+        case "Parameter":
+            part = Parameter(node.name, reader.measure(node.value), reader.where(node))
+        case _:
+            part = read_sentence(reader, node)
+    written = text[node._tx_position : node._tx_position_end]
     return replace(part, text=_SPACE.sub(lambda space: space[1] or " ", written))
 
 
-def _check_names(reader: NodeReader, values: Sequence[_Part]) -> None:
+def _check_names(reader: SceneryReader, values: Sequence[_Part]) -> None:
     seen: dict[str, Where] = {}
     for value in values:
-        if not isinstance(value, ObjectModel | Instance | Group | Parameter):
-            continue
-        if value.name in seen:
-            hint = f"first used at {seen[value.name]}"
-            reader.report(value.where, f'the name "{value.name}" is taken', hint)
-        seen.setdefault(value.name, value.where)
-
-
-def configure(
-    layer: SceneryLayer,
-    overrides: Mapping[str, object],
-    where: Where | None = None,
-    places: Mapping[str, Where] | None = None,
-) -> SceneryLayer:
-    """Return ``layer`` with other parameter values and group members.
-
-    ``overrides`` is what a campaign says: a quantity with its unit for a parameter (``"1.3 m"``),
-    a name or a list of names for a group. ``where`` is the place in the campaign, for messages,
-    and ``places`` that of each of them, where it is known.
-    Raises :class:`InputError` with every override that does not fit.
-    """
-    if not overrides:
-        return layer
-    groups = {group.name: group for group in layer.groups}
-    parameters = {parameter.name: parameter for parameter in layer.parameters}
-    findings: list[Diagnostic] = []
-    for key, value in overrides.items():
-        # Campaigns are YAML, where names are written with dashes.
-        name = str(key).replace("-", "_")
-        place = (places or {}).get(str(key)) or where or Where(layer.file)
-        try:
-            if name in groups:
-                groups[name] = _regrouped(groups[name], value, place)
-            elif name in parameters:
-                parameters[name] = _changed(parameters[name], value, place)
-            else:
-                hint = did_you_mean(name, (*groups, *parameters))
-                findings.append(
-                    Diagnostic(place, f'layer {layer.name} has no parameter "{key}"', hint)
-                )
-        except InputError as error:
-            findings.extend(error.diagnostics)
-    if findings:
-        raise InputError(findings)
-    return replace(layer, groups=tuple(groups.values()), parameters=tuple(parameters.values()))
-
-
-def _regrouped(group: Group, value: object, where: Where) -> Group:
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list | tuple) or not names:
-        raise InputError.at(
-            where, f"{group.name} is a group", f"write {group.name}: [door_1, door_2]"
-        )
-    paths = []
-    for name in names:
-        match = _OBJECT.fullmatch(name) if isinstance(name, str) else None
-        if match is None:
-            message = f'{group.name}: "{name}" is not the name of an object'
-            raise InputError.at(where, message, "write names, such as door_1")
-        paths.append(Path(match[1], match[2] or "", where))
-    members = Subject(False, tuple(paths), (), where)
-    return Group(group.name, members, where, text=f"group {group.name}: {members}")
-
-
-def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
-    if not isinstance(value, str | int | float) or isinstance(value, bool):
-        raise InputError.at(
-            where,
-            f"{parameter.name} is a quantity",
-            f"write {parameter.name}: {parameter.value.text}",
-        )
-    given = parse_measure(str(value), where)
-    try:
-        require_dimension(given, parameter.value.dimension)
-    except InputError as error:
-        raise InputError.at(
-            where,
-            f"{parameter.name}: {error.diagnostics[0].message}",
-            f"write {parameter.name}: {parameter.value.text}",
-        ) from error
-    text = f"parameter {parameter.name} = {given}"
-    return Parameter(parameter.name, given, where, text=text)
+        if isinstance(value, ObjectModel | Instance | Group | Parameter):
+            if value.name in seen:
+                hint = f"first used at {seen[value.name]}"
+                reader.error(value.where, f'the name "{value.name}" is taken', hint)
+            seen.setdefault(value.name, value.where)

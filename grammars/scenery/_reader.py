@@ -2,113 +2,92 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
-from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
-from grammars.scenery.measure import Measure, parse_measure, require_dimension
+from grammars.scenery.measure import Measure, parse_measure
 from grammars.scenery.model import Amount, FrameName, Name, Path, Subject
-from grammars.text.diagnostics import Diagnostic, InputError, SourceText, TypedNode, Where
+from grammars.text.diagnostics import Findings, InputError, SyntaxNode, Where
 
 T = TypeVar("T")
 
-
-class WordNode(TypedNode):
-    """A name."""
-
-    text: str
+Options: TypeAlias = dict[str, SyntaxNode]
+"""The options of a sentence by the names of their rules."""
 
 
-class QuantityNode(TypedNode):
-    """A number with its unit."""
-
-    number: str
-    unit: str
+def rule_of(node: SyntaxNode) -> str:
+    """Return the name of the rule that a node stands for."""
+    return type(node).__name__
 
 
-RULES: Final = (WordNode, QuantityNode)
+class SceneryReader(Findings):
+    """Turns nodes of the syntax tree into values, and gathers what is wrong with them.
 
+    A broken quantity is reported and read as NaN, so that the rest of its statement is read too.
+    """
 
-class NodeReader:
-    """Turns parse tree nodes into values and collects what is wrong with them."""
+    def refusal(self, place: SyntaxNode | Where, message: str, hint: str = "") -> InputError:
+        """Return the error that ends the reading of a statement."""
+        return InputError.at(self.where(place), message, hint)
 
-    def __init__(self, source: SourceText) -> None:
-        self._source = source
-        self.diagnostics: list[Diagnostic] = []
+    def read_all(
+        self, nodes: Iterable[SyntaxNode], read: Callable[[SceneryReader, SyntaxNode], T]
+    ) -> list[T]:
+        """Return the values of all nodes that are in order; the others are reported."""
+        values: list[T] = []
+        for node in nodes:
+            with self.collecting():
+                values.append(read(self, node))
+        return values
 
-    def where(self, node: Any) -> Where:
-        """Return where ``node`` starts."""
-        return self._source.at(node)
-
-    def report(self, where: Where, message: str, hint: str = "") -> None:
-        """Note an error and go on."""
-        self.diagnostics.append(Diagnostic(where, message, hint))
-
-    def read_or_collect(self, read: Callable[[], T]) -> T | None:
-        """Return ``read()``, or ``None`` after noting the errors it raised."""
-        try:
-            return read()
-        except InputError as error:
-            self.diagnostics.extend(error.diagnostics)
-            return None
-
-    def read_all(self, nodes: Iterable[Any], read: Callable[[Any], T]) -> list[T]:
-        """Return ``read(node)`` of all nodes that are in order; the others are noted."""
-        values = [self.read_or_collect(partial(read, node)) for node in nodes]
-        return [value for value in values if value is not None]
-
-    def name(self, node: Any) -> Name:
+    def name(self, node: SyntaxNode) -> Name:
         """Read a word."""
-        return Name(str(node.text), self.where(node))
+        return Name(node.text, self.where(node))
 
-    def measure(self, node: Any) -> Measure:
-        """Read a number with its unit."""
-        return parse_measure(f"{node.number} {node.unit}", self.where(node))
+    def measure(self, node: SyntaxNode, *dimensions: str) -> Measure:
+        """Read a quantity of one of ``dimensions``, or of any."""
+        where = self.where(node)
+        with self.collecting():
+            return parse_measure(node.text, where, *dimensions)
+        return Measure(math.nan, "", node.text, where)
 
-    def value(self, node: Any, *dimensions: str, default: float = 0.0) -> float:
-        """Read a quantity of one of ``dimensions`` in SI units; ``default`` when it is absent."""
-        return default if node is None else require_dimension(self.measure(node), *dimensions)
+    def value(self, node: SyntaxNode | None, *dimensions: str) -> float:
+        """Read a quantity of one of ``dimensions`` in SI units; 0 when it is absent."""
+        return 0.0 if node is None else self.measure(node, *dimensions).value
 
-    def amount(self, node: Any, *dimensions: str) -> Amount:
-        """Read a quantity or a name; a quantity must have one of ``dimensions`` (if any)."""
-        if isinstance(node, WordNode):
-            return self.name(node)
-        given = self.measure(node)
-        if dimensions:
-            require_dimension(given, *dimensions)
-        return given
+    def amount(self, node: SyntaxNode, *dimensions: str) -> Amount:
+        """Read a name, or a quantity of one of ``dimensions``."""
+        return self.name(node) if rule_of(node) == "Word" else self.measure(node, *dimensions)
 
-    def optional(self, node: Any, *dimensions: str) -> Amount | None:
+    def optional(self, node: SyntaxNode | None, *dimensions: str) -> Amount | None:
         """Read an amount that may be absent."""
         return None if node is None else self.amount(node, *dimensions)
 
-    def path(self, node: Any) -> Path:
+    def option(self, options: Options, rule: str, *dimensions: str) -> Amount | None:
+        """Read the amount of an option that may be absent."""
+        return self.amount(options[rule].value, *dimensions) if rule in options else None
+
+    def path(self, node: SyntaxNode) -> Path:
         """Read ``object`` or ``object.joint``."""
-        joint = node.joint.text if node.joint is not None else ""
-        return Path(str(node.object.text), str(joint), self.where(node))
+        return Path(node.object, node.joint or "", self.where(node))
 
-    def frame(self, node: Any) -> FrameName:
+    def frame(self, node: SyntaxNode) -> FrameName:
         """Read the name of a frame of the floor plan."""
-        wall = int(node.wall) if node.walls else None
-        part = str(node.part.text) if node.part is not None else ""
-        return FrameName(str(node.name.text), wall, part, self.where(node))
+        wall = node.wall if node.walls else None
+        return FrameName(node.name, wall, node.part or "", self.where(node))
 
-    def subject(self, node: Any) -> Subject:
+    def subject(self, node: SyntaxNode) -> Subject:
         """Read whom a sentence is about."""
-        return Subject(
-            bool(node.every),
-            tuple(self.path(n) for n in node.names),
-            tuple(self.path(n) for n in node.exceptions),
-            self.where(node),
-        )
+        names, exceptions = (tuple(map(self.path, n)) for n in (node.names, node.exceptions))
+        return Subject(bool(node.every), names, exceptions, self.where(node))
 
-    def options_by_rule(self, options: Any) -> dict[str, Any]:
+    def options(self, nodes: Iterable[Any]) -> Options:
         """Return options by the names of their rules; one written twice is an error."""
-        found: dict[str, Any] = {}
-        for option in options:
-            kind = type(option).__name__
+        options: Options = {}
+        for node in nodes:
+            if rule_of(node) in options:
+                self.error(node, f'"{node.keyword}" is written twice')
             # The first one counts for what follows, so that one slip is one message.
-            if kind in found:
-                self.report(self.where(option), f'"{option.keyword}" is written twice')
-            found.setdefault(kind, option)
-        return found
+            options.setdefault(rule_of(node), node)
+        return options

@@ -1,23 +1,26 @@
-"""Reading sentences: how objects start, what their joints do, and walks."""
+"""Reading sentences: where objects stand, how they start, what their joints do, and walks."""
 
 from __future__ import annotations
 
-from typing import Any, Final, TypeAlias, get_args
+from collections.abc import Callable
+from typing import Final, Literal, TypeAlias
 
-from grammars.scenery._events import EventNode, RobotIsNearNode
-from grammars.scenery._instances import IsANode
-from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
+from grammars.scenery._reader import Options, SceneryReader, rule_of
 from grammars.scenery.model import (
     Alternates,
-    Amount,
+    At,
+    EventPhrase,
     FrameName,
     Freezes,
     Goes,
-    Group,
+    In,
     Instance,
     MotionAs,
     Moves,
-    Parameter,
+    Name,
+    OnLeg,
+    OnObject,
+    OnWaypoint,
     Reacts,
     RoutePoint,
     Sentence,
@@ -26,11 +29,13 @@ from grammars.scenery.model import (
     Stays,
     Subject,
     Toggles,
+    Towards,
     Waiting,
     Walks,
 )
-from grammars.text.diagnostics import InputError, SyntaxNode, TypedNode
-from grammars.text.quantity import parse_quantity
+from grammars.text.diagnostics import SyntaxNode
+
+_Meaning: TypeAlias = Instance | Setting | Sentence
 
 _SPEEDS = ("angular speed", "speed")
 _EFFORTS = ("torque", "force")
@@ -39,267 +44,169 @@ _DAMPINGS = ("torsional damping", "damping")
 _POSITIONS = ("angle", "length")
 
 
-class IsFrozenNode(TypedNode):
-    """``store_door is frozen``."""
-
-    def read(self, reader: NodeReader, subject: Subject) -> Freezes:
-        """Return the setting."""
-        return Freezes(subject, subject.where)
+def read_sentence(reader: SceneryReader, node: SyntaxNode) -> _Meaning:
+    """Read a subject and its predicate."""
+    predicate = node.predicate
+    return _PREDICATES[rule_of(predicate)](reader, predicate, reader.subject(node.subject))
 
 
-class StartsNode(TypedNode):
-    """``front_door starts open``."""
-
-    position: SyntaxNode
-
-    def read(self, reader: NodeReader, subject: Subject) -> Starts:
-        """Return the setting."""
-        return Starts(subject, reader.amount(self.position, *_POSITIONS), subject.where)
+def _freezes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Freezes:
+    """Read ``store_door is frozen``."""
+    return Freezes(subject, subject.where)
 
 
-class StaysNode(TypedNode):
-    """``front_door stays closed``."""
-
-    position: SyntaxNode
-
-    def read(self, reader: NodeReader, subject: Subject) -> Stays:
-        """Return the sentence."""
-        return Stays(subject, reader.amount(self.position, *_POSITIONS), subject.where)
+def _starts(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Starts:
+    """Read ``front_door starts open``."""
+    return Starts(subject, reader.amount(node.position, *_POSITIONS), subject.where)
 
 
-class MovesNode(TypedNode):
-    """``front_door moves to open at 5 s``."""
-
-    frames: list[SyntaxNode]
-    options: list[SyntaxNode]
-
-    def read(self, reader: NodeReader, subject: Subject) -> Moves:
-        """Return the sentence."""
-        options = reader.options_by_rule(self.options)
-        frames = tuple(
-            (reader.amount(f.position, *_POSITIONS), reader.amount(f.time, "time"))
-            for f in self.frames
-        )
-        motion = _motion(reader, options.get("By"))
-        return Moves(subject, frames, motion, subject.where, listed="AsListed" in options)
+def _stays(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Stays:
+    """Read ``front_door stays closed``."""
+    return Stays(subject, reader.amount(node.position, *_POSITIONS), subject.where)
 
 
-class TogglesNode(TypedNode):
-    """``front_door toggles between closed and open every 30 s``, or ``after`` random waits."""
+def _moves(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Moves:
+    """Read ``front_door moves to open at 5 s``."""
+    options = reader.options(node.options)
+    frames = tuple(
+        (reader.amount(frame.position, *_POSITIONS), reader.amount(frame.time, "time"))
+        for frame in node.frames
+    )
+    listed = "AsListed" in options
+    return Moves(subject, frames, _motion(reader, options), subject.where, listed=listed)
 
-    first: SyntaxNode
-    second: SyntaxNode
-    period: SyntaxNode
-    waiting: SyntaxNode | None
-    options: list[SyntaxNode]
 
-    def read(self, reader: NodeReader, subject: Subject) -> Toggles | Alternates:
-        """Return the sentence."""
-        options = reader.options_by_rule(self.options)
-        if self.waiting is not None:
-            return self._alternates(reader, subject, self.waiting, options)
-        late = options.get("Late")
-        return Toggles(
-            subject,
-            reader.amount(self.first, *_POSITIONS),
-            reader.amount(self.second, *_POSITIONS),
-            reader.amount(self.period, "time"),
-            _time(reader, options.get("From")),
-            _time(reader, options.get("Until")),
-            _probability(reader, options.get("Probability")),
-            _time(reader, late),
-            None if late is None else reader.optional(late.step, "time"),
-            _motion(reader, options.get("By")),
-            subject.where,
-        )
-
-    def _alternates(
-        self,
-        reader: NodeReader,
-        subject: Subject,
-        waiting: SyntaxNode,
-        options: dict[str, Any],
-    ) -> Alternates:
+def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggles | Alternates:
+    """Read ``front_door toggles between closed and open every 30 s``, or ``after`` random waits."""
+    options = reader.options(node.options)
+    first, second = (reader.amount(n, *_POSITIONS) for n in (node.first, node.second))
+    since, until = (reader.option(options, rule, "time") for rule in ("From", "Until"))
+    motion = _motion(reader, options)
+    late = options.get("Late")
+    if node.waiting is not None:
         for option in (options[rule] for rule in ("Probability", "Late") if rule in options):
             message = f'"{option.keyword}" is for changes every so often, not after waiting'
-            reader.report(reader.where(option), message, "leave it out, or write every 30 s")
-        return Alternates(
-            subject,
-            reader.amount(self.first, *_POSITIONS),
-            reader.amount(self.second, *_POSITIONS),
-            _waiting(reader, waiting),
-            _time(reader, options.get("From")),
-            _time(reader, options.get("Until")),
-            _motion(reader, options.get("By")),
-            subject.where,
-        )
+            reader.error(option, message, "leave it out, or write every 30 s")
+        waiting = _waiting(reader, node.waiting)
+        return Alternates(subject, first, second, waiting, since, until, motion, subject.where)
+    return Toggles(
+        subject,
+        first,
+        second,
+        reader.amount(node.period, "time"),
+        since,
+        until,
+        _probability(reader, options),
+        reader.option(options, "Late", "time"),
+        None if late is None else reader.optional(late.step, "time"),
+        motion,
+        subject.where,
+    )
 
 
-class GoesNode(TypedNode):
-    """``front_door goes from open to closed when …``: a trigger, or a reaction to an event."""
-
-    start: SyntaxNode
-    end: SyntaxNode
-    options: list[SyntaxNode]
-
-    def read(self, reader: NodeReader, subject: Subject) -> Goes | Reacts:
-        """Return the sentence."""
-        options = reader.options_by_rule(self.options)
-        if "When" not in options:
-            raise InputError.at(
-                subject.where,
-                "when does it go?",
-                "add when the robot is within 1.3 m of its hinge; moves to … at … for given times",
-            )
-        condition = options["When"].condition
-        if isinstance(condition, RobotIsNearNode):
-            return self._goes(reader, subject, condition, options)
-        return self._reacts(reader, subject, condition, options)
-
-    def _goes(
-        self,
-        reader: NodeReader,
-        subject: Subject,
-        near: RobotIsNearNode,
-        options: dict[str, Any],
-    ) -> Goes:
-        again, starting = options.get("Again"), options.get("Starting")
+def _goes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Goes | Reacts:
+    """Read ``front_door goes from open to closed when …``: a trigger, or a reaction to an event."""
+    options = reader.options(node.options)
+    if "When" not in options:
+        hint = "add when the robot is within 1.3 m of its hinge; moves to … at … for given times"
+        raise reader.refusal(subject.where, "when does it go?", hint)
+    condition = options["When"].condition
+    start, end = (reader.amount(n, *_POSITIONS) for n in (node.start, node.end))
+    motion = _motion(reader, options)
+    if rule_of(condition) == "RobotIsNear":
         if "After" in options:
             message = "only events are reacted to after some time, not the robot's distance"
-            raise InputError.at(reader.where(options["After"]), message, "leave it out")
+            raise reader.refusal(options["After"], message, "leave it out")
         return Goes(
             subject,
-            reader.amount(self.start, *_POSITIONS),
-            reader.amount(self.end, *_POSITIONS),
-            reader.amount(near.distance, "length"),
-            near.point,
-            "footprint" if near.body else "base",
-            None if again is None else reader.amount(again.value, "length"),
-            None if starting is None else reader.amount(starting.value, *_POSITIONS),
-            _motion(reader, options.get("By")),
+            start,
+            end,
+            reader.amount(condition.distance, "length"),
+            condition.point,
+            "footprint" if condition.body else "base",
+            reader.option(options, "Again", "length"),
+            reader.option(options, "Starting", *_POSITIONS),
+            motion,
             subject.where,
         )
-
-    def _reacts(
-        self, reader: NodeReader, subject: Subject, event: EventNode, options: dict[str, Any]
-    ) -> Reacts:
-        if "Again" in options:
-            where = reader.where(options["Again"])
-            raise InputError.at(where, "an event is reacted to once", "leave out again …")
-        if "Starting" in options:
-            where = reader.where(options["Starting"])
-            message = "only what waits for the robot to come near starts elsewhere"
-            raise InputError.at(where, message, "leave out starting at …")
-        return Reacts(
-            subject,
-            reader.amount(self.start, *_POSITIONS),
-            reader.amount(self.end, *_POSITIONS),
-            event.event(reader),
-            _time(reader, options.get("After")),
-            _motion(reader, options.get("By")),
-            subject.where,
-        )
+    if "Again" in options:
+        raise reader.refusal(options["Again"], "an event is reacted to once", "leave out again …")
+    if "Starting" in options:
+        message = "only what waits for the robot to come near starts elsewhere"
+        raise reader.refusal(options["Starting"], message, "leave out starting at …")
+    event = _event(reader, condition)
+    after = reader.option(options, "After", "time")
+    return Reacts(subject, start, end, event, after, motion, subject.where)
 
 
-class WalksNode(TypedNode):
-    """``visitor walks along …``."""
-
-    points: list[SyntaxNode]
-    options: list[SyntaxNode]
-
-    def read(self, reader: NodeReader, subject: Subject) -> Walks:
-        """Return the sentence."""
-        options = reader.options_by_rule(self.options)
-        when, after = options.get("When"), options.get("After")
-        since = options.get("From") or after
-        if when is None and after is not None:
-            raise InputError.at(reader.where(after), "after what?", "add when …, or write from 5 s")
-        if when is not None and "From" in options:
-            raise InputError.at(
-                reader.where(options["From"]), "a walk begins at a time or with an event"
-            )
-        if "Yielding" in options and "NotYielding" in options:
-            raise InputError.at(subject.where, "it yields or it does not")
-        pausing = options.get("Pausing")
-        return Walks(
-            subject,
-            _route(reader, self.points),
-            _amount(reader, options.get("AtSpeed"), "speed"),
-            _amount(reader, options.get("Accelerating"), "acceleration"),
-            _manner(options.get("Manner")),
-            _amount(reader, pausing, "time"),
-            pausing is not None and bool(pausing.everywhere),
-            _amount(reader, since, "time"),
-            None if when is None else when.condition.event(reader),
-            _facing(reader, options.get("Facing")),
-            _amount(reader, options.get("Yielding"), "length"),
-            subject.where,
-        )
+def _walks(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Walks:
+    """Read ``visitor walks along …``."""
+    options = reader.options(node.options)
+    when = options.get("When")
+    if when is None and "After" in options:
+        raise reader.refusal(options["After"], "after what?", "add when …, or write from 5 s")
+    if when is not None and "From" in options:
+        raise reader.refusal(options["From"], "a walk begins at a time or with an event")
+    if "Yielding" in options and "NotYielding" in options:
+        raise reader.refusal(subject.where, "it yields or it does not")
+    facing = options.get("Facing")
+    return Walks(
+        subject,
+        _route(reader, node.points),
+        reader.option(options, "AtSpeed", "speed"),
+        reader.option(options, "Accelerating", "acceleration"),
+        _manner(options),
+        reader.option(options, "Pausing", "time"),
+        "Pausing" in options and bool(options["Pausing"].everywhere),
+        reader.option(options, "From" if "From" in options else "After", "time"),
+        None if when is None else _event(reader, when.condition),
+        "ahead" if facing is None else facing.way or reader.amount(facing.yaw, "angle"),
+        reader.option(options, "Yielding", "length"),
+        subject.where,
+    )
 
 
-PredicateNode: TypeAlias = (
-    IsFrozenNode | StartsNode | StaysNode | MovesNode | TogglesNode | GoesNode | WalksNode
-)
+def _event(reader: SceneryReader, node: SyntaxNode) -> EventPhrase:
+    """Read ``leg 2 begins``, ``waypoint kitchen is reached`` or ``front_door fires``."""
+    where = reader.where(node)
+    match rule_of(node):
+        case "LegBegins":
+            if node.leg < 1:
+                raise reader.refusal(where, "legs are counted from 1", "when leg 1 begins")
+            return OnLeg(node.leg, where)
+        case "WaypointIsReached":
+            return OnWaypoint(node.waypoint.strip('"'), where)
+        case "ObjectActs":
+            return OnObject(reader.path(node.path), "fires" if node.fires else "moves", where)
+    raise reader.refusal(
+        where,
+        "walks begin at a time or with an event, not with the robot's distance",
+        "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
+    )
 
 
-class ObjectGroupNode(TypedNode):
-    """``group rooms: kitchen_door, store_door``."""
-
-    name: WordNode
-    members: SyntaxNode
-
-    def read(self, reader: NodeReader) -> Group:
-        """Return the group."""
-        members = reader.subject(self.members)
-        return Group(self.name.text, members, reader.where(self))
+def _manner(options: Options) -> Literal["once", "back-and-forth", "round"]:
+    match options["Manner"].keyword.split() if "Manner" in options else []:
+        case ["back", *_]:
+            return "back-and-forth"
+        case ["round"]:
+            return "round"
+    return "once"
 
 
-class ParameterNode(TypedNode):
-    """``parameter near = 1.3 m``."""
-
-    name: WordNode
-    value: QuantityNode
-
-    def read(self, reader: NodeReader) -> Parameter:
-        """Return the parameter."""
-        return Parameter(self.name.text, reader.measure(self.value), reader.where(self))
-
-
-class SentenceNode(TypedNode):
-    """A subject and what is said about it."""
-
-    subject: SyntaxNode
-    predicate: PredicateNode | IsANode
-
-    def read(self, reader: NodeReader) -> Instance | Setting | Sentence:
-        """Return what the sentence says."""
-        return self.predicate.read(reader, reader.subject(self.subject))
-
-
-SENTENCE_RULES: Final = (
-    *get_args(PredicateNode),
-    ObjectGroupNode,
-    ParameterNode,
-    SentenceNode,
-)
-"""Classes of syntax nodes, named like their rules."""
-
-
-def _waiting(reader: NodeReader, node: Any) -> Waiting:
-    """Return the distribution of ``after uniform 10 s to 40 s``."""
+def _waiting(reader: SceneryReader, node: SyntaxNode) -> Waiting:
+    """Read ``uniform 10 s to 40 s``."""
     second = None if node.kind == "exponential" else reader.amount(node.second, "time")
     return Waiting(node.kind, reader.amount(node.first, "time"), second)
 
 
-def _route(reader: NodeReader, nodes: list[Any]) -> tuple[RoutePoint, ...]:
-    """Points without a frame are in the one that is named next, or in the world."""
+def _route(reader: SceneryReader, nodes: list[SyntaxNode]) -> tuple[RoutePoint, ...]:
+    """Read the points of a walk; those without a frame are in the next one, or in the world."""
     if len(nodes) < 2:
-        raise InputError.at(reader.where(nodes[0]), "a route has two points or more", "add a point")
+        raise reader.refusal(nodes[0], "a route has two points or more", "add a point")
     frames = [None if node.frame is None else reader.frame(node.frame) for node in nodes]
     if frames[-1] is None and any(frames):
-        raise InputError.at(
-            reader.where(nodes[-1]), "in which frame is this point?", "add of <frame>"
-        )
+        raise reader.refusal(nodes[-1], "in which frame is this point?", "add of <frame>")
     following = FrameName("world", None, "", reader.where(nodes[-1]))
     points: list[RoutePoint] = []
     # Backwards: "(0 m, 0 m), (1 m, 0 m) of hall" are two points of the hall.
@@ -310,52 +217,141 @@ def _route(reader: NodeReader, nodes: list[Any]) -> tuple[RoutePoint, ...]:
     return tuple(reversed(points))
 
 
-def _amount(reader: NodeReader, option: Any, dimension: str) -> Amount | None:
-    return None if option is None else reader.amount(option.value, dimension)
-
-
-def _manner(option: Any) -> Any:
-    return "once" if option is None else "-".join(option.keyword.split())
-
-
-def _facing(reader: NodeReader, option: Any) -> Any:
-    if option is None:
-        return "ahead"
-    return option.way or reader.amount(option.yaw, "angle")
-
-
-def _time(reader: NodeReader, option: Any) -> Any:
-    return None if option is None else reader.amount(option.value, "time")
-
-
-def _probability(reader: NodeReader, option: Any) -> float:
-    if option is None:
+def _probability(reader: SceneryReader, options: Options) -> float:
+    """Read ``with probability 0.5``, also in percent; an even chance when it is absent."""
+    if "Probability" not in options:
         return 0.5
-    share = option.value
-    quantity = parse_quantity(f"{share.number} {share.unit or ''}", reader.where(share))
-    if quantity.dimension != "ratio":
-        raise InputError.at(reader.where(share), f"a probability has no unit, {share.unit} is one")
-    if not 0.0 <= quantity.value <= 1.0:
-        raise InputError.at(
-            reader.where(share), "a probability lies between 0 and 1 (0 % and 100 %)"
-        )
-    return quantity.value
+    node = options["Probability"].value
+    share = reader.measure(node, "ratio")
+    if share.value < 0.0 or share.value > 1.0:
+        raise reader.refusal(node, "a probability lies between 0 and 1 (0 % and 100 %)")
+    return share.value
 
 
-def _motion(reader: NodeReader, by: Any) -> MotionAs:
-    if by is None:
+def _motion(reader: SceneryReader, options: Options) -> MotionAs:
+    """Read ``by jump``, ``by servo at 60 deg/s with 20 N m``, ``by spring of 2 N m/rad``."""
+    if "By" not in options:
         return MotionAs()
-    node = by.motion
-    if node.kind == "servo":
-        return MotionAs(
-            "servo",
-            rate=reader.optional(node.rate, *_SPEEDS),
-            effort=reader.optional(node.effort, *_EFFORTS),
-        )
-    if node.kind == "spring":
-        return MotionAs(
-            "spring",
-            stiffness=reader.optional(node.stiffness, *_STIFFNESSES),
-            damping=reader.optional(node.damping, *_DAMPINGS),
-        )
+    node = options["By"].motion
+    match node.kind:
+        case "servo":
+            rate = reader.optional(node.rate, *_SPEEDS)
+            return MotionAs("servo", rate=rate, effort=reader.optional(node.effort, *_EFFORTS))
+        case "spring":
+            stiffness = reader.optional(node.stiffness, *_STIFFNESSES)
+            damping = reader.optional(node.damping, *_DAMPINGS)
+            return MotionAs("spring", stiffness=stiffness, damping=damping)
     return MotionAs("jump")
+
+
+def _instance(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Instance:
+    """Read ``door_1 is a hinged_door at hall.walls[1], x 1.2 m``."""
+    named = subject.names[0]
+    if subject.every or len(subject.names) != 1 or subject.exceptions or named.joint:
+        hint = "door_1 is a hinged_door at …"
+        raise reader.refusal(subject.where, "one object is placed at a time", hint)
+    options = reader.options(node.options)
+    starts = options.pop("StartsIn", None)
+    frozen = options.pop("FrozenOption", None) is not None
+    return Instance(
+        named.object,
+        reader.name(node.model),
+        _place(reader, node.place, options),
+        None if starts is None else reader.amount(starts.position, "angle", "length"),
+        frozen,
+        subject.where,
+    )
+
+
+def _place(reader: SceneryReader, node: SyntaxNode, options: Options) -> At | In:
+    """Read ``at hall.walls[1]``, ``in kitchen_doorway``, or ``in`` a space."""
+    if rule_of(node) == "At":
+        at = _offsets(reader, options)
+        _refuse(reader, options, "is for objects placed in an entryway", "write in <entryway>, …")
+        return At(reader.frame(node.frame), *at)
+    name = reader.name(node.entryway)
+    # x and y mean a place in a space: "in kitchen, x 1 m". Whether kitchen is a space only the
+    # floor plan knows, so this is checked when the layer meets it.
+    offsets = [rule for rule in options if rule in ("XIs", "YIs")]
+    if offsets and not {"Hinge", "Sliding", "Opening", "OnSide", "Recessed"} & set(options):
+        at = _offsets(reader, options)
+        return At(FrameName(name.text, None, "", name.where), *at, inside=True)
+    refused = {rule: options.pop(rule) for rule in offsets}
+    _refuse(reader, refused, "is for objects placed at a frame", "write at <frame>, …")
+    if "Hinge" in options and "Sliding" in options:
+        raise reader.refusal(options["Sliding"], "a door has a hinge or slides, not both")
+    if "Hinge" in options:
+        return _hinged(reader, name, options)
+    if "Sliding" in options:
+        return _sliding(reader, name, options)
+    yaw = _value(reader, options, "Turned", "angle")
+    _refuse(reader, options, "needs hinge left, hinge right or sliding …", "say which side")
+    return In(name, yaw=yaw)
+
+
+def _offsets(reader: SceneryReader, options: Options) -> tuple[float, float, float]:
+    return (
+        _value(reader, options, "XIs", "length"),
+        _value(reader, options, "YIs", "length"),
+        _value(reader, options, "Turned", "angle"),
+    )
+
+
+def _hinged(reader: SceneryReader, entryway: Name, options: Options) -> In:
+    hinge = options.pop("Hinge")
+    opening = options.pop("Opening", None)
+    if opening is None:
+        hint = "add opening inwards, opening outwards or opening into <space>"
+        raise reader.refusal(hinge, "to which side does the leaf open?", hint)
+    recess = _value(reader, options, "Recessed", "length")
+    _refuse(reader, options, "is not for doors with a hinge", "leave it out")
+    return In(
+        entryway,
+        manner="hinge",
+        side=hinge.side,
+        seen_from=None if hinge.seen is None else reader.name(hinge.seen),
+        towards=_towards(reader, opening),
+        recess=recess,
+    )
+
+
+def _sliding(reader: SceneryReader, entryway: Name, options: Options) -> In:
+    sliding = options.pop("Sliding")
+    side = options.pop("OnSide", None)
+    _refuse(reader, options, "is not for sliding doors", "leave it out")
+    return In(
+        entryway,
+        manner="sliding",
+        side=sliding.side,
+        seen_from=None if sliding.seen is None else reader.name(sliding.seen),
+        towards="in" if side is None else _towards(reader, side),
+    )
+
+
+def _towards(reader: SceneryReader, option: SyntaxNode) -> Towards:
+    if option.space is not None:
+        return reader.name(option.space)
+    return "in" if option.direction in ("inwards", "inside") else "out"
+
+
+def _refuse(reader: SceneryReader, options: Options, because: str, hint: str) -> None:
+    for option in options.values():
+        reader.error(option, f'"{option.keyword}" {because}', hint)
+
+
+def _value(reader: SceneryReader, options: Options, rule: str, dimension: str) -> float:
+    """Take an option out and return its SI value; 0 when it is absent."""
+    option = options.pop(rule, None)
+    return 0.0 if option is None else reader.value(option.value, dimension)
+
+
+_PREDICATES: Final[dict[str, Callable[[SceneryReader, SyntaxNode, Subject], _Meaning]]] = {
+    "IsFrozen": _freezes,
+    "IsA": _instance,
+    "Starts": _starts,
+    "Stays": _stays,
+    "Moves": _moves,
+    "Toggles": _toggles,
+    "Goes": _goes,
+    "Walks": _walks,
+}

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Final
 
 from grammars.text.diagnostics import InputError, Where, with_article
+from grammars.text.parsing import listed
 from grammars.text.quantity import parse_quantity, unit_of
 
-NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 LARGEST: Final = 1e6
 """No quantity of a scenery is larger than this, in SI units."""
+_NUMBER: Final = re.compile(r"\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)")
+_DEGREES: Final = {"angle": "deg", "angular speed": "deg/s"}
+"""Units that people rather write than those of SI."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +30,30 @@ class Measure:
         return self.text
 
 
-def parse_measure(text: str, where: Where) -> Measure:
-    """Read ``1.3 m``; raises :class:`InputError` when it is no number with a unit."""
-    spelled = " ".join(text.split())
+def parse_measure(text: str, where: Where, *dimensions: str) -> Measure:
+    """Read ``1.3 m``, of one of ``dimensions`` if any are given.
+
+    Raises :class:`InputError` when it is no number with such a unit.
+    """
+    # A blank behind the number, whether one was written or not.
+    spelled = " ".join(_NUMBER.sub(r"\1 ", text, count=1).split())
+    number, _, unit = spelled.partition(" ")
+    if "," in number:
+        raise InputError.at(where, "decimals are written with a point", "1.5, not 1,5")
+    if number and not unit and "ratio" not in dimensions:
+        units = [_DEGREES.get(dimension, unit_of(dimension)) for dimension in dimensions]
+        hint = f"write {number} m, {number} rad, {number} s, … as is meant"
+        if units:
+            hint = f"write {listed([f'{number} {unit}' for unit in units])}"
+        raise InputError.at(where, f"a unit is missing after {number}", hint)
     quantity = parse_quantity(spelled, where)
     if abs(quantity.value) > LARGEST:
         message = f"{spelled} is more than anything in a building"
         raise InputError.at(where, message, "is the unit right?")
-    return Measure(quantity.value, quantity.dimension, spelled, where)
+    measure = Measure(quantity.value, quantity.dimension, spelled, where)
+    if dimensions:
+        require_dimension(measure, *dimensions)
+    return measure
 
 
 def require_dimension(value: Measure, *dimensions: str) -> float:

@@ -235,7 +235,7 @@ class Findings:
     def raise_errors(self) -> None:
         """Raise :class:`InputError` with all errors and warnings, each once, if any is an error."""
         if self.errors:
-            raise_all(in_source_order(self._all))
+            raise_all(in_source_order(self.errors + self.warnings))
 
 
 def in_source_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -16,11 +16,11 @@ from typing import Any, ClassVar, Final
 
 from grammars.text.diagnostics import (
     Diagnostic,
+    Findings,
     InputError,
     SourceText,
     SyntaxNode,
     Where,
-    in_source_order,
 )
 from grammars.text.units import FACTOR, UNIT
 
@@ -54,7 +54,8 @@ def grammar_text(grammar: Path) -> str:
 
     ``{expressions}`` stands for those rules of ``expressions.tx`` that the grammar does not have
     itself. In a pattern ``{unit}`` stands for a product of the units of
-    :mod:`grammars.text.units` and ``{factor}`` for one of its factors.
+    :mod:`grammars.text.units` and ``{factor}`` for one of its factors, ``{keyword}`` for any word
+    that the grammar has in quotes.
     """
     text = grammar.read_text(encoding="utf-8")
     if "{expressions}" in text:
@@ -62,7 +63,8 @@ def grammar_text(grammar: Path) -> str:
         _, *rules = re.split(r"(?m)^(?=\w+:)", _EXPRESSIONS.read_text(encoding="utf-8"))
         shared = [rule for rule in rules if rule.partition(":")[0] not in own]
         text = text.replace("{expressions}", "".join(shared))
-    for name, pattern in (("{unit}", UNIT), ("{factor}", FACTOR)):
+    keyword = "|".join(sorted(set(re.findall(r"'([a-z]+)'", text))))
+    for name, pattern in (("{unit}", UNIT), ("{factor}", FACTOR), ("{keyword}", keyword)):
         text = text.replace(name, f"(?:{pattern})".replace("/", r"\/"))
     return text
 
@@ -129,39 +131,41 @@ class Language:
         return load_metamodel(self._grammar, classes=self.classes, autokwd=self._autokwd)
 
     def parse(self, source: SourceText) -> SyntaxNode:
-        """Return the syntax tree of ``source``.
+        """Return the syntax tree of ``source``; raises :class:`InputError` with every error."""
+        findings = Findings(source)
+        tree = self.parse_sound(source, findings)
+        findings.raise_errors()
+        return tree
 
-        Raises :class:`InputError` with one diagnostic per statement that cannot be read: after a
-        syntax error the statement it lies in is blanked out and the rest is read again.
+    def parse_sound(self, source: SourceText, findings: Findings) -> SyntaxNode | None:
+        """Return the tree of all statements that can be read; ``None`` when reading ends early.
+
+        Each other statement adds one error: it is blanked out and the rest is read again. Raises
+        :class:`InputError` for a text that is nested too deeply.
         """
         from textx import TextXSyntaxError
 
         text = source.text
         starts = [*self.statement_starts(text), len(text)]
         statements = list(pairwise(starts))
-        errors: list[Diagnostic] = []
-        while len(errors) < _MOST_ERRORS:
+        for _ in range(_MOST_ERRORS):
             try:
-                tree = self._tree(text)
+                return self._tree(text)
             except RecursionError as error:
                 hint = self.hint(SyntaxFault(text, len(text), "", "", ()))
                 raise InputError.at(_deepest(source), "is nested too deeply", hint) from error
             except TextXSyntaxError as error:
                 fault = self._fault(text, error)
-                errors.append(self.explain(source, fault))
+                findings.add([self.explain(source, fault)])
                 # What stands where a statement may begin is wrong itself; else the one before is.
                 last = fault.offset - self.openers.isdisjoint(fault.expected)
                 broken = next((s for s in reversed(statements) if s[0] <= last), None)
                 if broken is None:
-                    break
+                    return None
                 start, end = broken
                 text = text[:start] + re.sub(r"[^\n]", " ", text[start:end]) + text[end:]
                 statements.remove(broken)
-            else:
-                if not errors:
-                    return tree
-                break
-        raise InputError(in_source_order(errors))
+        return None
 
     def _tree(self, text: str) -> SyntaxNode:
         if not self.classes:

@@ -127,7 +127,7 @@ def _words() -> dict[str, tuple[float, Dimension]]:
 
 UNIT_WORDS: Final = _words()
 """Factor to SI and dimension of every word that is a unit."""
-_COMMON: Final = ("m", "cm", "mm", "s", "min", "rad", "deg", "kg", "N", "Hz", "m/s", "rad/s")
+_COMMON: Final = ("m", "cm", "s", "min", "rad", "deg", "kg", "N", "N m", "Hz", "m/s", "rad/s")
 
 
 def words_of(*dimensions: Dimension) -> str:
@@ -168,7 +168,9 @@ def read_unit(text: str) -> tuple[float, Dimension]:
     whole = "".join(part[0] for part in parts) == text and len(parts) <= _MOST_FACTORS
     starts_well = not parts or not parts[0]["by"]
     if not (whole and starts_well) or any(part["word"] not in UNIT_WORDS for part in parts):
-        raise ValueError(f'"{text}" is not a unit: {did_you_mean(text, _COMMON)}')
+        singular = text.removesuffix("s")
+        hint = did_you_mean(text, [singular] if singular in UNIT_WORDS else _COMMON)
+        raise ValueError(f'"{text}" is not a unit: {hint}')
     powers: dict[str, float] = {}
     for part in parts:
         power = _POWERS.get(part["power"]) or float(part["power"][1:])

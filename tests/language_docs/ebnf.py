@@ -19,10 +19,10 @@ _WHOLE_WORDS = ("scenery", "oracle", "variation")
 """Languages whose keywords end where words end."""
 _WIDTH = 96
 _IN_WORDS = {
-    ("scenery", "NameText"): "? letters, digits and _, not a digit first, none of Reserved ?",
+    ("scenery", "Name"): "? letters, digits and _, not a digit first, none of Reserved ?",
     ("floorplan", "UNIT"): "? a unit such as m, cm, deg ?",
     ("variation", "UNIT"): "? a unit such as m, cm, deg ?",
-    ("scenery", "UnitText"): "? a unit such as m, deg, s, kg, N m, m/s^2; or % ?",
+    ("scenery", "QuantityText"): "? a number, and a unit such as m, deg, s, kg, N m, m/s^2 or % ?",
     ("variation", "Name"): "? letters, digits and _, in parts with a dot between ?",
     (
         "expressions",

@@ -215,7 +215,7 @@ def _said(found, folder, example):
 def exercised(found):
     """Return rules and words of grammars, and keys of schemas, that examples make use of.
 
-    Each is preceded by its language: ``scenery WalksNode``, ``robot drive.law``. Of texts with an
+    Each is preceded by its language: ``scenery Walks``, ``robot drive.law``. Of texts with an
     error in their grammar there is nothing to say.
     """
     used = set()

@@ -14,7 +14,7 @@ import numpy as np
 
 from grammars.model.behaviour import Behaviour, Walk
 from grammars.model.scene import Scene, SceneObject
-from grammars.scenery._layer import configure
+from grammars.scenery._parameters import configure
 from grammars.scenery.composition._amounts import SentenceContext
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._compiler import refuse_unapplied

@@ -17,15 +17,22 @@ def told(text):
 LINK = "object o link a box 1 m x 1 m from 0 m to 1 m, mass 1 kg "
 
 MESSAGES = {
-    "d stays at 1.4": (
-        "d.scenery:1:12: a unit is missing after 1.4\n"
-        "    write 1.4 m, 1.4 rad, 1.4 s, … as is meant"
+    "d stays at 1.4": ("d.scenery:1:12: a unit is missing after 1.4\n    write 1.4 deg or 1.4 m"),
+    "d stays at 1.4 rads": ('d.scenery:1:12: "rads" is not a unit: did you mean "rad"?'),
+    "parameter p = 3": (
+        "d.scenery:1:15: a unit is missing after 3\n    write 3 m, 3 rad, 3 s, … as is meant"
     ),
-    "d stays at 1.4 rads": (
-        'd.scenery:1:12: "rads" is not a unit known here\n    did you mean "rad"?'
+    "parameter p = 3 Nm": 'd.scenery:1:15: "Nm" is not a unit: did you mean "N m"?',
+    "parameter p = 3 m/sek": 'd.scenery:1:15: "m/sek" is not a unit: did you mean "m/s"?',
+    "parameter p = 211 000 s": (
+        'd.scenery:1:19: expected "object", "mover", "group", "parameter", "every", a name or '
+        'the end of the file, found "000"\n    a unit is missing after 211'
     ),
-    "parameter p = 3 Nm": (
-        'd.scenery:1:15: "Nm" is not a unit known here\n    write N m, with a blank'
+    "v walks along (1,5 m), (2 m, 0 m)": (
+        'd.scenery:1:21: expected ",", found ")"\n    decimals are written with a point'
+    ),
+    "d toggles between a and b every 3 s with probability 2 s": (
+        "d.scenery:1:54: a ratio is needed here, 2 s is a time"
     ),
     "evry door stays open": (
         'd.scenery:1:6: expected "except", "is", "starts", "stays", "moves", "toggles", "goes", '
@@ -166,6 +173,17 @@ def test_all_problems_of_a_file_are_reported_at_once_in_order():
 
 def test_all_missing_units_are_reported_at_once():
     assert told("d stays at 5\nd moves to 1 at 5").count("a unit is missing") == 3
+    broken = LINK.replace("1 m from", "1 from").replace("1 kg", "1")
+    assert told(broken).count("a unit is missing") == 2
+
+
+def test_every_statement_with_a_syntax_error_is_reported_beside_missing_units():
+    message = told("d is a door\nd stays at 5\nd moves too open\n")
+    assert message == (
+        'd.scenery:2:1: expected "at" or "in", found "d"\n'
+        "d.scenery:2:12: a unit is missing after 5\n    write 5 deg or 5 m\n"
+        'd.scenery:3:9: expected "to", found "too"\n    did you mean "to"?'
+    )
 
 
 @pytest.mark.parametrize(
@@ -176,8 +194,9 @@ def test_all_missing_units_are_reported_at_once():
         ("v walks along (0 m, 0 m), (1 m, 0 m), pausing 2, once", "write 2 s"),
         ("d moves to open at 5", "write 5 s"),
         ("d moves to open at 5 s, by servo at 60 with 2 N m", "write 60 deg/s or 60 m/s"),
+        ("d is a door at hall, x 1", "write 1 m"),
         ("d goes from closed to open when the robot is within 2 of its hinge", "write 2 m"),
-        ("v walks along (0 m, 0 m), (1 m, 0 m)\nd stays at 5", "write 5 m, 5 rad, 5 s, … as is"),
+        ("v walks along (0 m, 0 m), (1 m, 0 m)\nd stays at 5", "write 5 deg or 5 m"),
     ],
 )
 def test_the_unit_that_is_expected_is_the_one_to_write(sentence, hint):
@@ -191,4 +210,4 @@ WORDS = sorted({w for words in literals("grammars.scenery", "scenery.tx").values
 def test_a_word_of_the_language_is_never_taken_for_a_unit(word):
     with pytest.raises(InputError) as caught:
         parse_scenery(f"d moves to open at 5 {word}", "d.scenery")
-    assert "a unit is missing after 5" in str(caught.value)
+    assert "is not a unit" not in str(caught.value)

@@ -38,7 +38,7 @@ def test_a_campaign_gives_groups_other_members():
         ),
         (
             {"within": 1.3},
-            "within: a length is needed here, 1.3 is a ratio\n    write within: 1.3 m",
+            "within: a unit is missing after 1.3\n    write within: 1.3 m",
         ),
         (
             {"within": "3 s"},

@@ -1,0 +1,141 @@
+"""Parameters and groups of a layer: other values from a campaign, and those that nobody uses."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final
+
+from grammars.scenery.measure import parse_measure
+from grammars.scenery.model import Group, Name, Parameter, Path, SceneryLayer, Subject
+from grammars.text.diagnostics import (
+    Diagnostic,
+    Findings,
+    InputError,
+    Severity,
+    Where,
+    did_you_mean,
+)
+
+_OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")
+
+
+def configure(
+    layer: SceneryLayer,
+    overrides: Mapping[str, object],
+    where: Where | None = None,
+    places: Mapping[str, Where] | None = None,
+) -> SceneryLayer:
+    """Return ``layer`` with other parameter values and group members.
+
+    ``overrides`` is what a campaign says: a quantity with its unit for a parameter (``"1.3 m"``),
+    a name or a list of names for a group. ``where`` is the place in the campaign, for messages,
+    and ``places`` that of each of them, where it is known.
+    Raises :class:`InputError` with every override that does not fit.
+    """
+    if not overrides:
+        return layer
+    groups = {group.name: group for group in layer.groups}
+    parameters = {parameter.name: parameter for parameter in layer.parameters}
+    findings = Findings()
+    for key, value in overrides.items():
+        # Campaigns are YAML, where names are written with dashes.
+        name = str(key).replace("-", "_")
+        place = (places or {}).get(str(key)) or where or Where(layer.file)
+        with findings.collecting():
+            if name in groups:
+                groups[name] = _regrouped(groups[name], value, place)
+            elif name in parameters:
+                parameters[name] = _changed(parameters[name], value, place)
+            else:
+                hint = did_you_mean(name, (*groups, *parameters))
+                findings.error(place, f'layer {layer.name} has no parameter "{key}"', hint)
+    findings.raise_errors()
+    return dataclasses.replace(
+        layer, groups=tuple(groups.values()), parameters=tuple(parameters.values())
+    )
+
+
+def _regrouped(group: Group, value: object, where: Where) -> Group:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list | tuple) or not names:
+        raise InputError.at(
+            where, f"{group.name} is a group", f"write {group.name}: [door_1, door_2]"
+        )
+    paths = []
+    for name in names:
+        match = _OBJECT.fullmatch(name) if isinstance(name, str) else None
+        if match is None:
+            message = f'{group.name}: "{name}" is not the name of an object'
+            raise InputError.at(where, message, "write names, such as door_1")
+        paths.append(Path(match[1], match[2] or "", where))
+    members = Subject(False, tuple(paths), (), where)
+    return Group(group.name, members, where, text=f"group {group.name}: {members}")
+
+
+def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
+    example = f"write {parameter.name}: {parameter.value.text}"
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        raise InputError.at(where, f"{parameter.name} is a quantity", example)
+    try:
+        given = parse_measure(str(value), where, parameter.value.dimension)
+    except InputError as error:
+        message = f"{parameter.name}: {error.diagnostics[0].message}"
+        raise InputError.at(where, message, example) from error
+    text = f"parameter {parameter.name} = {given}"
+    return Parameter(parameter.name, given, where, text=text)
+
+
+def unused_parameters(layer: SceneryLayer) -> list[Diagnostic]:
+    """Return a warning for every parameter of a layer that none of its sentences names.
+
+    No other layer can: parameters are those of their layer alone.
+    """
+    said = {found.text for found in _values_in(layer.sentences) if isinstance(found, Name)}
+    return [
+        Diagnostic(
+            parameter.where,
+            f"no sentence of {layer.name} uses the parameter {parameter.name}",
+            "leave it out, or write its name in place of a quantity",
+            Severity.WARNING,
+        )
+        for parameter in layer.parameters
+        if parameter.name not in said
+    ]
+
+
+def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> list[Diagnostic]:
+    """Return a warning for every group of a layer that neither it nor one of ``others`` names.
+
+    Layers with objects of their own are left out: their groups are an offer to whoever uses them.
+    """
+    if layer.instances:
+        return []
+    said = {
+        found.object
+        for user in (layer, *others)
+        for found in _values_in((user.sentences, user.settings, user.groups))
+        if isinstance(found, Path)
+    }
+    return [
+        Diagnostic(
+            group.where,
+            f"no sentence is about the group {group.name}",
+            f"leave it out, or write every {group.name}",
+            Severity.WARNING,
+        )
+        for group in layer.groups
+        if group.name not in said
+    ]
+
+
+def _values_in(part: Any) -> Iterator[Any]:
+    """Yield every value that a part of a layer is made of."""
+    if isinstance(part, tuple):
+        for one in part:
+            yield from _values_in(one)
+    elif dataclasses.is_dataclass(part):
+        yield part
+        for entry in dataclasses.fields(part):
+            yield from _values_in(getattr(part, entry.name))
