@@ -25,7 +25,8 @@ from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
 from grammars.model.grid import MapRule
 from grammars.model.misplaced_keys import MISSION_KEYS, ROBOT_KEYS
-from grammars.text.documents import Duration, Length, OtherName, StrictModel
+from grammars.text.documents import OtherName, StrictModel
+from grammars.text.quantity import Duration, Length
 
 _CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"

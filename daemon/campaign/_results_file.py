@@ -13,8 +13,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from daemon.campaign._names import Names
 from daemon.model.assessments import PolicyRule, RepeatPolicy
-from grammars.text.documents import Ratio, StrictModel, text_or
-from grammars.text.quantity import read_as
+from grammars.text.documents import StrictModel, text_or
+from grammars.text.quantity import Ratio, read_as
 
 _MOST_REPEATS: Final = 100_000
 """As many as one submission of a campaign is tested with."""

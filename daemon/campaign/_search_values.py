@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, get_args
 
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from daemon.campaign._cells import CampaignCell
@@ -25,9 +24,15 @@ from grammars.jsonld import is_jsonld
 from grammars.model.mission_files import MissionText
 from grammars.model.robot_files import RobotText
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.documents import KeyPath, QuantityField, StrictModel, YamlDocument, read_model
+from grammars.text.documents import (
+    KeyPath,
+    StrictModel,
+    YamlDocument,
+    read_model,
+    written_fields,
+)
 from grammars.text.overrides import Override, key_paths
-from grammars.text.quantity import read_quantity, unit_of
+from grammars.text.quantity import QuantityField, read_quantity, unit_of
 
 _SLOT_WORDS: Final = ("mission", "robot", "sut", "floorplan", "vary")
 """Slots with one layer, which may be named in the place of that layer."""
@@ -264,9 +269,10 @@ def _in_document(document: YamlDocument, model: type[StrictModel], key: str) -> 
     node: Any = read_model(document, model)
     for part in above:
         node = node[part] if isinstance(part, int) else getattr(node, part, None)
-    field = type(node).model_fields.get(str(name)) if isinstance(node, BaseModel) else None
+    field = written_fields(type(node)).get(str(name))
+    inside = getattr(node, str(name), None)
     # A section or a list is no value: the file says so of a number in its place.
-    if field is None or isinstance(getattr(node, str(name)), BaseModel | list):
+    if field is None or written_fields(type(inside)) or isinstance(inside, list):
         return None
     path: KeyPath = (*above, name)
     written: Any = document.data

@@ -15,6 +15,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import math
 import re
 import textwrap
 import typing
@@ -258,8 +259,9 @@ def _quantity(node: Schema) -> Schema:
     )
     # Read by the YAML language server; unknown keywords mean nothing to others.
     schema |= {"errorMessage": f"{expected}{limits and ', '}{limits}", "examples": [example]}
-    default = node.get("default")
-    if default is not None:
+    # A default that is infinite or out of bounds stands for a key that is not written.
+    default = node.get("default", math.inf)
+    if default not in (None, above, math.inf) and not (low is not None and default < low):
         schema["default"] = default if plain else _quantity_text(default, dimension)
     return schema
 

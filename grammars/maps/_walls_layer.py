@@ -31,12 +31,11 @@ from grammars.model.geometry import Pose2, Ring
 from grammars.text.diagnostics import Findings, Where, with_article
 from grammars.text.documents import (
     KeyPath,
-    Length,
-    QuantityField,
     StrictModel,
     load_yaml,
     read_model,
 )
+from grammars.text.quantity import Length, QuantityField
 
 _LARGEST: Final = 1e6
 """Greatest coordinate [m], as in floor plans."""

@@ -21,21 +21,15 @@ from grammars.model.geometry import Pose2
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, ROBOT_KEYS
 from grammars.model.mission import MOST_WAYPOINTS, Mission, Waypoint
 from grammars.text.diagnostics import Diagnostic, InputError
-from grammars.text.documents import (
-    OtherName,
-    QuantityField,
-    StrictModel,
-    YamlDocument,
-    load_yaml,
-    read_model,
-)
+from grammars.text.documents import OtherName, StrictModel, YamlDocument, load_yaml, read_model
+from grammars.text.quantity import QuantityField
 
 _Metres = Annotated[float, QuantityField("length", plain=True), Field(allow_inf_nan=False)]
 _Radians = Annotated[float, QuantityField("angle", plain=True), Field(allow_inf_nan=False)]
 
 
-class PoseText(StrictModel):
-    """A pose in the frame of the map."""
+class _PlaceText(StrictModel):
+    """A place in the frame of the map, as task files give it."""
 
     x: _Metres
     y: _Metres
@@ -45,33 +39,26 @@ class PoseText(StrictModel):
     """Read and ignored: the robot drives on the floor."""
     pitch: _Radians = 0.0
     """Read and ignored: the robot drives on the floor."""
+
+
+class PoseText(_PlaceText):
+    """A pose in the frame of the map."""
+
     yaw: _Radians = 0.0
     """Heading, counter-clockwise from the x axis of the map."""
 
-    def pose(self) -> Pose2:
-        """Return the pose on the floor."""
-        return Pose2(self.x, self.y, self.yaw)
 
-
-class WaypointText(StrictModel):
+class WaypointText(_PlaceText):
     """A place the robot has to reach; the order of waypoints is the order of driving."""
 
     elsewhere = dict.fromkeys(
         ("pose", "position", "orientation"), "write x, y and yaw of the waypoint itself"
     ) | {"theta": OtherName("yaw"), "name": OtherName("id")}
 
-    id: str = Field(default="", max_length=100)
-    """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""
-    x: _Metres
-    y: _Metres
-    z: _Metres = 0.0
-    """Read and ignored: the robot drives on the floor."""
-    roll: _Radians = 0.0
-    """Read and ignored: the robot drives on the floor."""
-    pitch: _Radians = 0.0
-    """Read and ignored: the robot drives on the floor."""
     yaw: _Radians | None = None
     """Heading wanted there, counter-clockwise from the x axis of the map; any when left out."""
+    id: str = Field(default="", max_length=100)
+    """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""
 
 
 class MissionText(StrictModel):
@@ -111,7 +98,7 @@ def read_mission(document: YamlDocument) -> Mission:
         Waypoint(w.id or f"waypoint-{i}", w.x, w.y, w.yaw)
         for i, w in enumerate(text.waypoints, start=1)
     )
-    start = text.start.pose() if text.start else Pose2()
+    start = Pose2(text.start.x, text.start.y, text.start.yaw) if text.start else Pose2()
     _refuse_ambiguous(waypoints, document)
     name = text.mission or Path(document.file).name.split(".")[0]
     return Mission(name, start, waypoints)

@@ -2,86 +2,131 @@
 
 from __future__ import annotations
 
+import math
 import operator
-import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from grammars.model.geometry import Pose2, Ring
+from grammars.text.quantity import (
+    Acceleration,
+    Angle,
+    AngularAcceleration,
+    AngularSpeed,
+    Duration,
+    Force,
+    Frequency,
+    Length,
+    QuantityField,
+    Ratio,
+    Speed,
+    Torque,
+)
 
 LASER_NAME: Final = r"^[a-z][a-z0-9_]*$"
 """What a laser may be called: its name becomes part of those of topics and frames."""
-LONGEST_LASER_NAME: Final = 40
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What the base can do: speeds [m/s, rad/s], accelerations [m/s^2, rad/s^2], effort.
-
-    After ``timeout`` seconds without a new command the base brakes (0: the last command holds).
-
-    ``law`` says how a command becomes motion. ``motors``: within the accelerations, by motors
-    that push with at most ``max_force`` [N] and ``max_torque`` [N m]. ``imposed``: the base has
-    the commanded velocity from the next step on, as Gazebo's planar-move plugin does it; only
-    what it runs into takes velocity away. Accelerations and efforts are infinite then, and so is
-    a speed without limit. ``friction_loss`` [m/s] is taken from the speed along either axis of
-    the world, ``turning_loss`` [rad/s] from that of turning: what friction on the ground leaves
-    of a velocity that is imposed once a step.
-    """
+    """What the base can do; the simulator holds every command to it."""
 
     kind: Literal["omnidirectional", "differential"]
-    max_vx: float
-    max_vy: float
-    max_wz: float
-    max_ax: float
-    max_ay: float
-    max_az: float
-    max_force: float
-    max_torque: float
-    timeout: float
+    """An omnidirectional base drives sideways, a differential one only turns and drives ahead."""
+    max_vx: Annotated[Speed, Field(gt=0)] = math.inf
+    """Largest speed ahead and back; with an imposed velocity it may be left out: no limit."""
+    max_vy: Annotated[Speed, Field(ge=0)] = math.inf
+    """Largest speed sideways; of an omnidirectional base."""
+    max_wz: Annotated[AngularSpeed, Field(gt=0)] = math.inf
+    """Largest turning speed; with an imposed velocity it may be left out: no limit."""
+    max_ax: Annotated[Acceleration, Field(gt=0)] = math.inf
+    """Largest acceleration ahead and back; of motors."""
+    max_ay: Annotated[Acceleration, Field(ge=0)] = math.inf
+    """Largest acceleration sideways; of motors of an omnidirectional base."""
+    max_az: Annotated[AngularAcceleration, Field(gt=0)] = math.inf
+    """Largest angular acceleration; of motors."""
+    max_force: Annotated[Force, Field(gt=0)] = math.inf
+    """What the motors can push with."""
+    max_torque: Annotated[Torque, Field(gt=0)] = math.inf
+    """What the motors can turn the base with."""
+    timeout: Annotated[Duration, Field(ge=0)] = 0.0
+    """Without a command for this long the base brakes; 0 s: the last command holds."""
     law: Literal["motors", "imposed"] = "motors"
-    friction_loss: float = 0.0
-    turning_loss: float = 0.0
+    """How a command becomes motion. motors: the base speeds up within its accelerations and pushes
+    with at most its force and torque. imposed: the commanded velocity is there at once and stays,
+    whatever it takes, until something immovable is in the way; so does Gazebo's planar-move."""
+    friction_loss: Annotated[Speed, Field(ge=0)] = 0.0
+    """What an imposed velocity loses to the ground along each axis of the world: its x and its y
+    component are smaller by this (but never turned round). In Gazebo, with friction along axes:
+    coefficient x gravity x time step, 0.0098 m/s for 1 x 9.8 m/s^2 x 1 ms."""
+    turning_loss: Annotated[AngularSpeed, Field(ge=0)] = 0.0
+    """What an imposed turning speed loses to the ground."""
 
-    # JSON has no word for the infinite.
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(ser_json_inf_nan="strings")
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid",
+        ser_json_inf_nan="strings",  # JSON has no word for the infinite.
+        json_schema_extra={
+            "anyOf": [
+                {"properties": {"law": {"const": "imposed"}}, "required": ["law"]},
+                {"required": ["max_vx", "max_wz", "max_ax", "max_az", "max_force", "max_torque"]},
+            ],
+        },
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Mount(Pose2):
+    """Where a sensor sits on the robot, in base_link."""
+
+    x: Length
+    """Ahead of the centre of the robot."""
+    y: Length = 0.0
+    """To the left of the centre of the robot."""
+    yaw: Angle = 0.0
+    """Which way it looks, counter-clockwise from straight ahead."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True, slots=True)
 class Laser:
-    """A planar laser scanner on the robot.
+    """A planar laser scanner."""
 
-    ``mount`` in the base frame, scan plane at height ``z``. Ray ``i`` of ``rays`` looks at
-    ``angle_min + i * (angle_max - angle_min) / (rays - 1)`` (both ends included). Ranges in
-    metres with Gaussian noise ``noise`` [m]; a ray is lost with probability ``dropout``.
-    ``too_near`` says what a return nearer than ``range_min`` reads: ``infinite`` is -inf as in
-    REP 117, ``clamped`` is ``range_min`` (after the noise), as in Gazebo.
-
-    ``name`` tells the lasers of a robot apart; the only laser of a robot need not have one.
-    Raises ``ValueError`` for a name that is none, see :data:`LASER_NAME`.
-    """
-
-    mount: Pose2
-    z: float
-    angle_min: float
-    angle_max: float
-    rays: int
-    range_min: float
-    range_max: float
-    rate: float
-    noise: float
-    dropout: float
+    mount: Mount
+    z: Annotated[Length, Field(ge=0)]
+    """Height of the scan plane above the floor: walls and objects are cut there."""
+    angle_min: Angle
+    """Direction of the first ray, from where the laser looks."""
+    angle_max: Angle
+    """Direction of the last ray; at most one full turn beyond the first."""
+    rays: Annotated[int, Field(ge=2, le=20_000)]
+    """Number of rays of a scan, spread evenly from angle_min to angle_max."""
+    range_min: Annotated[Length, Field(ge=0)]
+    """Nothing nearer is seen."""
+    range_max: Annotated[Length, Field(gt=0)]
+    """Nothing farther is seen."""
+    rate: Annotated[Frequency, Field(gt=0, le=100)]
+    """Scans per second."""
+    noise: Annotated[Length, Field(ge=0)] = 0.0
+    """Standard deviation of each range."""
+    dropout: Annotated[Ratio, Field(ge=0, lt=1)] = 0.0
+    """Share of rays that return nothing."""
     too_near: Literal["infinite", "clamped"] = "infinite"
-    # Not written where it is empty: what was specified before lasers had names stays the same.
-    name: Annotated[str, Field(exclude_if=operator.not_)] = ""
+    """What a return nearer than range_min reads. infinite: -inf, as ROS asks of drivers (REP 117).
+    clamped: range_min, after the noise, as Gazebo's laser reports it."""
+    # Not in JSON where it is empty: what was specified before lasers had names stays the same.
+    name: Annotated[str, Field(pattern=LASER_NAME, max_length=40, exclude_if=operator.not_)] = ""
+    """What one of several lasers is called: its scans come on /scan_NAME, in the frame
+    laser_NAME."""
 
-    def __post_init__(self) -> None:
-        fits = re.fullmatch(LASER_NAME, self.name) and len(self.name) <= LONGEST_LASER_NAME
-        if self.name and not fits:
-            raise ValueError(f"{self.name!r} is no name of a laser: write a-z, 0-9 and _")
+    elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("x", "y", "yaw"), 'it belongs in "mount:"'
+    )
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     @property
     def topic(self) -> str:
@@ -104,29 +149,44 @@ class Laser:
         return (self.angle_max - self.angle_min) / max(1, self.rays - 1)
 
 
+SHORTEST_PERIOD: Final = 0.01
+"""Time between two messages of the odometry at least [s]: a tick of the simulator."""
+
+
+def _check_period(value: float) -> float:
+    """Return a time between messages, or 0 for none; raises ``ValueError``."""
+    if value != 0.0 and not value >= SHORTEST_PERIOD:
+        raise ValueError(f"must be greater than or equal to {SHORTEST_PERIOD}")
+    return value
+
+
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Wheel odometry: when it is sampled, in which frame, and its error per update.
+    """Wheel odometry; its errors grow with the root of what was driven."""
 
-    Errors are standard deviations that grow with motion: ``translation`` [m per sqrt(m)],
-    ``rotation`` [rad per sqrt(rad)], ``drift`` [rad per sqrt(m)]: turning error caused by driving
-    straight. All 0: odometry equals ground truth.
-
-    ``rate`` in Hz; samples are of the simulator's ticks. With ``period`` [s] above 0 (``rate`` is
-    its inverse) sample k is of the instant k * ``period``, between ticks if need be, and handed
-    over at the first tick not before it.
-    ``twist``: ``instantaneous``, or the ``mean`` since the previous sample, the difference of
-    the two poses over the time between them, in the later one's frame. ``origin`` of the odom
-    frame: where the robot starts, or that of the map.
-    """
-
-    rate: float
-    translation: float
-    rotation: float
-    drift: float
-    period: float = 0.0
+    rate: Annotated[Frequency, Field(gt=0, le=100)] = 0.0
+    """Messages per second, each of a tick of the simulator (every 10 ms)."""
+    translation: Annotated[float, QuantityField("noise per root length"), Field(ge=0)] = 0.0
+    """Error of the distance: 0.01 m/m^0.5 is 1 cm after one metre, 10 cm after a hundred."""
+    rotation: Annotated[float, QuantityField("noise per root angle"), Field(ge=0)] = 0.0
+    """Error of the heading from turning."""
+    drift: Annotated[float, QuantityField("drift per root length"), Field(ge=0)] = 0.0
+    """Error of the heading from driving straight."""
+    period: Annotated[
+        Duration, AfterValidator(_check_period), Field(json_schema_extra={"ge": SHORTEST_PERIOD})
+    ] = 0.0
+    """Instead of a rate, the exact time between messages, such as 51 ms: each is of its own
+    instant, between two ticks if need be, and arrives at the first tick after it."""
     twist: Literal["instantaneous", "mean"] = "instantaneous"
+    """Velocity of a message: that of its instant, or the mean since the message before, from the
+    difference of the two poses, as Gazebo's planar-move reports it."""
     origin: Literal["start", "map"] = "start"
+    """Where the odom frame lies: where the robot starts, or on the frame of the map."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid",
+        json_schema_extra={"oneOf": [{"required": ["rate"]}, {"required": ["period"]}]},
+    )
 
 
 @dataclass(frozen=True, slots=True)

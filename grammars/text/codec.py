@@ -69,7 +69,7 @@ def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
 
     Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
     """
-    extra: Literal["forbid"] | None = "forbid" if exactly else None
+    extra: Literal["forbid", "ignore"] = "forbid" if exactly else "ignore"
     value: T = _reader(kind, exactly).validate_json(data, extra=extra)
     return value
 

@@ -7,6 +7,7 @@ diagnostic where the offending value stands.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import operator
 import re
@@ -16,20 +17,18 @@ import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
 from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     ValidationError,
 )
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, closest, did_you_mean
-from grammars.text.quantity import read_as
 from grammars.text.sources import read_text as read_text
 from grammars.text.yaml_composer import KeyPath as KeyPath
 from grammars.text.yaml_composer import compose, kind_of, source_at, source_line
@@ -82,29 +81,6 @@ class StrictModel(BaseModel):
         return super().model_validate(obj, **options)
 
 
-@dataclass(frozen=True)
-class QuantityField:
-    """Marks a field that reads a quantity of ``dimension`` into its SI value.
-
-    With ``plain``, a number without a unit is taken as SI. The JSON schema carries the mark as
-    ``quantity``, for whoever tells editors what may be written.
-    """
-
-    dimension: str
-    plain: bool = False
-
-    def read(self, value: Any) -> float:
-        """Return the SI value; raises ``ValueError``."""
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return float(value) if self.plain and number else read_as(value, self.dimension)
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> Any:
-        return handler(schema) | {"quantity": {"dimension": self.dimension, "plain": self.plain}}
-
-
 def as_list(value: Any) -> Any:
     """Return a list as it is, and any other value as a list of it alone."""
     return value if isinstance(value, list) else [value]
@@ -122,20 +98,6 @@ def text_or(*kinds: type[bool | int | float], unit: str = "") -> BeforeValidator
         return f"{flow_text(value, plain=True)} {unit}".rstrip() if type(value) in kinds else value
 
     return BeforeValidator(read, json_schema_input_type=functools.reduce(operator.or_, kinds, str))
-
-
-Length: TypeAlias = Annotated[float, QuantityField("length")]
-Angle: TypeAlias = Annotated[float, QuantityField("angle")]
-Duration: TypeAlias = Annotated[float, QuantityField("time")]
-Mass: TypeAlias = Annotated[float, QuantityField("mass")]
-Frequency: TypeAlias = Annotated[float, QuantityField("frequency")]
-Speed: TypeAlias = Annotated[float, QuantityField("speed")]
-AngularSpeed: TypeAlias = Annotated[float, QuantityField("angular speed")]
-Acceleration: TypeAlias = Annotated[float, QuantityField("acceleration")]
-AngularAcceleration: TypeAlias = Annotated[float, QuantityField("angular acceleration")]
-Force: TypeAlias = Annotated[float, QuantityField("force")]
-Torque: TypeAlias = Annotated[float, QuantityField("torque")]
-Ratio: TypeAlias = Annotated[float, QuantityField("ratio")]
 
 
 @dataclass(frozen=True)
@@ -213,7 +175,7 @@ _VALUE: Final = re.compile(r"(?:[^\s:]+\s*:\s+)?([^\s,\]}#]+)")
 def read_model(document: YamlDocument, model: type[M]) -> M:
     """Check ``document`` against ``model``; raises :class:`InputError` with every finding."""
     if not isinstance(document.data, dict):
-        keys = ", ".join(_names(model))
+        keys = ", ".join(written_fields(model))
         raise InputError.at(document.where(), f"expected keys such as {keys}")
     try:
         return model.model_validate(document.data)
@@ -242,7 +204,7 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
     """Return the place, the message and the hint of one of pydantic's errors about ``model``."""
     path = tuple(finding["loc"])
     kind = finding["type"]
-    if kind == "extra_forbidden":
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         key = str(path[-1])
         message, hint = _explain_key(_model_at(model, path[:-1]), key)
         if finding.get("input") is None and _REST_OF_VALUE.match(key):
@@ -262,7 +224,7 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
 
 def _explain_key(model: Any, key: str) -> tuple[str, str]:
     """Return message and hint for a key that ``model`` does not have."""
-    known, elsewhere = _names(model), getattr(model, "elsewhere", {})
+    known, elsewhere = written_fields(model), getattr(model, "elsewhere", {})
     if key and key in elsewhere:
         if isinstance(elsewhere[key], RemovedKey):
             return f"{key}: {elsewhere[key].reason}", "remove this line"
@@ -277,7 +239,9 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
 
 
 _WRONG_FORM: Final = "wrong_form"
-_SHAPES: Final = ("dict_type", "model_type", "list_type", "too_short", _WRONG_FORM)
+_SHAPES: Final = (
+    *("dict_type", "model_type", "dataclass_type", "list_type", "too_short", _WRONG_FORM),
+)
 """Findings about the form of a value, which an example answers best."""
 
 
@@ -290,11 +254,10 @@ def _example(model: type[BaseModel], path: KeyPath) -> str:
     """Return a line that would do at ``path``, empty when its field has no examples."""
     while path and isinstance(path[-1], int):
         path = path[:-1]
-    fields = getattr(_model_at(model, path[:-1]), "model_fields", {})
-    for name, field in fields.items():
-        if path and (field.alias or name) == path[-1] and field.examples:
-            return f"such as: {path[-1]}: {flow_text(field.examples[0], plain=True)}"
-    return ""
+    field = written_fields(_model_at(model, path[:-1])).get(str(path[-1])) if path else None
+    if field is None or not field.examples:
+        return ""
+    return f"such as: {path[-1]}: {flow_text(field.examples[0], plain=True)}"
 
 
 def _text_hint(written: str, given: Any) -> str:
@@ -360,18 +323,23 @@ def _pattern_in_words(pattern: str) -> str:
     return f"must be letters (a to z), digits, {signs}{length}, and begin with a letter or digit"
 
 
-def _names(model: Any) -> list[str]:
-    fields = getattr(model, "model_fields", {})
-    return [field.alias or name for name, field in fields.items()]
+def written_fields(kind: Any) -> Mapping[str, FieldInfo]:
+    """Return the fields of a model or dataclass by the keys that people write."""
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind, include_extras=True)
+        names = [field.name for field in dataclasses.fields(kind)]
+        return {name: FieldInfo.from_annotation(hints[name]) for name in names}
+    fields: Mapping[str, FieldInfo] = getattr(kind, "model_fields", {})
+    return {field.alias or name: field for name, field in fields.items()}
 
 
 def _model_at(model: Any, path: KeyPath) -> Any:
-    """Return the model class that describes the mapping at ``path`` (best effort)."""
+    """Return the class that describes the mapping at ``path`` (best effort)."""
     current = model
     for part in path:
-        fields = getattr(current, "model_fields", None)
-        if fields is not None:
-            field = fields.get(part) or next((f for f in fields.values() if f.alias == part), None)
+        fields = written_fields(current)
+        if fields:
+            field = fields.get(str(part))
             current = _strip(field.annotation) if field is not None else None
         else:
             arguments = typing.get_args(current)
@@ -385,6 +353,5 @@ def _strip(annotation: Any) -> Any:
         return _strip(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         members = [_strip(a) for a in typing.get_args(annotation) if a is not type(None)]
-        models = [m for m in members if hasattr(m, "model_fields")]
-        return (models or members)[0]
+        return next((m for m in members if written_fields(m)), members[0])
     return annotation

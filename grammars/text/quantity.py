@@ -9,7 +9,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Any, Final, TypeAlias
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import core_schema
 
 from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.units import NAMES, SI_UNITS, WRITTEN_UNIT, read_unit, to_si
@@ -65,6 +68,45 @@ def read_as(text: str | float | int, dimension: str) -> float:
             f"{given} {has}, expected {with_article(dimension)} such as {_example(dimension)}"
         )
     return quantity.value
+
+
+@dataclass(frozen=True)
+class QuantityField:
+    """Marks a field that people write as a quantity of ``dimension``; JSON holds its SI value.
+
+    With ``plain``, a number without a unit is taken as SI. The JSON schema carries the mark as
+    ``quantity``, for whoever tells editors what may be written.
+    """
+
+    dimension: str
+    plain: bool = False
+
+    def read(self, value: Any) -> float:
+        """Return the SI value; raises ``ValueError``."""
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return float(value) if self.plain and number else read_as(value, self.dimension)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        number = handler(source)
+        text = core_schema.no_info_before_validator_function(self.read, number)
+        return core_schema.json_or_python_schema(json_schema=number, python_schema=text)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> Any:
+        return handler(schema) | {"quantity": {"dimension": self.dimension, "plain": self.plain}}
+
+
+Length: TypeAlias = Annotated[float, QuantityField("length")]
+Angle: TypeAlias = Annotated[float, QuantityField("angle")]
+Duration: TypeAlias = Annotated[float, QuantityField("time")]
+Mass: TypeAlias = Annotated[float, QuantityField("mass")]
+Frequency: TypeAlias = Annotated[float, QuantityField("frequency")]
+Speed: TypeAlias = Annotated[float, QuantityField("speed")]
+AngularSpeed: TypeAlias = Annotated[float, QuantityField("angular speed")]
+Acceleration: TypeAlias = Annotated[float, QuantityField("acceleration")]
+AngularAcceleration: TypeAlias = Annotated[float, QuantityField("angular acceleration")]
+Force: TypeAlias = Annotated[float, QuantityField("force")]
+Torque: TypeAlias = Annotated[float, QuantityField("torque")]
+Ratio: TypeAlias = Annotated[float, QuantityField("ratio")]
 
 
 def parse_quantity(text: str, where: Where) -> Quantity:

@@ -7,7 +7,7 @@ import numpy as np
 
 from daemon.simulator import World
 from grammars.model.geometry import Pose2, Twist2
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 LENGTH = 60.0
@@ -69,7 +69,7 @@ def robot(noise=0.01):
         "bench", _box(-0.35, -0.233, 0.35, 0.233), 0.29, 150.0,
         Drive("omnidirectional", 1.0, 1.0, 2.0, 1.0, 1.0, 4.0, 300.0, 120.0, 0.0),
         Laser(
-            Pose2(0.3, 0.0, 0.0), 0.3, -0.75 * math.pi, 0.75 * math.pi, 500, 0.05, 30.0, 10.0,
+            Mount(0.3, 0.0, 0.0), 0.3, -0.75 * math.pi, 0.75 * math.pi, 500, 0.05, 30.0, 10.0,
             noise, 0.0,
         ),
         OdometryNoise(20.0, 0.01, 0.01, 0.01),
@@ -79,7 +79,7 @@ def robot(noise=0.01):
 def robot_with_two_lasers():
     """Return the robot with a second laser of the same kind at its rear, looking back."""
     one = robot()
-    rear = replace(one.laser, name="rear", mount=Pose2(-0.3, 0.0, math.pi))
+    rear = replace(one.laser, name="rear", mount=Mount(-0.3, 0.0, math.pi))
     return replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
 
 

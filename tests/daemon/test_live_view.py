@@ -24,11 +24,11 @@ from daemon.model.sut import CostmapPicture, Estimate
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from grammars.model.geometry import Pose2
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 from grammars.text import codec
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
-LASER = Laser(Pose2(0.5), 0.3, -np.pi / 2, np.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0)
+LASER = Laser(Mount(0.5), 0.3, -np.pi / 2, np.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0)
 BARE = Snapshot(1.0, 10.0, Pose2(1.0, 2.0), None, 0, 1, ())
 
 
@@ -104,7 +104,7 @@ def test_who_watches_changes_nothing(tmp_path, interest):
 def test_returns_of_all_lasers_share_what_a_snapshot_takes():
     front, rear = (
         replace(LASER, name="front"),
-        replace(LASER, name="rear", mount=Pose2(0, 0, np.pi)),
+        replace(LASER, name="rear", mount=Mount(0, 0, np.pi)),
     )
     view = LiveView((front, rear))
     view.add_scan(Pose2(), np.full(181, 3.0), "front")

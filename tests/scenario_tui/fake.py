@@ -54,7 +54,7 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from grammars.text import codec
 
@@ -93,7 +93,7 @@ ROBOT = Robot(
     0.4,
     40.0,
     Drive("omnidirectional", 0.5, 0.5, 1.0, 1.0, 1.0, 2.0, 100.0, 40.0, 0.5),
-    Laser(Pose2(0.2), 0.3, -math.pi / 2, math.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0),
+    Laser(Mount(0.2), 0.3, -math.pi / 2, math.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0),
     OdometryNoise(50.0, 0.01, 0.01, 0.01),
 )
 MISSION = Mission(

@@ -5,7 +5,7 @@ import math
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, SceneObject
 from templates.world import ArtefactWorld, BehaviourDraw, ExportJob
 from tests.templates.test_occupancy import two_rooms
@@ -53,7 +53,7 @@ def scene():
 
 def robot():
     drive = Drive("differential", 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 100.0, 50.0, 0.5)
-    laser = Laser(Pose2(0.1), 0.25, -1.5, 1.5, 10, 0.05, 5.0, 10.0, 0.0, 0.0)
+    laser = Laser(Mount(0.1), 0.25, -1.5, 1.5, 10, 0.05, 5.0, 10.0, 0.0, 0.0)
     return Robot("cart", box(-0.2, -0.15, 0.2, 0.15), 0.3, 40.0, drive, laser,
                  OdometryNoise(20.0, 0.0, 0.0, 0.0))  # fmt: skip
 

@@ -27,7 +27,8 @@ from daemon.model.stack_reports import REPORT_TOPICS, ReportName
 from daemon.model.sut import TICK_RATE
 from grammars.model.robot import LASER_NAME, Laser
 from grammars.text.diagnostics import did_you_mean
-from grammars.text.documents import ONE_OR_MORE, Duration, Ratio, RemovedKey, StrictModel
+from grammars.text.documents import ONE_OR_MORE, RemovedKey, StrictModel
+from grammars.text.quantity import Duration, Ratio
 
 HIGHEST_DOMAIN: Final = 101
 """Domain ids up to this one fit the ephemeral port range of every system (ROS 2 documentation)."""

@@ -22,7 +22,8 @@ from daemon.stacks.ros2.placeholders import (
 )
 from grammars.model.robot import Robot
 from grammars.text.diagnostics import did_you_mean
-from grammars.text.documents import QuantityField, explain_finding
+from grammars.text.documents import explain_finding
+from grammars.text.quantity import QuantityField
 
 _FILE_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _SHORTEST_START: Final = 15.0

@@ -22,7 +22,7 @@ from daemon.model.submission import CellRun, Submission
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Region, Scene
 
 ROBOT = Robot(
@@ -31,7 +31,7 @@ ROBOT = Robot(
     0.3,
     20.0,
     Drive("differential", 0.5, 0.0, 1.0, 1.0, 0.0, 2.0, 100.0, 20.0, 0.5),
-    Laser(Pose2(), 0.2, -1.5, 1.5, 91, 0.05, 10.0, 10.0, 0.01, 0.0),
+    Laser(Mount(0.0), 0.2, -1.5, 1.5, 91, 0.05, 10.0, 10.0, 0.01, 0.0),
     OdometryNoise(50.0, 0.01, 0.01, 0.01),
 )
 SCENE = Scene("room", (Region("room", ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))),), (), ())

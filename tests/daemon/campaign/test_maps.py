@@ -1,5 +1,6 @@
 """The map of a campaign: drawn by a rule, or one of its own."""
 
+import json
 import shutil
 from dataclasses import replace
 
@@ -75,7 +76,7 @@ def test_what_was_recorded_before_there_were_rules_is_drawn_by_touch(folder):
     (spec, _) = specs(folder)
     plain = codec.to_plain(spec)
     plain["map"] = {"resolution": 0.05, "doors": "none"}
-    old = codec.from_plain(RunSpec, plain)
+    old = codec.from_json(RunSpec, json.dumps(plain))
     assert old.map == MapSettings(0.05, "none", "touch", "")
     scene, _ = drawn(folder)
     grid = run_map(old.map, scene, 0.2, {})

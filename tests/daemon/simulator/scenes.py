@@ -6,7 +6,7 @@ import numpy as np
 
 from daemon.simulator import World
 from grammars.model.geometry import Pose2
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Doorway, Joint, Link, Scene, SceneObject, Solid
 
 
@@ -19,7 +19,7 @@ def wall(name, x1, y1, x2, y2, z=2.5):
 
 
 DRIVE = Drive("omnidirectional", 1.0, 1.0, 2.0, 1.0, 1.0, 4.0, 300.0, 120.0, 0.0)
-LASER = Laser(Pose2(0.3, 0.0, 0.0), 0.3, -1.5, 1.5, 61, 0.05, 10.0, 10.0, 0.0, 0.0)
+LASER = Laser(Mount(0.3, 0.0, 0.0), 0.3, -1.5, 1.5, 61, 0.05, 10.0, 10.0, 0.0, 0.0)
 ROBOT = Robot(
     "brick", box(-0.35, -0.233, 0.35, 0.233), 0.29, 150.0, DRIVE, LASER,
     OdometryNoise(20.0, 0.0, 0.0, 0.0),

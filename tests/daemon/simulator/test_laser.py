@@ -9,6 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Mount
 from grammars.model.scene import Link, SceneObject, Solid
 from tests.daemon.simulator.reference import (
     cast_by_broadcast,
@@ -76,7 +77,7 @@ def test_every_ray_is_exact_from_every_pose(laser, start):
 def test_no_ray_slips_through_a_corner(start, corner):
     x, y = ROOM[4].polygon[corner]
     bearing = math.atan2(y - start.y, x - start.x)
-    laser = replace(LASER, mount=Pose2(), angle_min=bearing, angle_max=bearing + 1.0, rays=3)
+    laser = replace(LASER, mount=Mount(0.0), angle_min=bearing, angle_max=bearing + 1.0, rays=3)
     ranges = true_ranges(room(laser, start))
     assert ranges[0] <= math.hypot(x - start.x, y - start.y) + 1e-6
 
@@ -92,7 +93,7 @@ def test_clockwise_polygons_are_seen_like_counter_clockwise_ones():
 
 
 def test_first_and_last_ray_of_a_full_turn_agree():
-    laser = replace(LASER, mount=Pose2(), angle_min=-math.pi, angle_max=math.pi, rays=361)
+    laser = replace(LASER, mount=Mount(0.0), angle_min=-math.pi, angle_max=math.pi, rays=361)
     square = replace(ROBOT, laser=laser)
     around = world(*(wall("box", -2.0, -2.0, -1.0, 2.0),), robot=square)
     ranges = true_ranges(around)
@@ -146,7 +147,7 @@ def test_a_sweep_from_where_nothing_has_moved_is_the_one_a_fresh_laser_takes():
 @pytest.mark.parametrize(("too_near", "nearest"), [("infinite", -math.inf), ("clamped", 0.5)])
 def test_special_values_follow_rep_117(too_near, nearest):
     laser = replace(
-        LASER, mount=Pose2(), angle_min=0.0, angle_max=math.pi, rays=3, range_min=0.5,
+        LASER, mount=Mount(0.0), angle_min=0.0, angle_max=math.pi, rays=3, range_min=0.5,
         too_near=too_near,
     )  # fmt: skip
     simulated = world(
@@ -179,7 +180,7 @@ def test_rays_drop_out_at_the_given_rate():
 
 
 def test_noise_does_not_depend_on_what_is_seen():
-    laser = replace(LASER, noise=0.01, dropout=0.05, mount=Pose2())
+    laser = replace(LASER, noise=0.01, dropout=0.05, mount=Mount(0.0))
     robot = replace(ROBOT, laser=laser)
     near = world(wall("w", 2.0, -50.0, 2.2, 50.0), robot=robot)
     busy = world(wall("w", 2.0, -50.0, 2.2, 50.0), door("d", Pose2(1.0, 0.5)), robot=robot)
@@ -195,7 +196,7 @@ def test_noise_does_not_depend_on_what_is_seen():
 
 FRONT = replace(LASER, name="front", noise=0.02, dropout=0.05)
 REAR = replace(
-    LASER, name="rear", mount=Pose2(-0.3, 0.1, math.pi), rays=33, range_max=6.0, noise=0.01
+    LASER, name="rear", mount=Mount(-0.3, 0.1, math.pi), rays=33, range_max=6.0, noise=0.01
 )
 
 

@@ -11,7 +11,7 @@ from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 RAYS = 90
@@ -22,7 +22,7 @@ ROBOT = Robot(
     height=0.4,
     mass=40.0,
     drive=Drive("omnidirectional", 1.0, 0.5, 1.5, 1.0, 1.0, 2.0, 300.0, 100.0, 0.5),
-    laser=Laser(Pose2(0.2, 0.0, 0.1), 0.25, -1.5, 1.5, RAYS, 0.05, 30.0, 10.0, 0.01, 0.0),
+    laser=Laser(Mount(0.2, 0.0, 0.1), 0.25, -1.5, 1.5, RAYS, 0.05, 30.0, 10.0, 0.01, 0.0),
     odometry=OdometryNoise(20.0, 0.01, 0.01, 0.01),
 )
 

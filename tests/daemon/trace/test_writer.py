@@ -23,6 +23,7 @@ from daemon.model import ros_messages as ros
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import PARTIAL, TraceWriter, encode_path, encode_poses, read_trace
 from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Mount
 from tests.daemon.trace.mcap_checks import complaints
 from tests.daemon.trace.recordings import (
     GRID,
@@ -525,7 +526,7 @@ def test_a_world_without_objects_can_be_recorded(tmp_path):
 
 
 FRONT = replace(ROBOT.laser, name="front")
-REAR = replace(ROBOT.laser, name="rear", mount=Pose2(-0.2, 0.1, math.pi), z=0.4, rays=31)
+REAR = replace(ROBOT.laser, name="rear", mount=Mount(-0.2, 0.1, math.pi), z=0.4, rays=31)
 TWO_LASERS = replace(ROBOT, laser=FRONT, other_lasers=(REAR,))
 
 

@@ -1,3 +1,4 @@
+import json
 import math
 
 import pytest
@@ -123,23 +124,26 @@ def test_a_robot_with_one_laser_is_written_as_before_lasers_had_names(tmp_path):
     plain = codec.to_plain(robot)
     assert "other_lasers" not in plain
     assert "name" not in plain["laser"]
-    assert codec.from_plain(Robot, plain) == robot
+    assert codec.from_json(Robot, json.dumps(plain)) == robot
 
 
 @pytest.mark.parametrize("names", [("front", "front"), ("", "rear"), ("front", "")])
 def test_a_robot_from_outside_has_lasers_with_names(tmp_path, names):
     plain = codec.to_plain(load_robot(write(tmp_path, TWO_LASERS)))
-    plain["laser"]["name"], plain["other_lasers"][0]["name"] = names
+    for laser, name in zip((plain["laser"], *plain["other_lasers"]), names, strict=True):
+        laser |= {"name": name} if name else {}
+        if not name:
+            del laser["name"]
     with pytest.raises(ValueError, match="each of several lasers needs a name of its own"):
-        codec.from_plain(Robot, plain)
+        codec.from_json(Robot, json.dumps(plain))
 
 
 @pytest.mark.parametrize("name", ["a b", "Front", "../x", "a" * 41, "front\n", "0"])
 def test_a_name_that_no_topic_can_have_is_refused(tmp_path, name):
     plain = codec.to_plain(load_robot(write(tmp_path, TWO_LASERS)))
     plain["laser"]["name"] = name
-    with pytest.raises(ValueError, match="no name of a laser"):
-        codec.from_plain(Robot, plain)
+    with pytest.raises(ValueError, match="name"):
+        codec.from_json(Robot, json.dumps(plain))
 
 
 def test_a_dented_footprint_is_refused(tmp_path):
@@ -179,3 +183,14 @@ def test_the_robot_of_the_paper_has_its_published_size(campaigns):
     xs, ys = zip(*robot.footprint, strict=True)
     assert max(xs) - min(xs) == pytest.approx(0.699)
     assert max(ys) - min(ys) == pytest.approx(0.466)
+
+
+def test_all_that_is_wrong_with_a_robot_is_said_at_once(tmp_path):
+    corners = "corners: [[0 m, 0 m], [1 m, 0 m], [0.2 m, 0.2 m], [0 m, 1 m]]"
+    text = TWO_LASERS.replace("length: 0.6 m, width: 0.4 m", corners)
+    with pytest.raises(InputError) as caught:
+        load_robot(write(tmp_path, text.replace("name: front", "name: rear")))
+    places = [
+        str(problem.where).rpartition("file.yaml:")[2] for problem in caught.value.diagnostics
+    ]
+    assert places == ["2:13", "10:6"]

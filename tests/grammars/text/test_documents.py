@@ -7,13 +7,13 @@ from pydantic import Field
 
 from grammars.text.diagnostics import InputError
 from grammars.text.documents import (
-    Length,
     OtherName,
     StrictModel,
     load_yaml,
     parse_yaml,
     read_model,
 )
+from grammars.text.quantity import Length
 
 
 class Room(StrictModel):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from daemon.trace import TraceError
-from grammars.model.geometry import Pose2
+from grammars.model.robot import Mount
 from scenario_tui.dashboard.playback import Playback, open_playback, render_frame, timeline_bar
 from scenario_tui.dashboard.signal_strips import (
     SPEEDS,
@@ -51,7 +51,7 @@ def test_laser_returns_stand_around_the_mount_of_the_laser(playback):
 
 
 def test_returns_of_every_laser_are_shown(playback, tmp_path):
-    rear = replace(ROBOT.laser, name="rear", mount=Pose2(-1.0, 0.0, math.pi))
+    rear = replace(ROBOT.laser, name="rear", mount=Mount(-1.0, 0.0, math.pi))
     robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
     both = open_playback(record_run(tmp_path / "run.mcap", robot=robot)).view(4.9).returns
     front = playback.view(4.9).returns

@@ -20,6 +20,7 @@ from daemon.analysis.coverage import (
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
+from grammars.model.robot import Mount
 from grammars.model.scene import Region, Scene, Solid
 from tests.daemon.trace.recordings import RAYS, ROBOT, specification
 
@@ -139,8 +140,8 @@ def test_a_trace_without_scans_has_seen_nothing(driven):
 
 
 def test_what_any_laser_saw_was_seen(tmp_path):
-    laser = replace(ROBOT.laser, mount=Pose2(), angle_min=0.0, angle_max=1.5)
-    rear = replace(laser, name="rear", mount=Pose2(0.0, 0.0, math.pi))
+    laser = replace(ROBOT.laser, mount=Mount(0.0), angle_min=0.0, angle_max=1.5)
+    rear = replace(laser, name="rear", mount=Mount(0.0, 0.0, math.pi))
     both = replace(ROBOT, laser=replace(laser, name="front"), other_lasers=(rear,))
     areas = []
     for robot in (replace(ROBOT, laser=laser), both):

@@ -17,7 +17,7 @@ from daemon.trace import (
 )
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 ROBOT = Robot(
@@ -26,7 +26,7 @@ ROBOT = Robot(
     height=1.1,
     mass=50.0,
     drive=Drive("omnidirectional", 1.0, 1.0, 1.5, 1.0, 1.0, 2.0, 200.0, 100.0, 0.5),
-    laser=Laser(Pose2(0.25, 0.0), 0.3, -2.0, 2.0, 181, 0.05, 12.0, 10.0, 0.0, 0.0),
+    laser=Laser(Mount(0.25, 0.0), 0.3, -2.0, 2.0, 181, 0.05, 12.0, 10.0, 0.0, 0.0),
     odometry=OdometryNoise(50.0, 0.0, 0.0, 0.0),
 )
 

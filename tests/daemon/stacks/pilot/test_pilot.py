@@ -6,7 +6,7 @@ import pytest
 
 from daemon.stacks.pilot import driver
 from grammars.model.geometry import Pose2, wrap_angle
-from grammars.model.robot import OdometryNoise
+from grammars.model.robot import Mount, OdometryNoise
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
 from tests.daemon.stacks.pilot.world import a_robot, drive
 
@@ -146,7 +146,7 @@ def short_sighted(*, z=0.3, kind="omnidirectional"):
     robot = a_robot(kind)
     near = replace(robot.laser, name="near", range_max=0.5)
     far = replace(
-        robot.laser, name="far", mount=Pose2(), z=z, rate=5.0,
+        robot.laser, name="far", mount=Mount(0.0), z=z, rate=5.0,
         angle_min=-math.pi, angle_max=math.pi, rays=240,
     )  # fmt: skip
     return replace(robot, laser=near, other_lasers=(far,))

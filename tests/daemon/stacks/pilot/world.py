@@ -12,7 +12,7 @@ from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 
 Box = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max [m]."""
@@ -25,7 +25,7 @@ def a_robot(kind="omnidirectional", *, rays=150, noise=0.01, view=math.pi, odome
         max_vx=1.0, max_vy=1.0 if kind == "omnidirectional" else 0.0, max_wz=1.0,
         max_ax=1.0, max_ay=1.0, max_az=2.0, max_force=100.0, max_torque=100.0, timeout=0.5,
     )  # fmt: skip
-    laser = Laser(Pose2(0.3), 0.3, -view / 2, view / 2, rays, 0.05, 5.6, 10.0, noise, 0.0)
+    laser = Laser(Mount(0.3), 0.3, -view / 2, view / 2, rays, 0.05, 5.6, 10.0, noise, 0.0)
     x, y = 0.699 / 2, 0.466 / 2
     ring = ((-x, -y), (x, -y), (x, y), (-x, y))
     noisy = odometry or OdometryNoise(20.0, 0.01, 0.02, 0.005)

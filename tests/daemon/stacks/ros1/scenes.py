@@ -8,7 +8,7 @@ from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 ROBOT = Robot(
@@ -21,7 +21,7 @@ ROBOT = Robot(
         law="imposed", friction_loss=0.0098, turning_loss=0.047,
     ),
     Laser(
-        Pose2(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0, too_near="clamped"
+        Mount(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0, too_near="clamped"
     ),
     OdometryNoise(1.0 / 0.051, 0.0, 0.0, 0.0, period=0.051, twist="mean", origin="map"),
 )  # fmt: skip

@@ -6,10 +6,9 @@ import pytest
 
 from daemon.stacks.ros1.configuration import read_ros
 from daemon.stacks.ros1.wiring import advise_for_robot
-from grammars.model.geometry import Pose2
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 
-LASER = Laser(Pose2(), 0.2, -1.5, 1.5, 181, 0.05, 10.0, 10.0, 0.0, 0.0)
+LASER = Laser(Mount(0.0), 0.2, -1.5, 1.5, 181, 0.05, 10.0, 10.0, 0.0, 0.0)
 ROBOT = Robot(
     name="cart",
     footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)),

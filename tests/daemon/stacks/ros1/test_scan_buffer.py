@@ -9,12 +9,12 @@ from daemon.model.sut import LaserScan, Odometry
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from daemon.stacks.ros1.transforms import TransformBuffer
 from grammars.model.geometry import Pose2, Twist2
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 
 FRONT = Laser(
-    Pose2(0.5), 0.3, -1.0, 1.0, 5, 0.05, 5.0, 10.0, 0.0, 0.0, name="front"
+    Mount(0.5), 0.3, -1.0, 1.0, 5, 0.05, 5.0, 10.0, 0.0, 0.0, name="front"
 )  # fmt: skip
-REAR = replace(FRONT, name="rear", mount=Pose2(-0.5), z=0.6, rays=3, range_max=3.0)
+REAR = replace(FRONT, name="rear", mount=Mount(-0.5), z=0.6, rays=3, range_max=3.0)
 
 
 class Robot:

@@ -13,6 +13,7 @@ from daemon.stacks.ros1.stack import common_step
 from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Mount
 from templates.occupancy import occupancy_grid
 from tests.daemon.stacks.ros1.scenes import DOORWAY, ROBOT, configured, room, run, said
 
@@ -103,7 +104,7 @@ def test_without_scans_amcl_believes_odometry(tmp_path):
 
 
 def test_amcl_weighs_by_the_lasers_on_its_topic(tmp_path):
-    rear = replace(ROBOT.laser, name="rear", mount=Pose2(-0.3, 0.0, math.pi), rays=91)
+    rear = replace(ROBOT.laser, name="rear", mount=Mount(-0.3, 0.0, math.pi), rays=91)
     robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
     clouds = {}
     for front, back in (("/scan", "/scan"), ("/other", "/scan"), ("/other", "/back")):

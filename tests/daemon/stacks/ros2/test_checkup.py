@@ -9,14 +9,13 @@ from daemon.stacks.ros2.checkup import examine
 from daemon.stacks.ros2.inspection import Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
 from daemon.stacks.ros2.settings import read_settings
-from grammars.model.geometry import Pose2
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 STAMPED, PLAIN = "geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
-LASERS = (Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0),)
+LASERS = (Laser(Mount(0.0), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0),)
 READY = ("/amcl", "/controller_server", "/bt_navigator")
 
 

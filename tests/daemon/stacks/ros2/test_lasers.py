@@ -17,10 +17,10 @@ from daemon.stacks.ros2.settings import advise_for_robot, read_settings, setting
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 
-FRONT = Laser(Pose2(0.2), 0.3, -1.0, 1.0, 5, 0.05, 5.0, 10.0, 0.0, 0.0, name="front")
-REAR = replace(FRONT, name="rear", mount=Pose2(-0.2, 0.0, np.pi), z=0.4, rays=3, rate=8.0)
+FRONT = Laser(Mount(0.2), 0.3, -1.0, 1.0, 5, 0.05, 5.0, 10.0, 0.0, 0.0, name="front")
+REAR = replace(FRONT, name="rear", mount=Mount(-0.2, 0.0, np.pi), z=0.4, rays=3, rate=8.0)
 LASERS = (FRONT, REAR)
 DRIVE = Drive("differential", 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 0.0)
 RING = ((-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2))

@@ -18,9 +18,9 @@ from daemon.stacks.ros2.settings import (
     warnings_about,
 )
 from grammars.model.geometry import Pose2
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 
-LASER = Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
+LASER = Laser(Mount(0.0), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
 LAUNCH = "ros2 launch my_robot nav.launch.py map:={map} params_file:={params}"
 STACK = {
     "launch": LAUNCH,

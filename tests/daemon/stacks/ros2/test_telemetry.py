@@ -28,7 +28,7 @@ from daemon.stacks.ros2.link import ReceivedMessage
 from daemon.stacks.ros2.settings import read_settings
 from daemon.stacks.ros2.telemetry import LOG, PARTICLES, PATH, POSE, ROSOUT, Telemetry
 from grammars.model.geometry import Pose2, Twist2
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 
 SETTINGS = read_settings({"launch": "true"})
 TOPICS = SETTINGS.topics
@@ -203,7 +203,7 @@ def test_a_command_that_is_no_velocity_is_refused():
         sensors.read_command(ros.serialize(ros.twist(math.nan, 0.0, 0.0), kind), kind)
 
 
-LASER = Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
+LASER = Laser(Mount(0.0), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
 REPORTING = read_settings(
     {
         "launch": "true",

@@ -7,6 +7,7 @@ import pytest
 from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, wrap_angle
+from grammars.model.robot import Mount
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
 
@@ -232,7 +233,7 @@ def test_a_scan_of_another_laser_is_refused():
 
 
 FRONT = replace(LASER, name="front")
-REAR = replace(LASER, name="rear", mount=Pose2(-0.3, 0.1, math.pi), rays=90, range_max=4.0)
+REAR = replace(LASER, name="rear", mount=Mount(-0.3, 0.1, math.pi), rays=90, range_max=4.0)
 NO_RETURN = np.full(REAR.rays, np.inf, dtype=np.float32)
 
 

@@ -9,7 +9,7 @@ from daemon.stacks.ros1.amcl.resampling import Particles
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
 
@@ -92,7 +92,7 @@ def one_wall():
 @pytest.mark.parametrize(("original", "first", "last"), [(True, 0.975, 1.025), (False, 1.0, 1.05)])
 def test_cells_are_looked_up_half_a_cell_low(original, first, last):
     """A return right ahead hits the wall's cell from 2.5 cm before its painted edge on."""
-    laser = Laser(Pose2(), 0.3, 0.0, 0.0, 1, 0.05, 5.6, 10.0, 0.0, 0.0)
+    laser = Laser(Mount(0.0), 0.3, 0.0, 0.0, 1, 0.05, 5.6, 10.0, 0.0, 0.0)
     x = np.array([first - 1e-4, first + 1e-4, last - 1e-4, last + 1e-4]) - 0.5
     poses = np.column_stack((x, np.zeros(4), np.zeros(4)))
     ranges = np.array([0.5], dtype=np.float32)

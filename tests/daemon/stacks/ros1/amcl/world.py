@@ -3,11 +3,10 @@
 import numpy as np
 
 from daemon.stacks.ros1.amcl import AmclParameters
-from grammars.model.geometry import Pose2
-from grammars.model.robot import Laser
+from grammars.model.robot import Laser, Mount
 from tests.daemon.stacks.pilot.world import cast, draw, edges
 
-LASER = Laser(Pose2(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0)
+LASER = Laser(Mount(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0)
 PUBLISHED = AmclParameters(
     min_particles=500, max_particles=2000, update_min_d=0.1, update_min_a=0.25,
     recovery_alpha_slow=0.0, recovery_alpha_fast=0.0, odom_model_type="omni-corrected",
