@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
-from typing import Final
+from collections.abc import Iterator, Sequence
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -18,14 +18,13 @@ from grammars.variation.designs import (
     MAX_POINTS,
     METHODS,
     Method,
-    Point,
     grid,
-    halton,
-    latin_hypercube,
+    halton_points,
+    latin_hypercubes,
+    points_at,
 )
 
 LAST_SEED: Final = 2**32 - 1
-_MISSES_PER_TRY: Final = 20
 
 
 def sample(
@@ -42,14 +41,13 @@ def sample(
     """Return variants of a plan; variant ``k`` has the seed ``seed + k``.
 
     ``random`` draws every distribution in file order from
-    ``numpy.random.RandomState(seed + k)``, as the published tool does. When a draw is rejected
-    (a ``require`` does not hold, the plan cannot be compiled or is unsound) the next one is taken
-    from the same stream, at most ``tries`` times, so a variant depends on its own seed only.
+    ``numpy.random.RandomState(seed + k)``, as the published tool does, so a variant depends on its
+    own seed only. The other methods are designs over all variants; ``seed`` scrambles ``halton``
+    and ``lhs``. ``grid`` takes every combination of ``levels`` values per range or normal
+    distribution and of all listed values; there ``n`` is only an upper bound.
 
-    The other methods are designs over all variants; ``seed`` scrambles ``halton`` and ``lhs``.
-    ``grid`` takes every combination of ``levels`` values per range or normal distribution and of
-    all listed values; there ``n`` is only an upper bound. Rejected points of ``grid`` and ``lhs``
-    are left out, ``halton`` goes on to the next point.
+    When a point is rejected (a ``require`` does not hold, the plan cannot be compiled or is
+    unsound) the next one is taken, at most ``tries`` for one variant, of a grid all there are.
 
     ``check`` is the radius [m] of a robot that must reach every space of a sound plan; ``None``
     leaves soundness unchecked. ``suffix`` writes the seed into the plan's name.
@@ -70,11 +68,15 @@ def sample(
         raise ValueError("the radius must be positive")
     if not 0 <= seed <= LAST_SEED - (n or 1) + 1:
         raise ValueError(f"seeds are between 0 and {LAST_SEED}")
-    trials = VariantBuilder(variation, method, seed, check, suffix)
+    builder = VariantBuilder(variation, method, seed, check, suffix)
+    if method == "grid":
+        return _grid_variants(builder, n, levels)
+    assert n is not None
     if method == "random":
-        assert n is not None
-        return tuple(_random_variant(trials, seed + k, tries) for k in range(n))
-    return _design_variants(trials, method, n, levels, tries)
+        streams = [_drawn(variation, seed + k) for k in range(n)]
+    else:
+        streams = [_design(variation, method, n, seed)] * n
+    return tuple(_variant(builder, stream, tries) for stream in streams)
 
 
 def variant_plans(
@@ -103,58 +105,60 @@ def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...
     )
 
 
-def _random_variant(trials: VariantBuilder, seed: int, tries: int) -> Variant:
-    """Return the first variant of a seed's stream that nothing rejects."""
+_SeededPoint: TypeAlias = tuple[int, Sequence[float]]
+
+
+def _drawn(variation: Variation, seed: int) -> Iterator[_SeededPoint]:
+    """Return the points of a seed's stream, all of them under this seed."""
     # Rejected draws go on in the stream of their seed: no variant depends on how many of the others
     # were rejected, so any of them can be drawn alone.
     stream = np.random.RandomState(seed)
+    while True:
+        yield seed, [draw.distribution.draw(stream) for draw in variation.draws]
+
+
+def _design(variation: Variation, method: Method, n: int, seed: int) -> Iterator[_SeededPoint]:
+    """Return the points of a space-filling design; point ``k`` has the seed ``seed + k``."""
+    distributions = [draw.distribution for draw in variation.draws]
+    quantiles = (
+        halton_points(len(distributions), seed)
+        if method == "halton"
+        else latin_hypercubes(len(distributions), n, seed)
+    )
+    # Rejected points keep their number: a requirement more leaves the others their names.
+    return zip(itertools.count(seed), points_at(distributions, quantiles))
+
+
+def _variant(builder: VariantBuilder, points: Iterator[_SeededPoint], tries: int) -> Variant:
+    """Return the variant of the first point that nothing rejects."""
     rejected = Rejections()
-    for attempt in range(1, tries + 1):
-        point = [draw.distribution.draw(stream) for draw in trials.variation.draws]
-        variant = trials.variant(point, seed, rejected, attempt)
+    seed = 0
+    for attempt, (seed, point) in enumerate(itertools.islice(points, tries), start=1):
+        variant = builder.variant(point, seed, rejected, attempt)
         if variant is not None:
             return variant
     message = f"seed {seed}: none of {tries} draws fulfils everything required"
-    raise rejected.error(Where(trials.variation.file, 1, 1), message)
+    raise rejected.error(_top(builder.variation), message)
 
 
-def _design_variants(
-    trials: VariantBuilder, method: Method, n: int | None, levels: int, tries: int
-) -> tuple[Variant, ...]:
-    """Return the variants of a design; point ``k`` has the seed ``seed + k``, rejected or not."""
-    where = Where(trials.variation.file, 1, 1)
+def _grid_variants(builder: VariantBuilder, n: int | None, levels: int) -> tuple[Variant, ...]:
+    """Return the variants of all points of a grid but those that are rejected."""
+    where = _top(builder.variation)
     rejected = Rejections()
-    wanted = n if method == "halton" else None
-    found: list[Variant] = []
-    seen, missed = 0, 0
-    for k, point in enumerate(_points(trials, method, n, levels, tries)):
-        seen = k + 1
-        # Rejected points keep their number: a requirement more leaves the others their names.
-        variant = trials.variant(point, trials.seed + k, rejected)
-        found.extend([] if variant is None else [variant])
-        missed = 0 if variant is not None else missed + 1
-        if wanted is not None and missed > _MISSES_PER_TRY * tries:
-            break
-        if wanted is not None and len(found) == wanted:
-            return tuple(found)
-        if n is not None and len(found) > n:
-            message = f"the {method} design has more than {n} variants"
+    variants: list[Variant] = []
+    distributions = [draw.distribution for draw in builder.variation.draws]
+    for seed, point in enumerate(grid(distributions, levels, where), start=builder.seed):
+        variant = builder.variant(point, seed, rejected)
+        if variant is not None:
+            variants.append(variant)
+        if n is not None and len(variants) > n:
+            message = f"the grid has more than {n} variants"
             hint = "allow more, lower the levels, or take random, halton or lhs"
             raise InputError.at(where, message, hint)
-    if not found or wanted is not None:
-        short = f"{len(found)} of {seen} points fulfil" if seen else "no point fulfils"
-        raise rejected.error(where, f"{method} design: {short} everything required")
-    return tuple(found)
+    if not variants:
+        raise rejected.error(where, "no point of the grid fulfils everything required")
+    return tuple(variants)
 
 
-def _points(
-    trials: VariantBuilder, method: Method, n: int | None, levels: int, tries: int
-) -> Iterator[Point]:
-    where = Where(trials.variation.file, 1, 1)
-    distributions = [draw.distribution for draw in trials.variation.draws]
-    if method == "grid":
-        return grid(distributions, levels, where)
-    assert n is not None
-    if method == "lhs":
-        return latin_hypercube(distributions, n, trials.seed)
-    return itertools.islice(halton(distributions, trials.seed), n * tries)
+def _top(variation: Variation) -> Where:
+    return Where(variation.file, 1, 1)

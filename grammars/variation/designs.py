@@ -8,11 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, Literal, TypeAlias, get_args
-
-import numpy as np
-import numpy.typing as npt
 
 from grammars.text.diagnostics import InputError, Where
 from grammars.variation._distributions import Distribution
@@ -40,82 +37,33 @@ def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> It
     return itertools.product(*axes)
 
 
-def halton(distributions: Sequence[Distribution], seed: int) -> Iterator[Point]:
-    """Return points of a scrambled Halton sequence, without an end; see :func:`halton_points`."""
-    return _points_at(distributions, halton_points(len(distributions), seed))
-
-
 def halton_points(dimensions: int, seed: int) -> Iterator[Point]:
     """Return points in the unit cube [0, 1) of a scrambled Halton sequence, without an end.
 
-    Halton, J. H.: On the efficiency of certain quasi-random sequences of points, Numerische
-    Mathematik 2 (1960); the digits are permuted after Owen, A randomized Halton algorithm in R
-    (2017). The points are those of :class:`scipy.stats.qmc.Halton` with the same generator.
+    Owen: A randomized Halton algorithm in R (2017).
     """
-    rng = _generator(seed)
-    digits = [_permuted_digits(base, rng) for base in _primes(dimensions)]
-    for first in itertools.count(0, _BLOCK):
-        numbers = np.arange(first, first + _BLOCK)
-        axes = [_radical_inverse(numbers, permutations) for permutations in digits]
-        yield from map(tuple, np.column_stack(axes).tolist())
+    # Half a second, which processes that draw at random do without.
+    from scipy.stats import qmc
+
+    engine = qmc.Halton(dimensions, rng=seed)
+    while True:
+        yield from map(tuple, engine.random(_BLOCK).tolist())
 
 
-def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) -> Iterator[Point]:
-    """Return ``n`` points with one in each of ``n`` equally likely slices of every draw.
+def latin_hypercubes(dimensions: int, n: int, seed: int) -> Iterator[Point]:
+    """Return ``n`` points with one in each of ``n`` equal slices of every axis, and ``n`` more …
 
     McKay, Beckman, Conover: A comparison of three methods for selecting values of input variables
-    in the analysis of output from a computer code, Technometrics 21 (1979). The points are those
-    of :class:`scipy.stats.qmc.LatinHypercube` with the same generator.
+    in the analysis of output from a computer code, Technometrics 21 (1979).
     """
-    rng = _generator(seed)
-    within = rng.uniform(size=(n, len(distributions)))
-    slices = np.tile(np.arange(1, n + 1), (len(distributions), 1))
-    for axis in slices:
-        rng.shuffle(axis)
-    return _points_at(distributions, ((slices.T - within) / n).tolist())
+    from scipy.stats import qmc
+
+    engine = qmc.LatinHypercube(dimensions, rng=seed)
+    while True:
+        yield from map(tuple, engine.random(n).tolist())
 
 
-def _points_at(
-    distributions: Sequence[Distribution], quantiles: Iterable[Sequence[float]]
-) -> Iterator[Point]:
+def points_at(distributions: Sequence[Distribution], quantiles: Iterator[Point]) -> Iterator[Point]:
+    """Return the values of the draws at their quantiles, point by point."""
     for row in quantiles:
         yield tuple(d.at(share) for d, share in zip(distributions, row, strict=True))
-
-
-def _generator(seed: int) -> np.random.Generator:
-    # A child of the seed's sequence, as scipy has it: what was drawn before is drawn again.
-    return np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
-
-
-def _primes(n: int) -> list[int]:
-    """Return the first ``n`` prime numbers."""
-    found: list[int] = []
-    for number in itertools.count(2):
-        if len(found) == n:
-            return found
-        if all(number % prime for prime in found):
-            found.append(number)
-    raise AssertionError("there is always another prime")
-
-
-def _permuted_digits(base: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
-    """Return what stands for each digit at each place, (places, base)."""
-    # As many places as a float has bits for.
-    places = math.ceil(54 / math.log2(base)) - 1
-    permutations = np.tile(np.arange(base), (places, 1))
-    for permutation in permutations:
-        rng.shuffle(permutation)
-    return permutations
-
-
-def _radical_inverse(
-    numbers: npt.NDArray[np.int64], permutations: npt.NDArray[np.int64]
-) -> npt.NDArray[np.float64]:
-    """Return numbers with their digits, permuted, mirrored at the point: between 0 and 1."""
-    base = permutations.shape[1]
-    mirrored, weight = np.zeros(len(numbers)), 1.0 / base
-    for digits in permutations:
-        numbers, last = np.divmod(numbers, base)
-        mirrored += digits[last] * weight
-        weight /= base
-    return mirrored

@@ -155,7 +155,7 @@ def vary(
     else:
         for table in _tables(written):
             stdout_console().print(table)
-    say(_summary(written, number, out))
+    say(_summary(written, out))
     # A plan may have defects of its own: only more than those are the variant's.
     if check is None:
         doubtful = sum(len(v.plan.warnings) > len(source.source.warnings) for v in variants)
@@ -205,7 +205,7 @@ def _column_name(index: int) -> str:
     return name
 
 
-def _summary(written: tuple[VariantFile, ...], number: int | None, folder: Path) -> str:
+def _summary(written: tuple[VariantFile, ...], folder: Path) -> str:
     from grammars.text.words import count_noun
 
     outcomes = [entry.outcome for entry in written]
@@ -215,6 +215,4 @@ def _summary(written: tuple[VariantFile, ...], number: int | None, folder: Path)
         words.append(f"{outcomes.count('unchanged')} there already")
     if "kept" in outcomes:
         words.append(f"{outcomes.count('kept')} kept as they were: --overwrite replaces them")
-    if number is not None and len(written) < number:
-        words.append(f"{number - len(written)} fewer than asked for: the rest is left out")
     return "; ".join(words)

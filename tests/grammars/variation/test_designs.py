@@ -2,12 +2,11 @@
 
 from itertools import islice, product
 
-import numpy as np
 import pytest
 
 from grammars.text.diagnostics import InputError
 from grammars.variation import Normal, Range, sample
-from grammars.variation.designs import halton, latin_hypercube
+from grammars.variation.designs import halton_points, latin_hypercubes, points_at
 from tests.grammars.variation.plans import numbers, vary
 
 FOUR = """
@@ -44,11 +43,10 @@ def test_a_design_of_one_draw_is_its_levels(tmp_path):
 
 def test_halton_and_latin_hypercubes_fill_every_range_evenly():
     axes = [Range(0.0, 8.0), Range(-1.0, 1.0), Normal(0.0, 1.0)]
-    points = list(latin_hypercube(axes, 8, seed=3))
+    points = list(islice(points_at(axes, latin_hypercubes(3, 8, seed=3)), 8))
     assert sorted(int(p[0]) for p in points) == list(range(8))
     assert sorted(int((p[1] + 1) * 4) for p in points) == list(range(8))
-    stream = halton(axes, seed=3)
-    first = [next(stream) for _ in range(64)]
+    first = list(islice(points_at(axes, halton_points(3, seed=3)), 64))
     counts = [sum(k <= p[0] < k + 1 for p in first) for k in range(8)]
     assert counts == [8] * 8
     assert -0.3 < sum(p[2] for p in first) / 64 < 0.3
@@ -60,11 +58,20 @@ def test_points_that_are_rejected_leave_their_seeds_out(tmp_path):
     assert [(v.seed, numbers(v)["gap"]) for v in variants] == [(10, 0.8), (12, 1.0)]
 
 
-def test_halton_goes_on_until_it_has_enough(tmp_path):
+@pytest.mark.parametrize("method", ["random", "halton", "lhs"])
+def test_a_rejected_point_is_followed_by_the_next(tmp_path, method):
+    anything = vary(tmp_path, "gap: uniform(0.5 .. 1.5)")
+    points = [numbers(v)["gap"] for v in sample(anything, 12, seed=0, method=method)]
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) require gap > 1 m")
-    variants = sample(variation, 6, seed=0, method="halton")
-    assert len(variants) == 6
-    assert all(numbers(v)["gap"] > 1 for v in variants)
+    variants = sample(variation, 12, seed=0, method=method)
+    found = [numbers(v)["gap"] for v in variants]
+    assert len(found) == 12
+    assert min(found) > 1.0
+    assert set(found) >= {gap for gap in points if gap > 1.0}
+    if method != "random":
+        # Every point keeps the seed that it has without the requirement.
+        kept = {k: gap for k, gap in enumerate(points) if gap > 1.0}
+        assert {v.seed: numbers(v)["gap"] for v in variants if v.seed < 12} == kept
 
 
 def test_the_header_says_which_design_it_was(variation):
@@ -83,7 +90,7 @@ def test_a_design_nothing_is_left_of_says_why(tmp_path, method):
 
 
 def test_a_design_with_more_points_than_wanted_is_refused(variation):
-    with pytest.raises(InputError, match="the grid design has more than 20 variants"):
+    with pytest.raises(InputError, match="the grid has more than 20 variants"):
         sample(variation, 20, seed=0, method="grid")
 
 
@@ -91,27 +98,3 @@ def test_an_enormous_grid_is_refused(tmp_path):
     statements = "gap: uniform(0.8 .. 1) turn: uniform(0 .. 1) reach: uniform(-2 .. -1)"
     with pytest.raises(InputError, match="1,000,000 points"):
         sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
-
-
-class _Share:
-    """A draw whose value is its quantile, unrounded."""
-
-    def at(self, quantile):
-        return quantile
-
-
-@pytest.mark.parametrize("dimensions", [1, 2, 7, 12])
-@pytest.mark.parametrize("seed", [0, 41])
-def test_space_filling_designs_are_those_of_scipy(dimensions, seed):
-    # Here, for every process of a round reads this file: that takes half a second.
-    from scipy.stats import qmc
-
-    def generator():
-        return np.random.default_rng(np.random.SeedSequence(seed))
-
-    draws = [_Share()] * dimensions
-    engine = qmc.Halton(dimensions, rng=generator())
-    found = np.array(list(islice(halton(draws, seed), 200)))
-    assert np.array_equal(found, engine.random(200))
-    engine = qmc.LatinHypercube(dimensions, rng=generator())
-    assert np.array_equal(list(latin_hypercube(draws, 33, seed)), engine.random(33))

@@ -76,11 +76,6 @@ def test_a_grid_has_as_many_plans_as_it_has_points(scenario, file, tmp_path):
     assert "more than 3" in scenario("vary", str(file), "--method", "grid", "-n", "3").err
 
 
-def test_fewer_plans_than_asked_for_are_said(scenario, file, tmp_path):
-    said = scenario("vary", str(file), "--method", "lhs", "-n", "10", "-o", str(tmp_path))
-    assert "2 fewer than asked for" in said.err
-
-
 def test_what_cannot_be_fulfilled_exits_with_2_and_writes_nothing(scenario, file, tmp_path):
     file.write_text(file.read_text() + "require wide > 5 m\n")
     said = scenario("vary", str(file), "--tries", "20", "-o", str(tmp_path / "out"))
