@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Final
+from typing import Final, TypeAlias
 
 from grammars.jsonld._kinematics import (
     LENGTHS,
@@ -20,9 +20,10 @@ from grammars.jsonld._kinematics import (
     slots,
 )
 from grammars.jsonld._nodes import Node, NodeGraph, index_by
-from grammars.jsonld._object_writer import WORLD, trim_rounding
+from grammars.jsonld._object_writer import RESISTANCES, trim_rounding
 from grammars.jsonld.vocabulary import DYN, GEOM, KC, OBJ, POLY, SCN, ST, local_name
 from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.kinematics import WORLD
 from grammars.model.scene import Joint, Link
 from grammars.scenery.model import NamedState, ObjectModel
 from grammars.text.diagnostics import Severity, Where
@@ -103,6 +104,8 @@ def _tidy_ring(ring: Ring) -> Ring:
 
 
 _AXES: Final = {"x": 0.0, "y": math.pi / 2}
+_Motion: TypeAlias = tuple[Point2, Point2, tuple[float, float]]
+"""Anchor [m], axis, and limits [rad or m]."""
 
 
 def scenery_name(name: str) -> str:
@@ -180,7 +183,7 @@ class ObjectReader:
         return found
 
     def _link(self, body: str, link: Node, placed: dict[str, PlacedFrame]) -> Link | None:
-        name = self._body_name(body)
+        name = name_of(self._nodes.get(body))
         frame = link.ref(OBJ["link-frame"])
         here = placed.get(frame or "")
         if here is None or not is_level(here):
@@ -201,9 +204,6 @@ class ObjectReader:
             return None
         return Link(name, tuple(rings), self._mass(body, name), min(heights), max(heights))
 
-    def _body_name(self, body: str) -> str:
-        return name_of(self._nodes.get(body))
-
     def _mass(self, body: str, name: str) -> float:
         for inertia in self._inertias.get(body, []):
             mass = inertia.number(DYN["mass"])
@@ -223,14 +223,36 @@ class ObjectReader:
             self._nodes.add_error(joint.id, f"joint {name} is not between two links of its object")
             return None
         parent, child = ends
-        if not is_moving(joint):
-            at = placed.get(bodies[child].ref(OBJ["link-frame"]) or "", PlacedFrame(Pose2())).pose
-            return self._made(joint, name, ends, bodies, (at.x, at.y), (0.0, 0.0), (0.0, 0.0))
+        at = placed.get(bodies[child].ref(OBJ["link-frame"]) or "", PlacedFrame(Pose2())).pose
+        motion: _Motion | None = ((at.x, at.y), (0.0, 0.0), (0.0, 0.0))
+        if is_moving(joint):
+            motion = self._motion(joint, name, parent, placed)
+        if motion is None:
+            return None
+        anchor, axis, bounds = motion
+        resistances = [joint.number(SCN[word]) or 0.0 for word in RESISTANCES]
+        if min(resistances[:3]) < 0.0:
+            self._nodes.add_error(joint.id, f"friction, stiffness or damping of {name} is negative")
+        return Joint(
+            name,
+            "prismatic" if OBJ["PrismaticJoint"] in joint.types else "revolute",
+            name_of(self._nodes.get(parent)) if parent in bodies else WORLD,
+            name_of(self._nodes.get(child)),
+            anchor,
+            axis,
+            *bounds,
+            *resistances,
+        )
+
+    def _motion(
+        self, joint: Node, name: str, parent: str, placed: dict[str, PlacedFrame]
+    ) -> _Motion | None:
+        """Return how a joint moves in the object frame, or ``None`` after noting why not."""
         frame, slot = self._axis_frame(joint, parent)
         here = placed.get(frame)
         bounds = self._limits.get(joint.id, ([], []))
-        values = [joint_position(side[0], joint) if side else None for side in bounds]
-        if here is None or not is_level(here) or values[0] is None or values[1] is None:
+        lower, upper = (joint_position(side[0], joint) if side else None for side in bounds)
+        if here is None or not is_level(here) or lower is None or upper is None:
             message = f"joint {name} has no axis in its object, or no limits"
             self._nodes.add_error(joint.id, message)
             return None
@@ -239,42 +261,12 @@ class ObjectReader:
             message = f"joint {name} {what}: only motion in the plane is simulated"
             self._nodes.add_error(joint.id, message)
             return None
-        anchor = (trim_rounding(here.pose.x), trim_rounding(here.pose.y))
         axis = (0.0, 0.0)
         if not is_turning(joint):
             angle = here.pose.yaw + _AXES[slot]
             axis = (trim_rounding(math.cos(angle)), trim_rounding(math.sin(angle)))
-        return self._made(joint, name, ends, bodies, anchor, axis, (values[0], values[1]))
-
-    def _made(
-        self,
-        joint: Node,
-        name: str,
-        ends: tuple[str, str],
-        bodies: dict[str, Node],
-        anchor: Point2,
-        axis: Point2,
-        bounds: tuple[float, float],
-    ) -> Joint:
-        parent = self._body_name(ends[0]) if ends[0] in bodies else WORLD
-        friction, stiffness, damping, rest = (
-            joint.number(SCN[word]) or 0.0 for word in ("friction", "stiffness", "damping", "rest")
-        )
-        if min(friction, stiffness, damping) < 0.0:
-            self._nodes.add_error(joint.id, f"friction, stiffness or damping of {name} is negative")
-        return Joint(
-            name,
-            "prismatic" if OBJ["PrismaticJoint"] in joint.types else "revolute",
-            parent,
-            self._body_name(ends[1]),
-            anchor,
-            axis,
-            *bounds,
-            friction,
-            stiffness,
-            damping,
-            rest,
-        )
+        anchor = (trim_rounding(here.pose.x), trim_rounding(here.pose.y))
+        return anchor, axis, (lower, upper)
 
     def _ends(
         self, joint: Node, bodies: dict[str, Node], placed: dict[str, PlacedFrame]

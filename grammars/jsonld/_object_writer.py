@@ -14,6 +14,7 @@ from grammars.jsonld._kinematics import (
     position_nodes,
 )
 from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.kinematics import WORLD
 from grammars.model.scene import Joint, Link
 from grammars.scenery.model import ObjectModel
 
@@ -97,7 +98,8 @@ def _extent(link: Link) -> tuple[float, float]:
 _VECTOR: Final = ["3D", "Euclidean", "Vector", "BoundVector", "UnitLength"]
 _FRAME: Final = ["Frame", "Orthonormal", "RigidBody", "RightHanded", "OriginVectorsXYZ"]
 _MATERIAL: Final = "Grey"
-WORLD: Final = "world"
+RESISTANCES: Final = ("friction", "stiffness", "damping", "rest")
+"""Our own words about a joint."""
 
 
 def object_pose_nodes(of: str, wrt: str, pose: Pose2, z: float = 0.0) -> list[Json]:
@@ -198,7 +200,7 @@ class _ObjectWriter:
         kind = "RevoluteJoint" if joint.kind == "revolute" else "PrismaticJoint"
         node: Json = {"@id": id, "@type": ["Joint", kind], "scn:name": joint.name}
         node |= {"between-attachments": bodies, "common-axis": f"{id}.axis"}
-        for word in ("friction", "stiffness", "damping", "rest"):
+        for word in RESISTANCES:
             if getattr(joint, word):
                 node[f"scn:{word}"] = getattr(joint, word)
         lines = [f"{end}.axis" for end in ends]

@@ -33,6 +33,12 @@ from grammars.text.diagnostics import (
 )
 
 _LARGEST: Final = 1e6
+# To others, a wall of ours is a divider as well.
+_FEATURES: Final[dict[str, Literal["column", "divider", "wall"]]] = {
+    SCN["Wall"]: "wall",
+    FP["Column"]: "column",
+    FP["Divider"]: "divider",
+}
 
 
 def read_plan(nodes: NodeGraph, file: str = "") -> FloorPlan:
@@ -271,17 +277,8 @@ class _PlanReader:
 
     def _feature(self, id: Ref | str, owner: Node, space: str, found: dict[str, Feature]) -> None:
         node = self.nodes.by_id.get(id)
-        kind: Literal["column", "divider", "wall"] | None = None
-        if node is not None:
-            kind = (
-                "wall"
-                if SCN["Wall"] in node.types
-                else "column"
-                if FP["Column"] in node.types
-                else "divider"
-                if FP["Divider"] in node.types
-                else None
-            )
+        types = node.types if node is not None else []
+        kind = next((kind for type, kind in _FEATURES.items() if type in types), None)
         if node is None or kind is None:
             message = f"{local_name(owner.id)} lists {local_name(id)}, no column or divider"
             self.nodes.add_error(owner.id, message)

@@ -39,18 +39,16 @@ from grammars.model.geometry import Pose2, Ring, signed_area
 _SAME: Final = 1e-9
 
 
-def has_implied_walls(space: Space, ring: Ring) -> bool:
-    """Return whether the walls of a space are those its outline ``ring`` (own frame) implies."""
-    return implied_space(space, ring) is not None
-
-
 def implied_space(space: Space, ring: Ring) -> Space | None:
-    """Return the space that the language makes of ``ring``, if ``space`` is the same."""
+    """Return the space that the language makes of the outline ``ring``, if ``space`` is the same.
+
+    ``ring`` is in the frame of the space.
+    """
     if not space.walls or len(space.walls) != len(ring) or not has_mitres(ring):
         return None
     first = space.walls[0]
     made = space_at(space.name, space.frame, ring, first.thickness, first.height, space.where)
-    return made if same_walls(made, space) else None
+    return made if _have_same_walls(made, space) else None
 
 
 def is_polygon(ring: Ring) -> bool:
@@ -68,7 +66,7 @@ def has_mitres(ring: Ring) -> bool:
     return all(1.0 + a[0] * b[0] + a[1] * b[1] > _SAME for a, b in turns)
 
 
-def same_walls(one: Space, other: Space) -> bool:
+def _have_same_walls(one: Space, other: Space) -> bool:
     """Return whether two spaces have the same walls, to a nanometre."""
     return all(
         a.thickness == b.thickness
@@ -103,17 +101,6 @@ FILES: Final = {
 
 
 @dataclass(slots=True)
-class _Element:
-    """One thing with a frame, an outline and a body; ``stem`` names its frame and origin."""
-
-    id: str
-    stem: str
-    corners: tuple[Point3, ...]
-    outline: int
-    solid: bool
-
-
-@dataclass(slots=True)
 class PlanWriter:
     """Builds the nodes of every file; ``files`` holds them by file name."""
 
@@ -123,7 +110,7 @@ class PlanWriter:
 
     def __post_init__(self) -> None:
         self._name_everything()
-        self._skeleton_frame(WORLD)
+        self._frame_of(WORLD)
         for space in self.plan.spaces:
             self._space(space)
         for feature in self.plan.features:
@@ -172,73 +159,64 @@ class PlanWriter:
     def _space(self, space: Space) -> None:
         id = self.ids["space", space.name]
         placed = space.placement
-        # Plans that were read from JSON-LD may not say how a space was placed: then it is in the
-        # world.
-        offset = placed.offset if placed else space.frame
-        of = self.frame(placed.of) if placed else f"{id}-frame"
         ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
-        solid = tuple((x, y, 0.0) for x, y in ring)
-        self._element(_Element(id, id, solid, len(ring), False))
-        self._holes(id, id, [space.frame.inverse().apply_ring(r) for r in space.holes])
-        self._pose(of, self.frame(placed.wrt if placed else f"{WORLD}-frame"), offset)
+        self._frame_of(id)
+        self._outline(id, id, _level_ring(ring, 0.0), len(ring))
+        self._holes(id, id, space)
+        self._place(self.frame(placed.of) if placed else f"{id}-frame", space)
         for wall, (pose, footprint) in zip(space.walls, _walls(space, ring), strict=True):
             wall_id = self.ids["wall", wall.id]
-            corners = _prism(footprint, wall.height)
-            self._element(_Element(wall_id, wall_id, corners, 4, True))
+            self._solid(wall_id, wall_id, _prism(footprint, wall.height))
             self._pose(f"{wall_id}-frame", f"{id}-frame", pose)
 
     def _feature(self, feature: Feature) -> None:
         id, placed = self.ids[feature.kind, feature.id], feature.placement
         stem = f"{feature.kind}-{feature.id}"
         local = feature.frame.inverse().apply_ring(feature.footprint)
-        ring = _flat(placed.outline) if placed else local
-        corners = _prism(ring, feature.height)
-        self._element(_Element(id, stem, corners, len(ring), True))
-        holes = [feature.frame.inverse().apply_ring(ring) for ring in feature.holes]
-        self._holes(id, stem, holes)
-        wrt = self.frame(placed.wrt if placed else f"{WORLD}-frame")
-        self._pose(f"{stem}-frame", wrt, placed.offset if placed else feature.frame)
+        self._solid(id, stem, _prism(_flat(placed.outline) if placed else local, feature.height))
+        self._holes(id, stem, feature)
+        self._place(f"{stem}-frame", feature)
 
     def _opening(self, opening: Opening) -> None:
         id, placed = self.ids[opening.kind, opening.id], opening.placement
         stem = f"{opening.kind}-{opening.id}"
         near = placed.outline if placed else _untilted(opening)
-        far = tuple((x, opening.depth, z) for x, _, z in near)
-        self._element(_Element(id, stem, (*near, *far), len(near), True))
-        wrt = placed.wrt if placed else f"{WORLD}-frame"
-        offset = placed.offset if placed else opening.frame
-        self._pose(f"{stem}-frame", self.frame(wrt), offset, opening.z, opening.tilt)
+        self._solid(id, stem, (*near, *((x, opening.depth, z) for x, _, z in near)))
+        self._place(f"{stem}-frame", opening, opening.z, opening.tilt)
 
-    def _holes(self, id: str, stem: str, holes: Iterable[Ring]) -> None:
+    def _solid(self, id: str, stem: str, corners: tuple[Point3, ...]) -> None:
+        """Write an element with a body; the first half of the corners is its outline."""
+        self._frame_of(stem)
+        points = self._outline(id, stem, corners, len(corners) // 2)
+        self.files["polyhedron"].append(polyhedron_node(f"{id}-polyhedron", points))
+
+    def _holes(self, id: str, stem: str, element: Space | Feature) -> None:
         """Write the outlines of holes, in the frame of the element they are in."""
-        for number, ring in enumerate(holes):
-            corners = tuple((x, y, 0.0) for x, y in ring)
-            hole = _Element(f"{id}-hole-{number}", stem, corners, len(ring), False)
-            self._outline(hole)
+        for number, ring in enumerate(map(element.frame.inverse().apply_ring, element.holes)):
+            self._outline(f"{id}-hole-{number}", stem, _level_ring(ring, 0.0), len(ring))
 
-    def _element(self, element: _Element) -> None:
-        """Write frame, corners with their positions, outline and body of one element."""
-        self._skeleton_frame(element.stem)
-        self._outline(element)
-
-    def _outline(self, element: _Element) -> None:
-        frame, origin = f"{element.stem}-frame", f"{element.stem}-origin"
-        points = [f"{element.id}-corner-{k}" for k in range(len(element.corners))]
-        count = element.outline
-        self.files["shape"].append(
-            {"@id": f"{element.id}-polygon", "@type": "Polygon", "points": points[:count]}
-        )
-        if element.solid:
-            self.files["polyhedron"].append(polyhedron_node(f"{element.id}-polyhedron", points))
-        for point, at in zip(points, element.corners, strict=True):
+    def _outline(self, id: str, stem: str, corners: tuple[Point3, ...], outline: int) -> list[str]:
+        """Write corners, of which the first ones are the outline, and return their names."""
+        frame, origin = f"{stem}-frame", f"{stem}-origin"
+        points = [f"{id}-corner-{k}" for k in range(len(corners))]
+        polygon = {"@id": f"{id}-polygon", "@type": "Polygon", "points": points[:outline]}
+        self.files["shape"].append(polygon)
+        for point, at in zip(points, corners, strict=True):
             self.files["skeleton"].append({"@id": point, "@type": POINT})
-            id = f"position-{point}-wrt-{frame}"
-            ids = (id, f"coord-{id}")
-            self._relate(position_nodes(ids, point, frame, origin, at))
+            name = f"position-{point}-wrt-{frame}"
+            self._relate(position_nodes((name, f"coord-{name}"), point, frame, origin, at))
+        return points
 
-    def _skeleton_frame(self, stem: str) -> None:
-        origin, frame = f"{stem}-origin", f"{stem}-frame"
-        self.files["skeleton"] += frame_nodes(frame, origin)
+    def _frame_of(self, stem: str) -> None:
+        self.files["skeleton"] += frame_nodes(f"{stem}-frame", f"{stem}-origin")
+
+    def _place(
+        self, of: str, element: Space | Feature | Opening, z: float = 0.0, tilt: float = 0.0
+    ) -> None:
+        """Write how an element was placed; one of a plan that does not say it is in the world."""
+        placed = element.placement
+        wrt = self.frame(placed.wrt if placed else f"{WORLD}-frame")
+        self._pose(of, wrt, placed.offset if placed else element.frame, z, tilt)
 
     def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
         # Published readers turn round the pose before one whose identifier has "wall" in it twice:
@@ -339,7 +317,7 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
     """
     # The published mesh generator thickens an opening by moving corners with y == 0 one way and all
     # others the other way: a corner at 1e-17 would go with the others.
-    if not has_implied_walls(space, ring):
+    if implied_space(space, ring) is None:
         return [
             (
                 space.frame.inverse() @ wall.frame,
@@ -378,8 +356,12 @@ def _flat(points: Iterable[Point3]) -> Ring:
     return tuple((x, y) for x, y, _ in points)
 
 
+def _level_ring(ring: Ring, height: float) -> tuple[Point3, ...]:
+    return tuple((x, y, height) for x, y in ring)
+
+
 def _prism(ring: Ring, height: float) -> tuple[Point3, ...]:
-    return (*((x, y, 0.0) for x, y in ring), *((x, y, height) for x, y in ring))
+    return _level_ring(ring, 0.0) + _level_ring(ring, height)
 
 
 def _untilted(opening: Opening) -> tuple[Point3, ...]:
