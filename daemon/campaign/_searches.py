@@ -34,7 +34,7 @@ from grammars.model.robot import Robot
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath
-from grammars.text.expressions import read_predicate
+from grammars.text.expression_check import read_predicate
 
 _LONGEST_NAMES: Final = 88
 """Characters of the names of a campaign and its search together: both are part of an id."""

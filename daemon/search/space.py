@@ -18,7 +18,8 @@ from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.search.points import written_point
 from grammars.model.geometry import Floats
 from grammars.text.diagnostics import Where
-from grammars.text.expressions import Name, evaluate, read_predicate
+from grammars.text.expression_check import read_predicate
+from grammars.text.expressions import Name, evaluate
 from grammars.text.units import to_si
 
 _FINEST: Final = 2**40

@@ -30,21 +30,8 @@ from grammars.oracle._signals import (
     signal_names,
 )
 from grammars.text.diagnostics import Findings, SourceText, closest, did_you_mean
-from grammars.text.expressions import (
-    Comparison,
-    DimensionCheck,
-    Expression,
-    Kind,
-    Logic,
-    MaybeKind,
-    Name,
-    Not,
-    Number,
-    Unknown,
-    render,
-    walk,
-    with_unit,
-)
+from grammars.text.expression_check import DimensionCheck, Kind, MaybeKind, Unknown, with_unit
+from grammars.text.expressions import Comparison, Expression, Logic, Name, Not, Number, render, walk
 from grammars.text.units import LENGTH, RATIO, TIME, Dimension
 
 _EQUALITY: Final = (

@@ -37,7 +37,7 @@ def thing_of(signal: Signal) -> Signal | None:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What the judged value is compared with."""
+    """Limit of a judged value."""
 
     operator: ComparisonOperator
     number: Number
@@ -68,7 +68,7 @@ class Until:
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """How much a predicate held.
+    """Amount by which a predicate held.
 
     ``fraction`` of the judged time, total ``time`` [s], ``longest`` unbroken time [s] or the
     ``count`` of times it became true. Without a limit: a measure.
@@ -137,7 +137,7 @@ class Oracle:
 
     @property
     def is_measure(self) -> bool:
-        """Whether it only measures: no limit, so never red."""
+        """True for an oracle without a limit: it measures and is never red."""
         return isinstance(self.judgement, Amount | Statistic) and self.judgement.limit is None
 
     def judged(self) -> Iterator[tuple[Expression, bool | None]]:
@@ -166,5 +166,5 @@ class Oracle:
             yield from (part for part in walk(expression) if isinstance(part, Signal))
 
     def place(self, column: int) -> Where:
-        """Where the character at offset ``column`` of the text stands in its file."""
+        """Return the place of the character at offset ``column`` of the text."""
         return SourceText(self.text, self.where.file, within=self.where).where(column)

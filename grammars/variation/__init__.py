@@ -23,7 +23,7 @@ plan by their names alone. Numbers without a unit are in the unit of the plan's 
 ``require`` stand numbers, named draws, variables, attributes (``door.shape.width``) and measures:
 ``area``, ``perimeter``, ``thickness`` and ``height`` of a space, ``width``, ``height``, ``depth``
 and ``sill`` of an opening, ``height`` of a feature, ``distance(a, b)`` between two elements; with
-``+ - * /``, ``abs``, ``min``, ``max`` and one comparison.
+``+ - * /``, ``abs``, ``min``, ``max``, comparisons, ``and``, ``or`` and ``not``.
 
 Comments and layout of the plan survive in its variants: sampled numbers replace those in its
 text. What a plan does not write is not varied.

@@ -144,7 +144,7 @@ class Normal:
 
     @property
     def is_drawable(self) -> bool:
-        """Whether the limits leave enough of the distribution to draw from."""
+        """True when the limits leave enough of the distribution to draw from."""
         return self.share_left > _TAIL
 
 

@@ -19,14 +19,8 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.expressions import (
-    DimensionCheck,
-    Expression,
-    Name,
-    Number,
-    read_expression,
-    walk,
-)
+from grammars.text.expression_check import DimensionCheck
+from grammars.text.expressions import Expression, Name, Number, read_expression, walk
 from grammars.text.units import DIMENSIONS, LENGTH, RATIO, Dimension, read_unit
 from grammars.variation._distributions import Distribution, DistributionReader
 from grammars.variation._names import Meaning, Measure, NameReader, dimension_name

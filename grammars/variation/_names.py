@@ -19,7 +19,8 @@ from grammars.text.diagnostics import (
     did_you_mean,
     with_article,
 )
-from grammars.text.expressions import MaybeKind, Name, Unknown, render
+from grammars.text.expression_check import MaybeKind, Unknown
+from grammars.text.expressions import Name, render
 from grammars.text.units import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension
 from grammars.variation._syntax import FUNCTIONS
 from grammars.variation.plan_text import PlanElement, PlanText, Slot

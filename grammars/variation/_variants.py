@@ -29,7 +29,7 @@ _NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 class Rejections:
-    """What rejected how many points; messages that differ in their numbers count as one."""
+    """Counts of rejected points by reason; messages that differ in their numbers count as one."""
 
     def __init__(self) -> None:
         self._counts: dict[tuple[Where, str], int] = {}
@@ -187,7 +187,7 @@ class SampledPoint:
 
 @dataclass(frozen=True, slots=True)
 class VariantFile:
-    """What became of one variant's file: new, replaced, the same already, or kept as it was."""
+    """File of a variant and its outcome: new, replaced, the same already, or kept as it was."""
 
     path: Path
     variant: Variant

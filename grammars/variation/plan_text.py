@@ -63,7 +63,7 @@ class PlanElement:
 
     @property
     def is_opening(self) -> bool:
-        """Whether it hangs in a wall."""
+        """True for doors and windows, which hang in a wall."""
         return self.kind in ("entryway", "window")
 
     def paths(self) -> list[str]:
@@ -120,7 +120,7 @@ class PlanText:
 
     @property
     def name_at(self) -> Span:
-        """Where the name of the plan stands."""
+        """Place of the name of the plan in the text."""
         colon = self.bare.index(":", self.tree._tx_position)
         start = self.bare.index(self.name, colon)
         return start, start + len(self.name)

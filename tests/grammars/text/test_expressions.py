@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.expression_check import read_predicate
 from grammars.text.expressions import (
     Arithmetic,
     Comparison,
@@ -14,7 +15,6 @@ from grammars.text.expressions import (
     Name,
     Not,
     evaluate,
-    read_predicate,
     render,
     walk,
 )

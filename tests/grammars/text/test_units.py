@@ -6,7 +6,7 @@ from grammars.floorplan import parse_floorplan, read_floorplan
 from grammars.oracle import parse_oracle
 from grammars.scenery import parse_scenery
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.expressions import read_predicate
+from grammars.text.expression_check import read_predicate
 from grammars.text.quantity import read_quantity
 from grammars.text.units import LENGTH, SI_UNITS, UNIT_WORDS, read_unit
 from grammars.variation import parse_variation, sample

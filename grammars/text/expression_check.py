@@ -1,0 +1,190 @@
+"""Checks of expressions: what they are measured in, and whether like is compared with like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Final, Literal, Protocol, TypeAlias
+
+from grammars.text.diagnostics import (
+    Diagnostic,
+    Findings,
+    InputError,
+    SourceText,
+    Where,
+    did_you_mean,
+)
+from grammars.text.expressions import (
+    Arithmetic,
+    Comparison,
+    Expression,
+    ExpressionLanguage,
+    Function,
+    Logic,
+    Name,
+    Not,
+    Number,
+    fold,
+    parts_of,
+    read_expression,
+    render,
+    walk,
+)
+from grammars.text.units import RATIO, Dimension, read_unit
+
+
+class Unknown(Enum):
+    """Kind of a name without a meaning, and of all that it is a part of: an error is added."""
+
+    UNKNOWN = "unknown"
+
+
+Kind: TypeAlias = Dimension | None
+"""What an expression is measured in; ``None``: true or false."""
+MaybeKind: TypeAlias = Kind | Literal[Unknown.UNKNOWN]
+
+
+class Placed(Protocol):
+    """A part of a text, beginning at ``column``."""
+
+    @property
+    def column(self) -> int:
+        """Offset of its first character."""
+
+
+@dataclass(frozen=True, slots=True)
+class DimensionCheck:
+    """Finds what the expressions of a text are measured in; adds what does not go together.
+
+    ``kind_of_name`` adds names that it does not know itself. Beside a value in ``bare`` a number
+    without a unit is in it too, and 0 is in any; without ``bare`` every number has its unit.
+    """
+
+    source: SourceText
+    findings: Findings
+    kind_of_name: Callable[[Name], MaybeKind]
+    bare: Dimension = RATIO
+
+    def error(self, place: Placed, message: str, hint: str = "") -> None:
+        """Add an error at the place of an expression."""
+        self.findings.error(self.source.where(place.column), message, hint)
+
+    def kind(self, expression: Expression) -> MaybeKind:
+        """Return what an expression is measured in."""
+        return fold(expression, self._visit)
+
+    def quantity(self, expression: Expression) -> Dimension | None:
+        """Return the dimension of a quantity, ``None`` after reporting why there is none."""
+        return self._quantity(expression, self.kind(expression))
+
+    def predicate(self, expression: Expression) -> None:
+        """Report an expression that is not true or false."""
+        self._predicate(expression, self.kind(expression))
+
+    def compare(self, left: Dimension, limit: Expression, right: Dimension) -> None:
+        """Report a ``limit``, measured in ``right``, of something that is measured in ``left``."""
+        hint = f"write the limit in {left.unit}" if right == RATIO else ""
+        if isinstance(limit, Number):
+            hint = with_unit(limit, left)
+        self.error(limit, f"compares {_named(left)} with {_named(right)}", hint)
+
+    def _visit(self, part: Expression, kinds: Sequence[MaybeKind]) -> MaybeKind:
+        operands = list(zip(parts_of(part), kinds, strict=True))
+        match part:
+            case Number(dimension=dimension):
+                return dimension
+            case Name():
+                return self.kind_of_name(part)
+            case Not() | Logic():
+                for operand, kind in operands:
+                    self._predicate(operand, kind)
+                return None
+        dimensions = [self._quantity(operand, kind) for operand, kind in operands]
+        result: Dimension | None = dimensions[0]
+        for operand, other in zip(parts_of(part)[1:], dimensions[1:], strict=True):
+            if result is None or other is None:
+                result = None
+            else:
+                result = self._joined(part, result, operand, other)
+        if isinstance(part, Comparison):
+            return None
+        if isinstance(part, Function) and part.name == "abs" and len(operands) > 1:
+            self.error(part, "abs takes one number")
+        return Unknown.UNKNOWN if result is None else result
+
+    def _joined(
+        self, part: Expression, left: Dimension, operand: Expression, right: Dimension
+    ) -> Dimension | None:
+        """Return what ``part`` is measured in with one operand more, ``None`` after a report."""
+        if isinstance(part, Arithmetic) and part.operator in ("*", "/"):
+            return left * right if part.operator == "*" else left / right
+        if left == right:
+            return left
+        first = parts_of(part)[0]
+        for own, against, one in ((left, right, first), (right, left, operand)):
+            zero = isinstance(one, Number) and one.value == 0.0
+            if self.bare != RATIO and own == RATIO and (against == self.bare or zero):
+                return against
+        if isinstance(part, Arithmetic):
+            verb = "adds" if part.operator == "+" else "subtracts"
+            self.error(part, f"{verb} {_named(left)} and {_named(right)}")
+        else:
+            self.compare(left, operand, right)
+        return None
+
+    def _quantity(self, expression: Expression, kind: MaybeKind) -> Dimension | None:
+        if kind is None:
+            hint = f"write it alone: {render(expression)}"
+            self.error(expression, "this is true or false, not a quantity", hint)
+        return kind if isinstance(kind, Dimension) else None
+
+    def _predicate(self, expression: Expression, kind: MaybeKind) -> None:
+        if isinstance(kind, Dimension):
+            unit = "" if kind == RATIO else f" {kind.unit}"
+            message = f"this is a quantity [{kind.unit}], not something true or false"
+            self.error(expression, message, f"compare it with a limit, such as: <= 1{unit}")
+
+
+def with_unit(number: Number, kind: Dimension) -> str:
+    """Return how a number without a unit was probably meant; nothing for one that has a unit."""
+    if number.dimension != RATIO:
+        return ""
+    return f"write it in {kind.unit}: {number.text} {kind.unit}"
+
+
+def _named(kind: Dimension) -> str:
+    return "a number without unit" if kind == RATIO else kind.unit
+
+
+_LANGUAGE: Final = ExpressionLanguage(Path(__file__).with_name("expressions.tx"), autokwd=True)
+
+
+def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Expression:
+    """Read a predicate over some names; ``units`` has the unit of each, empty for none.
+
+    Raises :class:`InputError` with everything that is wrong with it, at ``where``.
+    """
+    source = SourceText(text, where.file)
+    findings = Findings()
+
+    def kind_of_name(name: Name) -> MaybeKind:
+        if name.name in units and not name.arguments:
+            return read_unit(units[name.name])[1]
+        message = f'"{name.name}" is not varied here: vary it, or write its value'
+        check.error(name, message, did_you_mean(name.name, units))
+        return Unknown.UNKNOWN
+
+    check = DimensionCheck(source, findings, kind_of_name)
+    try:
+        predicate = read_expression(_LANGUAGE.parse(source), source)
+        check.predicate(predicate)
+        if not any(isinstance(part, Name) for part in walk(predicate)):
+            check.error(predicate, "names nothing that is varied")
+        findings.raise_errors()
+    except InputError as error:
+        raise InputError(
+            Diagnostic(where, f'"{text}": {one.message}', one.hint) for one in error.diagnostics
+        ) from error
+    return predicate
