@@ -83,57 +83,6 @@ def changed(nodes, id, **other):
 
 
 LEAF_TYPES = ["JointReference", "JointPosition", "Quantity", "JointLowerLimit"]
-LIMIT = {"of-joint": "door:hinge", "unit": "RAD", "value": -1.0}
-
-
-@pytest.mark.parametrize(
-    ("nodes", "message"),
-    [
-        (without(hinged_door(), "door:least"), "joint hinge has no lower limit"),
-        (
-            [*hinged_door(), {"@id": "door:other", "@type": LEAF_TYPES, **LIMIT}],
-            "joint hinge has 2 lower limits: least, other",
-        ),
-        (changed(hinged_door(), "door:most", value=-0.1), "is above the upper"),
-        (changed(hinged_door(), "door:ajar-angle", value=2.5), "outside its limits"),
-        (
-            changed(hinged_door(), "door:axis", lines=["door:hinge-on-leaf-z"]),
-            "the axis of joint hinge is on 1 lines",
-        ),
-        (
-            changed(hinged_door(), "door:leaf", simplices=["door:leaf-frame"]),
-            "is not on both of its bodies",
-        ),
-        (without(hinged_door(), "door:leaf-frame-placed"), "which does not exist"),
-        (without(hinged_door(), "door:hinge-on-leaf-placed-numbers"), "has no coordinates"),
-        (
-            changed(hinged_door(), "door:leaf-link", **{"link-frame": "door:post"}),
-            "a SimplicialComplex, RigidBody",
-        ),
-        (changed(hinged_door(), "door:door-instance-1", frame="door:base"), "not connected"),
-        (changed(hinged_door(), "door:leaf-box", **{"y-size": 0}), "lacks a size"),
-        (
-            [n for n in two_leaves() if n["@id"] != "door:left-joint"]
-            + [
-                {
-                    "@id": "door:left-joint",
-                    "@type": ["Joint", "RevoluteJoint"],
-                    "between-attachments": ["door:left", "door:rail"],
-                    "common-axis": "door:left-axis",
-                }
-            ],
-            "turns about a lying axis",
-        ),
-    ],
-)
-def test_what_is_wrong_with_an_object_is_said(nodes, message, tmp_path):
-    file = saved(tmp_path, nodes)
-    found = [d for d in check_jsonld(file) if message in str(d)]
-    assert found, check_jsonld(file)
-    assert found[0].where.file == str(file)
-    assert found[0].where.line > 1
-    with pytest.raises(InputError):
-        load_scenery_jsonld(file)
 
 
 def test_values_without_the_type_quantity_are_read_with_a_warning(tmp_path):
