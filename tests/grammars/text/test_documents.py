@@ -57,27 +57,14 @@ def test_a_quantity_of_the_wrong_kind_is_explained():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a: 1\nb: 2\na: 3\n", "h.yaml:3:1: the same key is written twice"),
-        ("a: >= 80 %\n", "h.yaml:1:5: is not valid YAML: a value starts with > or |"),
-        ("a: @x\n", "put quotes around"),
         ("a:\n\tb: 1\n", "indent with spaces"),
-        ("a: [1,\n", "ends in the middle"),
-        ("a: &x 1\nb: *x\n", "h.yaml:2:4: YAML aliases"),
-        ("3.10: x\n", 'write it as "3.10"'),
         ("a: " + 5000 * "[", "h.yaml:1:53: is nested deeper than 50 levels"),
         ("a: x\nb: \x00", "h.yaml:2:4: is not valid YAML: holds the control character U+0000"),
-        ('a: "\\U00110000"', "h.yaml:1:7: is not valid YAML: found invalid Unicode"),
-        ("a: 1\n---\nb: 2\n", "h.yaml:2:1: is not valid YAML: a second document begins"),
-        ("? [a]\n: 1\n", "h.yaml:1:3: key [a] is a list, not text"),
         ("a: " + 5000 * "9", "h.yaml:1:4: is a number too large"),
-        ("a: !!python/object/apply:os.getcwd []\n", "h.yaml:1:4: YAML tags"),
-        ("a: [1, !!binary aGk=]\n", "h.yaml:1:8: YAML tags"),
-        ("b: 1\n<<: {a: 1}\n", "h.yaml:2:1: YAML merge keys"),
         ("a:\n  - 0x" + 5000 * "f", "h.yaml:2:5: is a number too large"),
-        ("a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "h.yaml:2:8: YAML aliases"),
     ],
 )
-def test_broken_yaml_names_line_and_column(text, message):
+def test_yaml_that_no_file_of_ours_holds_is_refused_at_its_place(text, message):
     with pytest.raises(InputError) as caught:
         parse_yaml(text, "h.yaml")
     assert message in str(caught.value)
