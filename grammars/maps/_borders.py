@@ -3,7 +3,8 @@
 Coordinates are in cells: (0, 0) is the lower left corner of cell (0, 0), x along columns, y along
 rows. An arc runs between two points where three kinds of cells meet, or is closed; since the pieces
 of floor on both of its sides are put together from the same arcs, they still fit when an arc has
-been made simpler.
+been made simpler. As a :class:`CellTrack`, an arc is points that lie on a straight line where the
+cells were drawn from one.
 
 Where four cells meet in a chequered corner, occupied cells hold together across it (a thin wall
 drawn slantwise is one wall), then unknown ones, then free ones.
@@ -11,6 +12,7 @@ drawn slantwise is one wall), then unknown ones, then free ones.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -47,7 +49,7 @@ class Arc:
 
     @property
     def closed(self) -> bool:
-        """Whether it ends where it begins without a point where three kinds meet."""
+        """True if it ends at its beginning, without a point where three kinds meet."""
         return bool((self.corners[0] == self.corners[-1]).all())
 
 
@@ -100,29 +102,29 @@ def _joined_ends(
     around[3, row[:uprights] + 1, column[:uprights]] = 2 * up + 1
     around[0, row[uprights:], column[uprights:]] = 2 * right
     around[2, row[uprights:], column[uprights:] + 1] = 2 * right + 1
-    met = (around != _NONE).sum(axis=0)
+    meeting = (around != _NONE).sum(axis=0)
     partner = np.full(2 * len(starts), _NONE, dtype=np.int64)
 
     def join(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32]) -> None:
         partner[first], partner[second] = second, first
 
-    through = around[:, met == 2]
+    through = around[:, meeting == 2]
     # Two of the four are there: sorting puts them last.
     join(*np.sort(through, axis=0)[2:])
-    at = np.argwhere(met == 4)
+    at = np.argwhere(meeting == 4)
     south_west, south_east = cells[at[:, 0] - 1, at[:, 1] - 1], cells[at[:, 0] - 1, at[:, 1]]
     north_west, north_east = cells[at[:, 0], at[:, 1] - 1], cells[at[:, 0], at[:, 1]]
     rising = np.where(south_west == north_east, south_west, _NONE)
     falling = np.where(north_west == south_east, north_west, _NONE)
-    east, north, west, south = around[:, met == 4]
-    for chosen, pairs in (
+    east, north, west, south = around[:, meeting == 4]
+    for at_corner, pairs in (
         (rising > falling, ((west, north), (east, south))),
         (rising <= falling, ((north, east), (south, west))),
     ):
         for first, second in pairs:
-            join(first[chosen], second[chosen])
+            join(first[at_corner], second[at_corner])
     chequered = np.zeros(2 * len(starts), dtype=np.bool_)
-    chequered[around[:, met == 4].ravel()] = True
+    chequered[around[:, meeting == 4].ravel()] = True
     return partner.tolist(), chequered.tolist()
 
 
@@ -136,21 +138,21 @@ def _followed(
 ) -> list[Arc]:
     """Return the arcs: those between nodes first, each from its lowest end on."""
     vertex = np.stack([starts, ends], axis=1).reshape(-1, 2)
-    seen = bytearray(len(starts))
+    passed = bytearray(len(starts))
     arcs: list[Arc] = []
     nodes = [end for end, other in enumerate(partner) if other == _NONE]
     for begin in (*nodes, *range(0, len(partner), 2)):
-        if seen[begin >> 1]:
+        if passed[begin >> 1]:
             continue
         way: list[int] = []
         end = begin
-        while end != _NONE and not seen[end >> 1]:
-            seen[end >> 1] = 1
+        while end != _NONE and not passed[end >> 1]:
+            passed[end >> 1] = 1
             way.append(end)
             end = partner[end ^ 1]
-        passed = [*way, way[-1] ^ 1]
-        corners = vertex[passed][:, ::-1].astype(np.int32) - 1
-        crossed = np.array([chequered[end] for end in passed])
+        ends_of_way = [*way, way[-1] ^ 1]
+        corners = vertex[ends_of_way][:, ::-1].astype(np.int32) - 1
+        crossed = np.array([chequered[end] for end in ends_of_way])
         arcs.append(Arc(corners, crossed, *_beside(cells, vertex, begin, begin >> 1 < uprights)))
     return arcs
 
@@ -173,8 +175,8 @@ def patches(arcs: Sequence[Arc], rings: Sequence[Points]) -> list[Patch]:
     ``rings`` are the points of each arc in which no two arcs cross or touch but at their ends.
     The order is that of the arcs.
     """
-    found = list(_loops(arcs))
-    polygons = [shapely.Polygon(loop_points(loop, rings)) for loop in found]
+    loops = _loops(arcs)
+    polygons = [shapely.Polygon(loop_points(loop, rings)) for loop in loops]
     inside_left = [not shapely.is_ccw(polygon.exterior) for polygon in polygons]
     shells = [i for i, hole in enumerate(inside_left) if not hole]
     tree = shapely.STRtree([polygons[i] for i in shells])
@@ -185,11 +187,11 @@ def patches(arcs: Sequence[Arc], rings: Sequence[Points]) -> list[Patch]:
         around = [
             shells[k]
             for k in tree.query(polygons[i], predicate="within").tolist()
-            if found[shells[k]].label == found[i].label
+            if loops[shells[k]].label == loops[i].label
         ]
         if around:
-            holes[min(around, key=lambda k: (polygons[k].area, k))].append(found[i])
-    return [Patch(found[i].label, found[i], tuple(holes[i])) for i in shells]
+            holes[min(around, key=lambda k: (polygons[k].area, k))].append(loops[i])
+    return [Patch(loops[i].label, loops[i], tuple(holes[i])) for i in shells]
 
 
 def _loops(arcs: Sequence[Arc]) -> list[Loop]:
@@ -226,3 +228,80 @@ def loop_points(loop: Loop, lines: Sequence[Points]) -> Points:
     """Return the points of a loop, the first not repeated, taken from those of its arcs."""
     parts = [lines[i] if forwards else lines[i][::-1] for i, forwards in loop.arcs]
     return np.vstack([part[:-1] for part in parts])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellTrack:
+    """An arc as points that two arcs never share: middles of edges, and true corners.
+
+    ``at`` is where along the arc each point lies, in edges; ``corners`` and ``middles`` are those
+    of the arc, twice in a row for a closed one, so that every piece of it is a slice.
+    """
+
+    points: Points
+    at: npt.NDArray[np.float64]
+    corners: Points
+    middles: Points
+
+    def passed(self, first: int, last: int) -> tuple[Points, Points]:
+        """Return the corners of cells and the middles of edges between two points."""
+        low, high = self.at[first], self.at[last]
+        corners = self.corners[math.ceil(low) : math.floor(high) + 1]
+        return corners, self.middles[math.ceil(low - 0.5) : math.floor(high - 0.5) + 1]
+
+
+def track_of(arc: Arc) -> CellTrack:
+    """Return the points of an arc."""
+    corners = arc.corners.astype(np.float64)
+    step = np.diff(corners, axis=0)
+    edges = len(step)
+    middles = corners[:-1] + step / 2
+    true = _true_corners(step, arc)
+    at = np.sort(np.concatenate([true, np.arange(edges) + 0.5]))
+    if arc.closed:
+        corners, middles = np.vstack([corners[:-1]] * 2), np.vstack([middles] * 2)
+        points = _points_at(at, corners, middles)
+        # Cut open at the point furthest from the middle: a true corner, if there is any.
+        away = np.hypot(*(points - points.mean(axis=0)).T).round(6)
+        first = int(away.argmax())
+        at = np.concatenate([at[first:], at[: first + 1] + edges])
+    return CellTrack(_points_at(at, corners, middles), at, corners, middles)
+
+
+def _points_at(at: npt.NDArray[np.float64], corners: Points, middles: Points) -> Points:
+    whole = np.floor(at).astype(int)
+    half = (at > whole)[:, None]
+    points: Points = np.where(half, middles[whole % len(middles)], corners[whole % len(corners)])
+    return points
+
+
+def _true_corners(step: Points, arc: Arc) -> npt.NDArray[np.float64]:
+    """Return the corners of cells that are no part of a slanting line, and ends of open arcs.
+
+    True ones have two edges or more on both sides, or belong to a wall or a gap one cell wide.
+    """
+    edges = len(step)
+    before = np.roll(step, 1, axis=0)
+    turn = np.sign(before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0])
+    if not arc.closed:
+        turn[0] = 2.0  # an end, which is no turn to either side
+    bends = np.flatnonzero(turn)
+    if not len(bends):
+        return np.array([0.0, float(edges)])
+    ahead = (np.roll(bends, -1) - bends) % edges
+    ahead[ahead == 0] = edges
+    if not arc.closed:
+        ahead[-1] = edges  # up to the other end: however short, it is no step of a slanting line
+        ahead[0] = edges
+    behind = np.roll(ahead, 1)
+    long = (ahead >= 2) & (behind >= 2)
+    side = turn[bends]
+    about = ((side == np.roll(side, -1)) & (ahead == 1)) | (
+        (side == np.roll(side, 1)) & (behind == 1)
+    )
+    free = ~arc.chequered[bends]
+    if arc.closed:
+        true: npt.NDArray[np.float64] = bends[(long | about) & free].astype(np.float64)
+        return true
+    bends = bends[((long | about) & free) | (bends == 0)]
+    return np.append(bends, edges).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Connected groups of cells, and what is tidied on a map before its borders are drawn.
+"""Connected groups of cells, and a map tidied before its borders are drawn.
 
 The rules, in this order:
 
@@ -55,7 +55,7 @@ class TidyMap:
 
 
 def tidied(values: npt.NDArray[np.int8], *, least_room: int, specks: int) -> TidyMap:
-    """Return what is free, occupied and unknown in a map of ``values`` (0 to 100, -1 unknown)."""
+    """Return the kinds of cells of a map of ``values`` (0 to 100, -1 unknown), tidied."""
     labels: Labels = np.full(values.shape, UNKNOWN_CELL, dtype=np.int8)
     labels[(values >= 0) & (values <= _FREE_TO)] = FREE_CELL
     labels[values >= _OCCUPIED_FROM] = OCCUPIED_CELL
@@ -67,11 +67,11 @@ def tidied(values: npt.NDArray[np.int8], *, least_room: int, specks: int) -> Tid
     numbers, sizes = connected(labels == OCCUPIED_CELL, diagonally=True)
     near = np.zeros(len(sizes), dtype=np.bool_)
     near[numbers[ndimage.binary_dilation(labels == FREE_CELL, _AROUND)]] = True
-    lost = ((sizes < specks) & ~near)[numbers] & (numbers > 0)
-    labels[lost] = UNKNOWN_CELL
+    noise = ((sizes < specks) & ~near)[numbers] & (numbers > 0)
+    labels[noise] = UNKNOWN_CELL
 
     filled = _fill(labels, specks)
-    return TidyMap(labels, int(pockets.sum()), int(lost.sum()), filled)
+    return TidyMap(labels, int(pockets.sum()), int(noise.sum()), filled)
 
 
 def _fill(labels: Labels, specks: int) -> int:
@@ -84,6 +84,6 @@ def _fill(labels: Labels, specks: int) -> int:
         for label in (FREE_CELL, OCCUPIED_CELL)
     )
     kinds = np.where(free > occupied, FREE_CELL, OCCUPIED_CELL)
-    chosen = ((sizes < specks) & (free + occupied > 0))[numbers] & (numbers > 0)
-    labels[chosen] = kinds[numbers[chosen]]
-    return int(chosen.sum())
+    filled = ((sizes < specks) & (free + occupied > 0))[numbers] & (numbers > 0)
+    labels[filled] = kinds[numbers[filled]]
+    return int(filled.sum())

@@ -36,7 +36,7 @@ _SUBSAMPLES: Final = (np.array([0.25, 0.75]), np.array([0.25, 0.75]))
 
 @dataclass(frozen=True, slots=True)
 class DoorwaySizes:
-    """What a gap must measure [cells]; ``room`` is an area."""
+    """Sizes of a gap that may be a doorway [cells]; ``room`` is an area."""
 
     least: float
     most: float
@@ -80,10 +80,10 @@ def find_doorways(
     labels: Labels, directions: Sequence[float], sizes: DoorwaySizes
 ) -> tuple[MapGap, ...]:
     """Return the doorways of a map whose walls follow ``directions`` [rad] and right angles."""
-    found = [gap for direction in directions for gap in _gaps_along(labels, direction, sizes)]
-    found.sort(key=lambda gap: (-gap.walls, gap.y, gap.x, gap.heading))
+    gaps = [gap for direction in directions for gap in _gaps_along(labels, direction, sizes)]
+    gaps.sort(key=lambda gap: (-gap.walls, gap.y, gap.x, gap.heading))
     apart: list[MapGap] = []
-    for gap in found:
+    for gap in gaps:
         near = (math.hypot(gap.x - other.x, gap.y - other.y) for other in apart)
         if all(distance > sizes.least for distance in near):
             apart.append(gap)
@@ -196,12 +196,11 @@ def _gap_of(
             return None
     middle = core[len(core) // 2]
     beside = thick[int(middle[0])]
-    left = _length(beside[: int(middle[1])][::-1])
-    right = _length(beside[int(middle[2]) :])
-    if max(left, right) < sizes.wall:
+    wall = max(_length(beside[: int(middle[1])][::-1]), _length(beside[int(middle[2]) :]))
+    if wall < sizes.wall:
         return None
     across = (float(core[0, 0]) + float(core[-1, 0]) + 1) / 2
-    return (start + end) / 2, across, end - start, float(depth), float(max(left, right))
+    return (start + end) / 2, across, end - start, float(depth), float(wall)
 
 
 def _length(wall: npt.NDArray[np.bool_]) -> int:
@@ -259,13 +258,13 @@ def _sides(gap: MapGap, numbers: npt.NDArray[np.int32]) -> tuple[int, int] | Non
     """Return the numbers of the rooms before and behind a gap, if there is one on each side."""
     along = gap.along()
     across = np.array([-along[1], along[0]])
-    found: list[int] = []
+    rooms: list[int] = []
     for side in (-1.0, 1.0):
         for step in np.arange(gap.depth / 2 + 1.0, gap.depth / 2 + 6.0, 0.5):
             x, y = np.floor(np.array([gap.x, gap.y]) + side * step * across).astype(int)
             if not (0 <= y < numbers.shape[0] and 0 <= x < numbers.shape[1]):
                 break
             if numbers[y, x] > 0:
-                found.append(int(numbers[y, x]))
+                rooms.append(int(numbers[y, x]))
                 break
-    return (found[0], found[1]) if len(found) == 2 else None
+    return (rooms[0], rooms[1]) if len(rooms) == 2 else None

@@ -21,8 +21,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from grammars.maps._borders import Arc, Points
-from grammars.maps._cell_tracks import CellTrack, track_of
+from grammars.maps._borders import Arc, CellTrack, Points, track_of
 
 _CUT_CORNER: Final = 0.36
 """How far a corner of a cell lies at most from the middles of the edges beside it, rounded up."""
@@ -42,7 +41,7 @@ _FITTED_FROM: Final = 3
 
 
 class Closeness(IntEnum):
-    """How closely a piece of a border follows its cells."""
+    """Steps in which a piece of a border follows its cells more closely."""
 
     MAIN_DIRECTION = 0
     FITTED = 1
@@ -52,7 +51,7 @@ class Closeness(IntEnum):
 
 @dataclass(slots=True)
 class _Piece:
-    """What lies between two points of a track, and how closely it is drawn."""
+    """A part of a track between two of its points, and how closely it is drawn."""
 
     first: int
     last: int
@@ -76,17 +75,17 @@ class StraightArc:
     def of(cls, arc: Arc, tolerance: float) -> StraightArc:
         """Cut an arc into pieces whose chords stay within ``tolerance`` [cells]."""
         track = track_of(arc)
-        kept = shapely.LineString(track.points).simplify(
+        simpler = shapely.LineString(track.points).simplify(
             max(tolerance - _CUT_CORNER, 0.05), preserve_topology=False
         )
-        cuts = _positions(track.points, shapely.get_coordinates(kept))
+        cuts = _positions(track.points, shapely.get_coordinates(simpler))
         closeness = Closeness.CHORD
         if arc.closed and len(cuts) < 4:
             cuts, closeness = [0, len(track.points) - 1], Closeness.CELLS
         pieces = [_Piece(a, b, closeness) for a, b in pairwise(cuts)]
-        made = cls(track, arc.closed, tolerance, pieces, cuts)
-        made._join_cuts()
-        return made
+        straight = cls(track, arc.closed, tolerance, pieces, cuts)
+        straight._join_cuts()
+        return straight
 
     def chords(self) -> Points:
         """Return the vectors from cut to cut."""
@@ -324,8 +323,49 @@ class StraightArc:
         return _Piece(piece.first, following.last, piece.closeness, across * level, piece.along)
 
 
-def _positions(points: Points, kept: Points) -> list[int]:
-    """Return which of ``points`` were kept, in order."""
+def _positions(points: Points, simpler: Points) -> list[int]:
+    """Return the indices of the points that a simpler line has, in order."""
     where = {tuple(point): i for i, point in enumerate(points[:-1].tolist())}
-    found = [where[tuple(point)] for point in kept[:-1].tolist()]
-    return [*found, len(points) - 1]
+    return [*(where[tuple(point)] for point in simpler[:-1].tolist()), len(points) - 1]
+
+
+def main_directions(chords: Sequence[Points], *, most: int = 4) -> tuple[float, ...]:
+    """Return the directions most walls follow [rad, in (-pi / 4, pi / 4]], the strongest first.
+
+    Walls at right angles have one direction in common. Chords count by their length, those of
+    less than six cells not at all: the direction of short ones is chance.
+    """
+    vectors = np.vstack([np.zeros((0, 2)), *chords])
+    length = np.hypot(*vectors.T)
+    vectors, length = vectors[length >= 6.0], length[length >= 6.0]
+    if not len(length):
+        return ()
+    quarter = math.pi / 2
+    angle = np.arctan2(vectors[:, 1], vectors[:, 0]) % quarter
+    total = float(length.sum())
+    directions: list[float] = []
+    remaining = np.ones(len(angle), dtype=bool)
+    bins = np.arange(0.0, 90.0, 0.5) * math.pi / 180
+    near = math.radians(2.0)
+    while remaining.any() and len(directions) < most:
+        off = np.abs(_modulo(angle[None, remaining] - bins[:, None]))
+        weight = np.where(off < near, 1 - off / near, 0.0) @ length[remaining]
+        best = int(weight.argmax())
+        close = remaining & (np.abs(_modulo(angle - bins[best])) < near)
+        if length[close].sum() < 0.1 * total:
+            break
+        # A weighted median: walls drawn along the rows of cells are there exactly, and many.
+        offsets = _modulo(angle[close] - bins[best])
+        order = np.argsort(offsets, kind="stable")
+        heap = np.cumsum(length[close][order] ** 2)
+        middle = float(offsets[order][np.searchsorted(heap, heap[-1] / 2)])
+        direction = math.remainder(bins[best] + middle, quarter)
+        directions.append(0.0 if abs(direction) < 1e-9 else direction)
+        remaining &= ~close
+    return tuple(directions)
+
+
+def _modulo(angle: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return angles [rad] modulo a right angle, between -pi / 4 and pi / 4."""
+    quarter = math.pi / 2
+    return angle - np.round(angle / quarter) * quarter

@@ -177,10 +177,10 @@ def _feature(name: str, item: StandingText, height: float, where: Where) -> Feat
     return Feature("wall", name, name, "", Pose2(), item.outline, height, where, holes=holes)
 
 
-def _opening(name: str, written: EntrywayText, where: Where) -> Opening:
+def _opening(name: str, entryway: EntrywayText, where: Where) -> Opening:
     """Return the entryway between two jambs."""
-    (x0, y0), (x1, y1) = written.start, written.end
-    width, height = math.dist(written.start, written.end), written.height
+    (x0, y0), (x1, y1) = entryway.start, entryway.end
+    width, height = math.dist(entryway.start, entryway.end), entryway.height
     middle = Pose2((x0 + x1) / 2, (y0 + y1) / 2, math.atan2(y1 - y0, x1 - x0))
     ring = tuple(
         (x, 0.0, z)
@@ -191,8 +191,8 @@ def _opening(name: str, written: EntrywayText, where: Where) -> Opening:
             (width / 2, -height / 2),
         )
     )
-    prism = OpeningPrism(ring, written.depth, height / 2, 0.0)
-    near_face = Pose2(0.0, -written.depth / 2, 0.0)
+    prism = OpeningPrism(ring, entryway.depth, height / 2, 0.0)
+    near_face = Pose2(0.0, -entryway.depth / 2, 0.0)
     return opening_at("entryway", name, (), middle @ near_face, prism, where)
 
 

@@ -26,8 +26,7 @@ from grammars.maps._borders import (
 )
 from grammars.maps._cells import tidied
 from grammars.maps._doorways import DoorwaySizes, MapGap, find_doorways
-from grammars.maps._main_directions import main_directions
-from grammars.maps._straight_lines import StraightArc
+from grammars.maps._straight_lines import StraightArc, main_directions
 from grammars.maps._walls_layer import AreaText, EntrywayText, StandingText, WallsText
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.grid import OccupancyGrid
@@ -225,8 +224,9 @@ def _line(arc: StraightArc, frame: _Frame) -> tuple[Points, list[int]]:
     points, owners = arc.line()
     placed = frame.metres(points)
     apart = (np.diff(placed, axis=0) != 0.0).any(axis=1)
-    kept = np.append(True, apart)
-    return placed[kept], [owner for owner, there in zip(owners, apart, strict=True) if there]
+    return placed[np.append(True, apart)], [
+        owner for owner, there in zip(owners, apart, strict=True) if there
+    ]
 
 
 def _crossings(drawn: Sequence[tuple[Points, list[int]]]) -> set[tuple[int, int]]:
@@ -256,12 +256,12 @@ def _invalid(
 ) -> set[tuple[int, int]]:
     """Return all pieces of the regions that are no polygons any more."""
     lines = [line for line, _ in drawn]
-    found: set[tuple[int, int]] = set()
+    pieces: set[tuple[int, int]] = set()
     for region in regions:
         if not _is_sound(region, lines):
             arcs = {i for loop in (region.outline, *region.holes) for i, _ in loop.arcs}
-            found |= {(i, piece) for i in arcs for piece in drawn[i][1]}
-    return found
+            pieces |= {(i, piece) for i in arcs for piece in drawn[i][1]}
+    return pieces
 
 
 def _is_sound(region: Patch, lines: Sequence[Points]) -> bool:
@@ -285,7 +285,7 @@ def _between_walls(gap: MapGap, walls: Sequence[shapely.Polygon], frame: _Frame)
     reach = gap.width / 2 + _JAMB_CELLS
     ends = []
     for side in (-1.0, 1.0):
-        found: list[float] = []
+        reaches: list[float] = []
         for share in (-0.25, 0.0, 0.25):
             middle = np.array([gap.x, gap.y]) + share * gap.depth * across
             way = frame.metres(np.array([middle, middle + side * reach * along]))
@@ -293,8 +293,8 @@ def _between_walls(gap: MapGap, walls: Sequence[shapely.Polygon], frame: _Frame)
             hits = [line.intersection(wall) for wall in walls if line.intersects(wall)]
             distances = [shapely.Point(way[0]).distance(hit) for hit in hits]
             if distances and min(distances) > 0.0:
-                found.append(min(distances) / frame.resolution)
-        ends.append(side * (float(np.median(found)) if found else gap.width / 2))
+                reaches.append(min(distances) / frame.resolution)
+        ends.append(side * (float(np.median(reaches)) if reaches else gap.width / 2))
     shift = sum(ends) / 2
     x, y = (np.array([gap.x, gap.y]) + shift * along).tolist()
     return MapGap(x, y, gap.heading, ends[1] - ends[0], gap.depth, gap.walls)
@@ -305,15 +305,17 @@ def _parted(
 ) -> list[shapely.Polygon]:
     """Return the rooms: the floors without the doorways, in reading order."""
     # As far beyond the jambs as the gap was shut, so that ragged ones leave no way past it.
-    taken = shapely.union_all(
+    doorways = shapely.union_all(
         [shapely.Polygon(frame.metres(gap.corners(beyond=2.0))) for gap in gaps]
     )
     rooms: list[shapely.Polygon] = []
     for floor in floors:
-        left = shapely.set_precision(floor.difference(taken), 10.0**-_DECIMALS) if gaps else floor
-        parts = [part for part in getattr(left, "geoms", [left]) if part.area > 0.0]
+        rest: shapely.Geometry = floor
+        if gaps:
+            rest = shapely.set_precision(floor.difference(doorways), 10.0**-_DECIMALS)
+        parts = [part for part in getattr(rest, "geoms", [rest]) if part.area > 0.0]
         largest = max(part.area for part in parts)
-        # What is left beside jambs is no room; cells of it lie next to a wall.
+        # Bits of floor beside jambs are no rooms.
         least = min(largest, (2 * _JAMB_CELLS * frame.resolution) ** 2)
         # Cut off at doorways, rooms have corners in the middle of their walls.
         rooms += [
@@ -328,8 +330,8 @@ def _in_order(polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
     """Return polygons in reading order: by their upper edge, to the metre, then from the left."""
 
     def place(polygon: shapely.Polygon) -> tuple[float, float, float, float]:
-        left, low, _, top = polygon.bounds
-        return (-float(np.round(top)), left, -top, low)
+        x, low, _, top = polygon.bounds
+        return (-float(np.round(top)), x, -top, low)
 
     return sorted(polygons, key=place)
 

@@ -1,11 +1,11 @@
 """Maps as files: the YAML and the image that ``map_server`` and nav2 read, and in one piece.
 
-Pixels mean what they mean to ``map_server`` of Noetic (``image_loader.cpp``): an occupancy of
+Pixels mean the same as to ``map_server`` of Noetic (``image_loader.cpp``): an occupancy of
 (255 - grey) / 255, or grey / 255 with ``negate``, is occupied above ``occupied_thresh``, free below
 ``free_thresh`` and in between unknown (``mode: trinary``) or 1 to 99 (``scale``). With ``raw`` the
-grey is the value itself, and what is above 100 unknown, as nav2 has it. Colours count as the mean
-of their channels, in which ``trinary`` has a share for alpha; with ``scale``, what is in between
-and quite transparent is unknown.
+grey is the value itself, and values above 100 are unknown, as nav2 has it. Colours count as the
+mean of their channels, in which ``trinary`` has a share for alpha. With ``scale``, quite
+transparent cells in between are unknown.
 
 Packed, a map is one piece of bytes that only its content decides, so that its digest can name it.
 """
@@ -179,7 +179,7 @@ def write_map(grid: OccupancyGrid, stem: Path, *, laser_height: float) -> tuple[
 
 @dataclass(frozen=True, slots=True)
 class _Head:
-    """What a packed map begins with; its cells follow, row by row from the lowest, a byte each."""
+    """Head of a packed map; its cells follow, row by row from the lowest, a byte each."""
 
     resolution: Annotated[float, Field(gt=0.0)]
     x: float

@@ -99,16 +99,16 @@ def _check_size(path: Path, named: Where, columns: int, rows: int) -> None:
 
 def _read_pgm(data: bytes, path: Path, named: Where) -> npt.NDArray[np.uint8]:
     """Return the grey of an image, top row first."""
-    found = _HEADER.match(data[:_LONGEST_HEADER])
-    if found is None:
+    header = _HEADER.match(data[:_LONGEST_HEADER])
+    if header is None:
         message = f"the image {path.name} is neither a PGM nor a PNG file"
         raise InputError.at(named, message, f"convert {path.name} map.pgm makes one")
-    columns, rows, largest = (int(number) for number in found.groups()[1:])
+    columns, rows, largest = (int(number) for number in header.groups()[1:])
     _check_size(path, named, columns, rows)
     if not 1 <= largest <= WHITE:
         message = f"the image {path.name} counts to {largest}"
         raise InputError.at(named, message, "only images of 8 bits can be read")
-    pixels = _pixels(data[found.end() :], found[1] == b"P5", named, path.name)
+    pixels = _pixels(data[header.end() :], header[1] == b"P5", named, path.name)
     if len(pixels) != columns * rows:
         message = f"the image {path.name} has {len(pixels)} pixels, its header says"
         raise InputError.at(named, f"{message} {columns} x {rows} = {columns * rows}")

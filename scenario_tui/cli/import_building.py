@@ -33,7 +33,7 @@ class FoundDoorway(OutputPart):
 
 
 class MapFigures(OutputPart):
-    """How a map became a building: the largest error in cells, areas in m², the rest in metres."""
+    """Figures of an import: the largest error in cells, areas in m², the rest in metres."""
 
     cell: float
     largest_error: float
@@ -46,7 +46,7 @@ class MapFigures(OutputPart):
 
 
 class ImportOutput(Output, schema="import"):
-    """The walls layer that was written, and what is in it, in metres."""
+    """A walls layer and its contents, in metres."""
 
     file: str
     width: float
@@ -141,18 +141,18 @@ def import_building(
     else:
         _refuse(str(file), "is neither the YAML file of a map nor a drawing", _OTHER_FILE)
     try:
-        made = vectorise(grid, settings, yaw=yaw)
+        imported = vectorise(grid, settings, yaw=yaw)
     except EmptyMapError as error:
         _refuse(str(file), str(error), "look at its free_thresh and negate")
     try:
-        target.write_text(walls_text(made.building), encoding="utf-8")
+        target.write_text(walls_text(imported.building), encoding="utf-8")
     except OSError as error:
         _refuse(str(target), f"cannot be written: {error.strerror}", "")
-    found = _output(target, made.building, made.report)
+    output = _output(target, imported.building, imported.report)
     if as_json:
-        found.emit()
+        output.emit()
         return
-    typer.echo(_described(found))
+    typer.echo(_described(output))
     _say_what_is_next(target)
 
 
@@ -229,16 +229,16 @@ def _output(target: Path, building: WallsText, report: ImportReport) -> ImportOu
     )
 
 
-def _described(found: ImportOutput) -> str:
-    """Return what was found, for people."""
+def _described(output: ImportOutput) -> str:
+    """Return the output in words."""
     lines = [
-        f"{found.file}: {found.width:.2f} m by {found.depth:.2f} m",
-        f"  spaces    {len(found.spaces)}: {', '.join(found.spaces)}",
-        f"  walls     {found.walls}, {found.corners} corners",
+        f"{output.file}: {output.width:.2f} m by {output.depth:.2f} m",
+        f"  spaces    {len(output.spaces)}: {', '.join(output.spaces)}",
+        f"  walls     {output.walls}, {output.corners} corners",
     ]
-    doors = ", ".join(f"{door.name} {door.width:.2f} m" for door in found.doorways)
-    lines.append(f"  doorways  {len(found.doorways)}{': ' if doors else ''}{doors}")
-    cells = found.map
+    doors = ", ".join(f"{door.name} {door.width:.2f} m" for door in output.doorways)
+    lines.append(f"  doorways  {len(output.doorways)}{': ' if doors else ''}{doors}")
+    cells = output.map
     lines.append(
         f"  error     at most {cells.largest_error:.2f} cells of {cells.cell:g} m"
         f" ({cells.largest_error * cells.cell:.3f} m)"
