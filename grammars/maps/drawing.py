@@ -99,14 +99,19 @@ def draw_map(
     if not _SIZES[0] <= max(width, depth) <= _SIZES[1]:
         problem = f"the walls measure {width:,.3g} m by {depth:,.3g} m, which is no building"
         raise InputError.at(where, problem, f"the unit was {unit}; give the true one with --unit")
+    shift = np.floor(low) if math.hypot(*low) > _FAR else np.zeros(2)
+    if shift.any():
+        x, y = (-shift).tolist()
+        message = f"the building was moved by ({x:.0f} m, {y:.0f} m), near the origin"
+        findings.warning(where, message)
     cell = max(_CELL, math.sqrt((width + 2 * _MARGIN) * (depth + 2 * _MARGIN) / _MOST_CELLS))
     origin = np.floor((low - _MARGIN) / cell) * cell
     columns, rows = np.ceil((high + _MARGIN - origin) / cell).astype(int).tolist()
-    drawn = [(line - origin) / cell for line in walls]
-    occupied = _walls(_painted([*drawn, *_caps(drawn, cell)], rows, columns), cell, thickness)
+    faces = [(line - origin) / cell for line in walls]
+    occupied = _walls(_painted([*faces, *_caps(faces, cell)], rows, columns), cell, thickness)
     rooms = _rooms(occupied, cell)
     if (floor := _open_floor(occupied, rooms)) is not None:
-        x, y = (floor.mean(axis=0)[::-1] * cell + origin).tolist()
+        x, y = (floor.mean(axis=0)[::-1] * cell + origin - shift).tolist()
         size = f"{len(floor) * cell**2:.0f} m² around [{x:.1f}, {y:.1f}]"
         hint = f"floor ends at gates up to {_GATES[-1]:g} m: draw lines across wider ones"
         message = f"the largest area, {size}, is open to the outside and was left out"
@@ -117,12 +122,7 @@ def draw_map(
     painted = _painted(((line - origin) / cell for line in things), rows, columns)
     cells = np.where(rooms, FREE, UNKNOWN).astype(np.int8)
     cells[occupied | (rooms & ndimage.binary_fill_holes(painted))] = OCCUPIED
-    x, y = origin.tolist()
-    if math.hypot(*low) > _FAR:
-        dx, dy = np.floor(low).tolist()
-        message = f"the building was moved by ({-dx:.0f} m, {-dy:.0f} m), near the origin"
-        findings.warning(where, message)
-        x, y = x - dx, y - dy
+    x, y = (origin - shift).tolist()
     return OccupancyGrid(cell, x, y, cells)
 
 
@@ -144,15 +144,15 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
             raise InputError.at(where, problem, "save the plan of one storey alone")
         kind, layer = entity.dxftype(), properties.layer
         block = entity.block() if kind == "INSERT" else None
-        if _REMARKS.search(kind):
-            properties.is_visible = False
-        elif kind == "INSERT" and (block is None or block.block.is_xref):
-            absent[entity.dxf.name] += 1
-            properties.is_visible = False
-        # A frozen layer hides the blocks inserted on it, one that is off does not.
-        elif not properties.is_visible or (block and layer.lower() in frozen):
-            hidden[layer] += 1
-            properties.is_visible = False
+        if not _REMARKS.search(kind):
+            if kind == "INSERT" and (block is None or block.block.is_xref):
+                absent[entity.dxf.name] += 1
+            # A frozen layer hides the blocks inserted on it, one that is off does not.
+            elif not properties.is_visible or (block and layer.lower() in frozen):
+                hidden[layer] += 1
+            else:
+                return
+        properties.is_visible = False
 
     recorder = Recorder()
     style = Configuration(line_policy=LinePolicy.SOLID, hatch_policy=HatchPolicy.SHOW_OUTLINE)
@@ -211,19 +211,11 @@ def _painted(lines: Iterable[Line], rows: int, columns: int) -> Cells:
 
 
 def _caps(lines: Sequence[Line], cell: float) -> Iterator[Line]:
-    """Yield the lines that close walls whose two faces end side by side, as at a doorway."""
-    ends = np.array([(line[k], line[k] - line[n]) for line in lines for k, n in ((0, 1), (-1, -2))])
-    _, place, uses = np.unique(
-        np.round(ends[:, 0]), axis=0, return_inverse=True, return_counts=True
-    )
+    """Yield lines between ends as near as the two faces of a wall, which close it at its jambs."""
+    ends = np.concatenate([line[[0, -1]] for line in lines])
+    _, place, uses = np.unique(np.round(ends), axis=0, return_inverse=True, return_counts=True)
     loose = ends[uses[place.ravel()] == 1]
-    ways = loose[:, 1] / np.hypot(*loose[:, 1].T).clip(min=1e-9)[:, None]
-    pairs = KDTree(loose[:, 0]).query_pairs(_THICKEST / cell, output_type="ndarray")
-    for a, b in pairs[np.lexsort(pairs.T[::-1])].tolist():
-        gap = loose[b, 0] - loose[a, 0]
-        # The faces of one wall end in the same direction, hardly one before the other.
-        if ways[a] @ ways[b] > 0.98 and abs(ways[a] @ gap) <= 0.2 * math.hypot(*gap):
-            yield np.array([loose[a, 0], loose[b, 0]])
+    yield from (loose[list(pair)] for pair in KDTree(loose).query_pairs(_THICKEST / cell))
 
 
 def _walls(painted: Cells, cell: float, thickness: float) -> Cells:
@@ -231,10 +223,9 @@ def _walls(painted: Cells, cell: float, thickness: float) -> Cells:
 
     Lines beside no such face become walls ``thickness`` [m] thick.
     """
-    faces, number = ndimage.label(~painted)
+    faces, _ = ndimage.label(~painted)
     half = ndimage.distance_transform_edt(~painted, sampling=cell)
-    widest = np.asarray(ndimage.maximum(half, faces, np.arange(number + 1)))
-    filled = (faces > 0) & (widest <= _THICKEST / 2)[faces]
+    filled = ~painted & ~np.isin(faces, np.unique(faces[half > _THICKEST / 2]))
     single = painted & ~ndimage.binary_dilation(filled, np.ones((3, 3)), iterations=2)
     walls: Cells = painted | filled
     if single.any():
@@ -258,12 +249,10 @@ def _rooms(walls: Cells, cell: float) -> Cells:
         outside = ~walls & (to_outer <= reach)
         if inner.any():
             outside &= to_outer <= ndimage.distance_transform_edt(~inner, sampling=cell)
-        rest, number = ndimage.label(~(walls | outside | rooms))
-        is_inside = np.ones(number + 1, dtype=np.bool_)
-        is_inside[np.unique(rest[ndimage.binary_dilation(outside)])] = False
-        is_inside[np.unique(rest[inner])] = True
-        is_inside[0] = False
-        rooms |= is_inside[rest]
+        rest, _ = ndimage.label(~(walls | outside | rooms))
+        # Nooks beside the disc outside are no rooms, unless a disc fits into them.
+        nooks = np.setdiff1d(rest[ndimage.binary_dilation(outside)], rest[inner])
+        rooms |= (rest > 0) & ~np.isin(rest, nooks)
     return rooms
 
 
