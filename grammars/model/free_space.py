@@ -5,6 +5,7 @@ Everything is seen from above, as shapely geometry in the world [m]; heights dec
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -207,8 +208,16 @@ class FreeSpace:
 
         ``blocked`` are further outlines that nothing passes, such as doors that stay shut.
         """
-        area = self.area.difference(shapely.union_all(list(blocked)))
-        return ConnectedParts(area.buffer(-radius, quad_segs=_CORNERS))
+        return _connected_parts(self, radius, tuple(blocked))
+
+
+# Scenarios in one building mostly have the same doors shut, and buffering it takes long.
+@functools.lru_cache(maxsize=128)
+def _connected_parts(
+    space: FreeSpace, radius: float, blocked: tuple[BaseGeometry, ...]
+) -> ConnectedParts:
+    area = space.area.difference(shapely.union_all(blocked)) if blocked else space.area
+    return ConnectedParts(area.buffer(-radius, quad_segs=_CORNERS))
 
 
 class ConnectedParts:
