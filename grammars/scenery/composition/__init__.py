@@ -8,6 +8,7 @@ from grammars.scenery.composition._building import static_segments
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._chance import RandomWaits, draw_waits
 from grammars.scenery.composition._compiler import compile_scene
+from grammars.scenery.composition._convex_pieces import convex_rings
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
@@ -16,7 +17,7 @@ from grammars.scenery.composition._placement import (
     mirrored_links,
     place_instance,
 )
-from grammars.scenery.composition._rings import convex_rings, is_convex
+from grammars.scenery.composition._rings import is_convex
 
 __all__ = [
     "Catalogue",

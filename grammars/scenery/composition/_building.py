@@ -17,13 +17,13 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from grammars.floorplan import Feature, FloorPlan, Opening, Point3, Wall
+from grammars.floorplan import FloorPlan, Opening, Point3, Wall
 from grammars.model.free_space import valid_polygon
-from grammars.model.geometry import Floats, Ring
+from grammars.model.geometry import Floats
 from grammars.model.kinematics import is_cut
 from grammars.model.scene import Scene, Solid
-from grammars.scenery.composition._convex_pieces import convex_pieces
-from grammars.scenery.composition._rings import convex_rings, polygons_of, rounded
+from grammars.scenery.composition._convex_pieces import convex_rings
+from grammars.scenery.composition._rings import polygons_of, rounded
 
 # The published mesh generator thickens openings by 5 cm on both sides for the same reason.
 MARGIN: Final = 0.05
@@ -51,19 +51,10 @@ def solids_of(plan: FloorPlan) -> tuple[Solid, ...]:
     for feature in plan.features:
         solids.extend(
             Solid(feature.id, feature.kind, ring, 0.0, rounded(feature.height))
-            for ring in _feature_rings(feature)
+            for ring in convex_rings(valid_polygon(feature.footprint, feature.holes))
             if feature.height > 0.0
         )
     return tuple(solids)
-
-
-def _feature_rings(feature: Feature) -> list[Ring]:
-    area = valid_polygon(feature.footprint, feature.holes)
-    # What a person designed has few corners and keeps the pieces it always had. A wall of a walls
-    # layer may be all the walls of a storey in one.
-    if feature.kind != "wall":
-        return convex_rings(area)
-    return [ring for part in polygons_of(area) for ring in convex_pieces(part)]
 
 
 def _wall_solids(wall: Wall, cuts: list[_Cut]) -> list[Solid]:

@@ -13,7 +13,9 @@ from typing import Final, TypeAlias
 
 import shapely
 from shapely.geometry import Polygon, box
+from shapely.geometry.base import BaseGeometry
 
+from grammars.model.free_space import valid_polygon
 from grammars.model.geometry import Point2, Ring, turn
 from grammars.scenery.composition._rings import (
     canonical_ring,
@@ -29,10 +31,16 @@ _BENT: Final = 1e-10
 _MOST_CUTS: Final = 40
 
 
-def convex_pieces(area: Polygon) -> list[Ring]:
-    """Cut a valid polygon, holes and all, into convex rings; equal areas give equal rings."""
-    triangles = [ring for part in polygons_of(area) for ring in _triangles(part, _MOST_CUTS)]
-    return sorted(map(_convex, _joined(triangles)))
+def convex_rings(geometry: BaseGeometry) -> list[Ring]:
+    """Cut valid polygons, holes and all, into convex rings; equal areas give equal rings."""
+    rings: list[Ring] = []
+    for polygon in polygons_of(geometry):
+        outline = without_flat_corners(outline_of(polygon))
+        if not polygon.interiors and is_convex(outline):
+            rings.append(outline)
+        else:
+            rings.extend(map(_convex, _joined(_triangles(polygon, _MOST_CUTS))))
+    return sorted(rings)
 
 
 def _convex(ring: Ring) -> Ring:
@@ -50,11 +58,14 @@ def _triangles(area: Polygon, cuts: int) -> list[Ring]:
     try:
         found = shapely.constrained_delaunay_triangles(area)
     except shapely.GEOSException:
-        # GEOS gives up on some areas with holes that touch. Halves of them it can do.
+        # GEOS gives up on some areas with holes that touch, halves of which it can do, and on
+        # corners much less than a nanometre apart, which are one in a scene.
         if cuts == 0:
             raise
+        outline, *holes = (canonical_ring(r.coords[:-1]) for r in (area.exterior, *area.interiors))
+        snapped = valid_polygon(outline, holes)
         halves = itertools.chain.from_iterable(
-            polygons_of(area.intersection(half)) for half in _halves(area)
+            polygons_of(snapped.intersection(half)) for half in _halves(area)
         )
         return [ring for half in halves for ring in _triangles(half, cuts - 1)]
     return sorted(outline_of(triangle) for triangle in polygons_of(found))

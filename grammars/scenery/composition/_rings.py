@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable
 from typing import Any, Final
 
-import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -61,18 +59,6 @@ def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
     return [p for p in parts if isinstance(p, Polygon) and p.area > SLIVER]
 
 
-def convex_rings(geometry: BaseGeometry) -> list[Ring]:
-    """Cut ``geometry`` into convex rings, in a fixed order."""
-    rings: list[Ring] = []
-    for polygon in polygons_of(geometry):
-        outline = without_flat_corners(outline_of(polygon))
-        if not polygon.interiors and is_convex(outline):
-            rings.append(outline)
-        else:
-            rings.extend(_convex_parts(polygon))
-    return sorted(rings)
-
-
 def without_flat_corners(ring: Ring) -> Ring:
     """Drop corners on the straight line between their neighbours."""
     kept = [
@@ -86,42 +72,3 @@ def without_flat_corners(ring: Ring) -> Ring:
 def is_convex(ring: Ring) -> bool:
     """Return whether a counter-clockwise ring has no dents (up to rounding)."""
     return all(turn(ring[i - 2], ring[i - 1], ring[i]) >= -_FLAT for i in range(len(ring)))
-
-
-def _convex_parts(polygon: Polygon) -> list[Ring]:
-    """Triangulate and put triangles together again while the result stays convex."""
-    parts = sorted(outline_of(t) for t in polygons_of(_triangulated(polygon)))
-    merged = True
-    # The first pair that fits, and again from the start: slow for many parts, but the outcome
-    # depends on nothing but the sorted corners. Pieces of walls have few.
-    while merged:
-        merged = False
-        for i, j in itertools.combinations(range(len(parts)), 2):
-            union = _convex_union(parts[i], parts[j])
-            if union is not None:
-                parts = sorted([*parts[:i], *parts[i + 1 : j], *parts[j + 1 :], union])
-                merged = True
-                break
-    return parts
-
-
-def _triangulated(polygon: Polygon) -> BaseGeometry:
-    try:
-        return shapely.constrained_delaunay_triangles(polygon)
-    except shapely.GEOSException:
-        # Corners much less than a nanometre apart are several to GEOS, which then may find none
-        # that is convex; in a scene they are one.
-        holes = [canonical_ring((x, y) for x, y in hole.coords[:-1]) for hole in polygon.interiors]
-        return shapely.constrained_delaunay_triangles(Polygon(outline_of(polygon), holes))
-
-
-def _convex_union(a: Ring, b: Ring) -> Ring | None:
-    # Two rings that share no edge make no ring together. Their corners are rounded: equal ones are
-    # equal.
-    if len(set(a) & set(b)) < 2:
-        return None
-    union = shapely.union(Polygon(a), Polygon(b))
-    if not isinstance(union, Polygon) or union.interiors:
-        return None
-    ring = without_flat_corners(outline_of(union))
-    return ring if is_convex(ring) else None
