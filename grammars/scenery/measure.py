@@ -61,11 +61,11 @@ def require_dimension(value: Measure, *dimensions: str) -> float:
     if value.dimension in dimensions:
         return value.value
     needed = " or ".join(_in_words(d) for d in dimensions)
-    unit = unit_of(dimensions[0])
+    is_ratio = dimensions[0] == "ratio"
     raise InputError.at(
         value.where,
         f"{needed} is needed here, {value.text} is {_in_words(value.dimension)}",
-        f"write it in {unit}",
+        "write it as 0.5 or 50 %" if is_ratio else f"write it in {unit_of(dimensions[0])}",
     )
 
 

@@ -4,6 +4,7 @@ import re
 import pytest
 
 import grammars.scenery
+from grammars.editor import literals
 from grammars.scenery import load_scenery, parse_scenery
 from grammars.scenery.measure import Measure
 from grammars.scenery.model import At, Goes, In, Moves, Name, Stays, Toggles
@@ -128,3 +129,13 @@ def test_the_examples_of_the_documentation_are_sound():
     blocks = [re.split(r"\n(?=\S)", paragraph)[0] for paragraph in paragraphs]
     layer = parse_scenery("\n".join(blocks), "doc.scenery")
     assert (len(layer.models), len(layer.instances), len(layer.sentences)) == (3, 8, 11)
+
+
+WORDS = sorted({w for words in literals("grammars.scenery", "scenery.tx").values() for w in words})
+
+
+@pytest.mark.parametrize("word", [*filter(str.isalpha, WORDS), "back"])
+def test_a_word_of_the_language_is_never_taken_for_a_unit(word):
+    with pytest.raises(InputError) as caught:
+        parse_scenery(f"d moves to open at 5 {word}", "d.scenery")
+    assert "is not a unit" not in str(caught.value)
