@@ -2,20 +2,25 @@
 
 Lists and plain normals draw what the published tool draws from the same
 :class:`numpy.random.RandomState`; ranges and truncated normals are our additions and take one
-number of the stream each. :class:`DistributionReader` reads them from syntax trees.
+number of the stream each. :func:`read_distribution` reads them from syntax trees.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from grammars.text.diagnostics import Findings, SyntaxNode, did_you_mean
+from grammars.text.diagnostics import (
+    Findings,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    did_you_mean,
+)
 from grammars.text.units import ANGLE, LENGTH, read_unit
-from grammars.variation._syntax import DiscreteNode, DistributionNode, NormalNode, UniformNode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -142,11 +147,6 @@ class Normal:
         lower, upper = self._shares()
         return upper - lower
 
-    @property
-    def is_drawable(self) -> bool:
-        """True when the limits leave enough of the distribution to draw from."""
-        return self.share_left > _TAIL
-
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
@@ -201,118 +201,96 @@ _LARGEST: Final = 1e6
 _SUM: Final = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class DistributionReader:
-    """Reads distributions; broken ones are reported and read as ``None``."""
+def read_distribution(node: SyntaxNode, source: SourceText) -> tuple[Distribution, str]:
+    """Return a distribution and its unit (empty: none written).
 
-    findings: Findings
-
-    def read(self, node: DistributionNode) -> tuple[Distribution, str] | None:
-        """Return a distribution and its unit (empty: none written)."""
-        numbers = _number_nodes(node)
-        units = list(dict.fromkeys(n.unit for n in numbers if n.unit))
-        if len(units) > 1:
-            message = f"{' and '.join(units)} in one distribution"
-            self.findings.error(node, message, "write the unit once, it holds for every number")
-            return None
-        unit = units[0] if units else ""
-        if unit and read_unit(unit)[1] not in (LENGTH, ANGLE):
-            self.findings.error(node, f"nothing in a plan is in {unit}", "lengths and angles are")
-            return None
-        found = self._one(node)
-        if found is not None and any(abs(v) > _LARGEST for v in numbers_of(found)):
-            self.findings.error(node, "a number is too large", "the limit is 1000 km")
-            return None
-        return None if found is None else (found, unit)
-
-    def _one(self, node: DistributionNode) -> Distribution | None:
-        match node:
-            case UniformNode():
-                return self._uniform(node)
-            case DiscreteNode():
-                return self._discrete(node)
-            case NormalNode():
-                return self._normal(node)
-
-    def _uniform(self, node: UniformNode) -> Distribution | None:
-        if node.low is not None:
-            low, high = float(node.low.number), float(node.high.number)
-            if not low < high:
-                hint = "the smaller number comes first"
-                self.findings.error(node, f"the range {low:g} .. {high:g} is empty", hint)
-                return None
-            return Range(low, high)
-        if not node.values:
-            self.findings.error(node, "there is nothing to choose from", "uniform([1.0, 2.0])")
-            return None
-        return Categorical(tuple(float(value.number) for value in node.values))
-
-    def _discrete(self, node: DiscreteNode) -> Distribution | None:
-        weights = [float(pair.weight.number) for pair in node.pairs]
-        if not weights:
-            hint = "discrete([(0.8, 5.0), (0.2, 2.0)])"
-            self.findings.error(node, "there is nothing to choose from", hint)
-            return None
-        for pair, weight in zip(node.pairs, weights, strict=True):
-            if weight < 0.0:
-                hint = "pairs are (probability, value)"
-                self.findings.error(pair, f"the probability {weight:g} is negative", hint)
-            if pair.weight.unit:
-                self.findings.error(pair, "a probability has no unit")
-        total = math.fsum(weights)
-        if abs(total - 1.0) > _SUM:
-            hint = "pairs are (probability, value), and the probabilities sum to 1"
-            self.findings.error(node, f"the probabilities sum to {total:.12g}", hint)
-            return None
-        if any(weight < 0.0 for weight in weights):
-            return None
-        # 0.7, 0.2, 0.1 sum to 0.9999999999999999; numpy wants 1 up to its own tolerance.
-        scaled = weights if sum(weights) == 1.0 else [weight / total for weight in weights]
-        return Categorical(tuple(float(pair.value.number) for pair in node.pairs), tuple(scaled))
-
-    def _normal(self, node: NormalNode) -> Distribution | None:
-        given: dict[str, float] = {}
-        known = ("mean", "std", "min", "max")
-        good = True
-        for option in node.options:
-            if option.key not in known:
-                hint = did_you_mean(option.key, known)
-                self.findings.error(option, f'normal has no "{option.key}"', hint)
-                good = False
-            elif option.key in given:
-                self.findings.error(option, f'"{option.key}" is given twice')
-                good = False
-            given[option.key] = float(option.value.number)
-        missing = [key for key in ("mean", "std") if key not in given]
-        if missing and good:
-            hint = "normal(mean=1.0, std=0.2)"
-            self.findings.error(node, f"normal needs {' and '.join(missing)}", hint)
-            return None
-        return self._cut(node, given) if good else None
-
-    def _cut(self, node: NormalNode, given: Mapping[str, float]) -> Distribution | None:
-        found = Normal(
-            given["mean"], given["std"], given.get("min", -math.inf), given.get("max", math.inf)
-        )
-        if found.std < 0.0:
-            self.findings.error(node, f"the standard deviation {found.std:g} is negative")
-        elif found.std and found.std < 1e-9:
-            self.findings.error(node, f"the standard deviation {found.std:g} is too small")
-        elif found.low > found.high or (found.std and found.low == found.high):
-            self.findings.error(node, "min must be less than max")
-        elif not found.is_drawable:
-            hint = "move the limits or the mean, or take uniform(a .. b)"
-            self.findings.error(node, "next to nothing is drawn between min and max", hint)
-        else:
-            return found
-        return None
+    Raises :class:`InputError` with everything that is wrong with it.
+    """
+    where = source.at(node)
+    units = list(dict.fromkeys(number.unit for number in _number_nodes(node) if number.unit))
+    if len(units) > 1:
+        hint = "write the unit once, it holds for every number"
+        raise InputError.at(where, f"{' and '.join(units)} in one distribution", hint)
+    unit = units[0] if units else ""
+    if unit and read_unit(unit)[1] not in (LENGTH, ANGLE):
+        raise InputError.at(where, f"nothing in a plan is in {unit}", "lengths and angles are")
+    read = {"Uniform": _uniform, "Discrete": _discrete, "Normal": _normal}[type(node).__name__]
+    distribution = read(node, source)
+    if any(abs(number) > _LARGEST for number in numbers_of(distribution)):
+        raise InputError.at(where, "a number is too large", "the limit is 1000 km")
+    return distribution, unit
 
 
-def _number_nodes(node: DistributionNode) -> list[SyntaxNode]:
-    match node:
-        case UniformNode():
-            return [node.low, node.high] if node.low is not None else node.values
-        case DiscreteNode():
+def _number_nodes(node: SyntaxNode) -> list[SyntaxNode]:
+    match type(node).__name__:
+        case "Uniform":
+            return node.values if node.low is None else [node.low, node.high]
+        case "Discrete":
             return [pair.value for pair in node.pairs]
-        case NormalNode():
-            return [option.value for option in node.options]
+    return [option.value for option in node.options]
+
+
+def _uniform(node: SyntaxNode, source: SourceText) -> Distribution:
+    if node.low is not None:
+        low, high = float(node.low.number), float(node.high.number)
+        if not low < high:
+            message = f"the range {low:g} .. {high:g} is empty"
+            raise InputError.at(source.at(node), message, "the smaller number comes first")
+        return Range(low, high)
+    if not node.values:
+        message = "there is nothing to choose from"
+        raise InputError.at(source.at(node), message, "uniform([1.0, 2.0])")
+    return Categorical(tuple(float(value.number) for value in node.values))
+
+
+def _discrete(node: SyntaxNode, source: SourceText) -> Distribution:
+    weights = [float(pair.weight.number) for pair in node.pairs]
+    if not weights:
+        message = "there is nothing to choose from"
+        raise InputError.at(source.at(node), message, "discrete([(0.8, 5.0), (0.2, 2.0)])")
+    findings = Findings(source)
+    for pair, weight in zip(node.pairs, weights, strict=True):
+        if weight < 0.0:
+            hint = "pairs are (probability, value)"
+            findings.error(pair, f"the probability {weight:g} is negative", hint)
+        if pair.weight.unit:
+            findings.error(pair, "a probability has no unit")
+    total = math.fsum(weights)
+    if abs(total - 1.0) > _SUM:
+        hint = "pairs are (probability, value), and the probabilities sum to 1"
+        findings.error(node, f"the probabilities sum to {total:.12g}", hint)
+    findings.raise_errors()
+    # 0.7, 0.2, 0.1 sum to 0.9999999999999999; numpy wants 1 up to its own tolerance.
+    scaled = weights if sum(weights) == 1.0 else [weight / total for weight in weights]
+    return Categorical(tuple(float(pair.value.number) for pair in node.pairs), tuple(scaled))
+
+
+def _normal(node: SyntaxNode, source: SourceText) -> Distribution:
+    findings = Findings(source)
+    options: dict[str, float] = {}
+    keys = ("mean", "std", "min", "max")
+    for option in node.options:
+        if option.key not in keys:
+            hint = did_you_mean(option.key, keys)
+            findings.error(option, f'normal has no "{option.key}"', hint)
+        elif option.key in options:
+            findings.error(option, f'"{option.key}" is given twice')
+        options[option.key] = float(option.value.number)
+    findings.raise_errors()
+    where = source.at(node)
+    missing = [key for key in ("mean", "std") if key not in options]
+    if missing:
+        message = f"normal needs {' and '.join(missing)}"
+        raise InputError.at(where, message, "normal(mean=1.0, std=0.2)")
+    low, high = options.get("min", -math.inf), options.get("max", math.inf)
+    normal = Normal(options["mean"], options["std"], low, high)
+    if normal.std < 0.0:
+        raise InputError.at(where, f"the standard deviation {normal.std:g} is negative")
+    if normal.std and normal.std < 1e-9:
+        raise InputError.at(where, f"the standard deviation {normal.std:g} is too small")
+    if low > high or (normal.std and low == high):
+        raise InputError.at(where, "min must be less than max")
+    if normal.share_left <= _TAIL:
+        hint = "move the limits or the mean, or take uniform(a .. b)"
+        raise InputError.at(where, "next to nothing is drawn between min and max", hint)
+    return normal

@@ -22,17 +22,9 @@ from grammars.text.diagnostics import (
 from grammars.text.expression_check import DimensionCheck
 from grammars.text.expressions import Expression, Name, Number, read_expression, walk
 from grammars.text.units import DIMENSIONS, LENGTH, RATIO, Dimension, read_unit
-from grammars.variation._distributions import Distribution, DistributionReader
+from grammars.variation._distributions import Distribution, read_distribution
 from grammars.variation._names import Meaning, Measure, NameReader, dimension_name
-from grammars.variation._syntax import (
-    DISTRIBUTIONS,
-    BlockNode,
-    ImportNode,
-    LetNode,
-    RequireNode,
-    SingleNode,
-    parse,
-)
+from grammars.variation._syntax import DISTRIBUTIONS, parse
 from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
 
@@ -173,7 +165,7 @@ def _imported(
     statements: Sequence[SyntaxNode], folder: Path, source: SourceText, findings: Findings
 ) -> Path:
     """Return the plan's path; nothing else can be checked without it."""
-    imports = [node for node in statements if isinstance(node, ImportNode)]
+    imports = [node for node in statements if _rule(node) == "Import"]
     example = 'write first: import "plan.fpm"'
     if not imports:
         raise InputError.at(source.where(0), "imports no plan", example)
@@ -206,14 +198,14 @@ class _VariationReader:
 
     def read(self, node: SyntaxNode) -> None:
         """Read one statement."""
-        match node:
-            case LetNode():
+        match _rule(node):
+            case "Let":
                 self._let(node)
-            case RequireNode():
+            case "Require":
                 self._require(node)
-            case BlockNode():
+            case "Block":
                 self._block(node)
-            case SingleNode():
+            case "Single":
                 slot = self.names.variable(".".join(node.target.parts), node.target)
                 self._assign(node, slot, node.value)
 
@@ -227,7 +219,7 @@ class _VariationReader:
             self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
         self.findings.raise_errors()
 
-    def _let(self, node: LetNode) -> None:
+    def _let(self, node: SyntaxNode) -> None:
         name = node.name
         if name in self._lets:
             line = self.source.at(self._lets[name]).line
@@ -237,19 +229,18 @@ class _VariationReader:
             self.findings.error(node, f'"{name}" is already the name of something in the plan')
             return
         self._lets[name] = node
-        if not isinstance(node.value, DISTRIBUTIONS):
+        self.names.draws[name] = RATIO
+        if _rule(node.value) not in DISTRIBUTIONS:
             hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
             self.findings.error(node, "let names a distribution", hint)
-            self.names.draws[name] = RATIO
             return
-        read = DistributionReader(self.findings).read(node.value)
-        unit = "" if read is None else read[1]
-        self.names.draws[name] = read_unit(unit)[1]
-        if read is not None:
-            self.draws.append(VariationDraw(name, *read, self.source.at(node)))
+        with self.findings.collecting():
+            distribution, unit = read_distribution(node.value, self.source)
+            self.names.draws[name] = read_unit(unit)[1]
+            self.draws.append(VariationDraw(name, distribution, unit, self.source.at(node)))
             self.reported.append(name)
 
-    def _block(self, node: BlockNode) -> None:
+    def _block(self, node: SyntaxNode) -> None:
         address = ".".join(node.target.parts)
         if not node.attributes:
             hint = "write what to vary between the braces"
@@ -283,16 +274,14 @@ class _VariationReader:
             return
         if slot is not None:
             self._varied[slot.name] = node
-        if isinstance(value, DISTRIBUTIONS):
-            read = DistributionReader(self.findings).read(value)
-            if read is None or slot is None:
-                return
-            distribution, unit = read
-            dimension = read_unit(unit)[1]
-            if self._fits(node, slot, dimension):
-                self.draws.append(VariationDraw(slot.name, distribution, unit, where))
-                self.assignments.append(Assignment(slot, slot.name, dimension, where))
-                self.reported.append(slot.name)
+        if _rule(value) in DISTRIBUTIONS:
+            with self.findings.collecting():
+                distribution, unit = read_distribution(value, self.source)
+                dimension = read_unit(unit)[1]
+                if slot is not None and self._fits(node, slot, dimension):
+                    self.draws.append(VariationDraw(slot.name, distribution, unit, where))
+                    self.assignments.append(Assignment(slot, slot.name, dimension, where))
+                    self.reported.append(slot.name)
             return
         expression = read_expression(value, self.source)
         found = self._check(draws_only=True).quantity(expression)
@@ -315,7 +304,7 @@ class _VariationReader:
         self.findings.error(node, f"{slot.name} is {with_article(slot.kind)}, not {given}", hint)
         return False
 
-    def _require(self, node: RequireNode) -> None:
+    def _require(self, node: SyntaxNode) -> None:
         predicate = read_expression(node.predicate, self.source)
         self._check().predicate(predicate)
         written = self.source.text[node._tx_position : node._tx_position_end]
@@ -323,3 +312,8 @@ class _VariationReader:
         needs_plan = any(isinstance(self.names.meanings.get(name), Measure) for name in names)
         text, where = " ".join(written.split()), self.source.at(node)
         self.requirements.append(Requirement(predicate, text, where, needs_plan))
+
+
+def _rule(node: SyntaxNode) -> str:
+    """Return the rule of the grammar that a node follows."""
+    return type(node).__name__

@@ -1,88 +1,30 @@
-"""The textX side of the variation language: its typed nodes, and syntax errors in its words."""
+"""The textX side of the variation language: its syntax errors in its own words."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 from grammars.text.diagnostics import (
     InputError,
     SourceText,
     SyntaxNode,
-    TypedNode,
     closest,
     did_you_mean,
 )
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 
-
-class ImportNode(TypedNode):
-    """``import "kitchen.fpm"``."""
-
-    file: str
-
-
-class LetNode(TypedNode):
-    """``let wide = uniform(0.8 .. 1.4)``."""
-
-    name: str
-    value: SyntaxNode
-
-
-class RequireNode(TypedNode):
-    """``require hall.area >= 12 m^2``."""
-
-    predicate: SyntaxNode
-
-
-class BlockNode(TypedNode):
-    """``hall: { shape.width: wide }``; attributes have a ``path`` and a ``value``."""
-
-    target: SyntaxNode
-    attributes: list[SyntaxNode]
-
-
-class SingleNode(TypedNode):
-    """``ceiling: uniform([2.4, 2.7])``."""
-
-    target: SyntaxNode
-    value: SyntaxNode
-
-
-class UniformNode(TypedNode):
-    """``uniform(1.0 .. 2.0)``, or ``uniform([1.0, 2.0])`` without ``low`` and ``high``."""
-
-    low: SyntaxNode
-    high: SyntaxNode
-    values: list[SyntaxNode]
-
-
-class DiscreteNode(TypedNode):
-    """``discrete([(0.8, 5.0), (0.2, 2.0)])``; pairs have a ``weight`` and a ``value``."""
-
-    pairs: list[SyntaxNode]
-
-
-class NormalNode(TypedNode):
-    """``normal(mean=1.0, std=0.3)``; options have a ``key`` and a ``value``."""
-
-    options: list[SyntaxNode]
-
-
-DistributionNode: TypeAlias = UniformNode | DiscreteNode | NormalNode
-DISTRIBUTIONS: Final = (UniformNode, DiscreteNode, NormalNode)
-"""Nodes that are distributions; the value of an attribute may also be a sum."""
-
-
+DISTRIBUTIONS: Final = ("Uniform", "Discrete", "Normal")
+"""Rules of distributions; the value of an attribute may also be a sum."""
 _LARGEST: Final = 200_000
 
 _START: Final = re.compile(
     r"import\s*[\"']|let\s+[^\d\W]\w*(?!\w|\s*[:.])|require(?!\w)(?!\s*:)|[^\d\W]\w*(?:\s*\.\s*[^\d\W]\w*)*\s*:"
 )
 _BRACE: Final = re.compile(r"[{}]")
-_DISTRIBUTIONS: Final = ("uniform", "discrete", "normal")
+_DISTRIBUTIONS: Final = tuple(map(str.lower, DISTRIBUTIONS))
 FUNCTIONS: Final = ("abs", "min", "max", "distance")
 _WORDS: Final = {
     "ID": "a name",
@@ -104,7 +46,6 @@ _HINTS: Final = {
 
 
 class _VariationLanguage(Language):
-    classes = (ImportNode, LetNode, RequireNode, BlockNode, SingleNode, *DISTRIBUTIONS)
     words = _WORDS
     openers = frozenset({"let"})
 
