@@ -126,22 +126,22 @@ class _LayerReader:
         plan = node.ref(OBJ["world"]) or ""
         base = plan[: len(plan) - len(local_name(plan))]
         placed = self._poses.reach(frame) if frame is not None else {}
-        for id, seen in placed.items():
-            known = self._nodes.by_id.get(id)
-            elsewhere = known is None or GEOM["Frame"] not in known.types
+        for id, view in placed.items():
+            node_there = self._nodes.by_id.get(id)
+            elsewhere = node_there is None or GEOM["Frame"] not in node_there.types
             # The first frame on the way that is of another file or of the plan: those before it are
             # the object's own.
             if id == frame or not (elsewhere or (base and id.startswith(base))):
                 continue
             # The origin of an opening is in its middle, that of any other frame on the floor.
             is_on_floor = _OPENING.fullmatch(local_name(id)) is None
-            if abs(seen.tilt) > _ON_FLOOR or (abs(seen.z) > _ON_FLOOR and is_on_floor):
+            if abs(view.tilt) > _ON_FLOOR or (abs(view.z) > _ON_FLOOR and is_on_floor):
                 message = f"instance {local_name(node.id)} is lifted or tilted"
                 self._nodes.add_warning(
                     node.id, message, "it is taken to stand upright on the floor"
                 )
-            edge = seen.edge
-            pose = seen.pose.inverse()
+            edge = view.edge
+            pose = view.pose.inverse()
             if edge is not None and edge.of == frame:
                 # The pose as it is written, without the rounding of inverting it twice.
                 pose = edge.pose

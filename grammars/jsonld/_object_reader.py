@@ -39,8 +39,8 @@ class LinkShapes:
         self._positions = Positions(nodes)
         self._views: dict[str, list[Node]] = {}
         for kind in ("LinkPhysicsRepresentation", "LinkVisualRepresentation"):
-            for body, found in index_by(nodes.by_id, OBJ[kind], OBJ["link"]).items():
-                self._views.setdefault(body, found)
+            for body, views in index_by(nodes.by_id, OBJ[kind], OBJ["link"]).items():
+                self._views.setdefault(body, views)
 
     def of(self, body: str) -> list[Node]:
         """Return what shows the shapes of a body: for collisions, else for the eye."""
@@ -65,16 +65,16 @@ class LinkShapes:
             ring = here.pose.apply_ring(((-x, -y), (x, -y), (x, y), (-x, y)))
             return _tidy_ring(ring), (trim_rounding(here.z - z), trim_rounding(here.z + z))
         points = shape.refs(POLY["points"])
-        drawn = self._positions.outline(points) if len(points) >= 6 else None
-        frame = placed.get(drawn[0]) if drawn is not None else None
-        if drawn is None or frame is None or not is_level(frame):
+        outline = self._positions.outline(points) if len(points) >= 6 else None
+        frame = placed.get(outline[0]) if outline is not None else None
+        if outline is None or frame is None or not is_level(frame):
             message = (
                 f"shape {local_name(shape.id)} is neither a cuboid nor a prism of known corners"
             )
             self._nodes.add_error(shape.id, message)
             return None
-        corners = frame.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
-        return self._prism(shape, corners, [trim_rounding(z + frame.z) for _, _, z in drawn[1]])
+        corners = frame.pose.apply_ring(tuple((x, y) for x, y, _ in outline[1]))
+        return self._prism(shape, corners, [trim_rounding(z + frame.z) for _, _, z in outline[1]])
 
     def _prism(
         self, shape: Node, corners: Ring, heights: list[float]
@@ -116,9 +116,9 @@ def scenery_name(name: str) -> str:
 
 def name_of(node: Node, owner: Node | None = None) -> str:
     """Return what a node is called: as it says, or by its identifier without its owner's."""
-    said = node.text(SCN["name"])
-    if said is not None:
-        return said
+    name = node.text(SCN["name"])
+    if name is not None:
+        return name
     name = local_name(node.id)
     if owner is not None:
         name = name.removeprefix(f"{local_name(owner.id)}-")
@@ -170,17 +170,17 @@ class ObjectReader:
     def _bodies(self, node: Node, order: dict[str, int]) -> dict[str, Node]:
         """Return the object links of an object by their body, in order."""
         ids = sorted(node.refs(OBJ["object-links"]), key=lambda id: order.get(id, len(order)))
-        found: dict[str, Node] = {}
+        bodies: dict[str, Node] = {}
         for id in ids:
             link = self._nodes.get(id)
             body = link.ref(OBJ["link"])
             if body is None:
                 self._nodes.add_error(id, f"link {local_name(id)} has no body")
             else:
-                found[body] = link
-        if not found:
+                bodies[body] = link
+        if not bodies:
             self._nodes.add_error(node.id, f"object {local_name(node.id)} has no links")
-        return found
+        return bodies
 
     def _link(self, body: str, link: Node, placed: dict[str, PlacedFrame]) -> Link | None:
         name = name_of(self._nodes.get(body))
@@ -195,10 +195,10 @@ class ObjectReader:
         rings: list[Ring] = []
         heights: list[float] = []
         for view in self._shapes.of(body):
-            drawn = self._shapes.shape(view, here, placed)
-            if drawn is not None:
-                rings.append(drawn[0])
-                heights.extend(drawn[1])
+            shape = self._shapes.shape(view, here, placed)
+            if shape is not None:
+                rings.append(shape[0])
+                heights.extend(shape[1])
         if not rings:
             self._nodes.add_error(link.id, f"link {name} has no shape that can be read")
             return None
@@ -300,32 +300,32 @@ class ObjectReader:
 
     def _needed(self, joints: dict[str, Joint | None]) -> tuple[Joint, ...]:
         """Leave out fixed joints to what stands still: such links need no joint here."""
-        known = {id: joint for id, joint in joints.items() if joint is not None}
-        moving = {id for id in known if is_moving(self._nodes.get(id))}
-        moved = {known[id].child for id in moving}
+        readable = {id: joint for id, joint in joints.items() if joint is not None}
+        moving = {id for id in readable if is_moving(self._nodes.get(id))}
+        moved = {readable[id].child for id in moving}
         while True:
-            more = {id for id, j in known.items() if id not in moving and j.parent in moved}
+            more = {id for id, j in readable.items() if id not in moving and j.parent in moved}
             if not more:
-                return tuple(joint for id, joint in known.items() if id in moving)
+                return tuple(joint for id, joint in readable.items() if id in moving)
             moving |= more
-            moved |= {known[id].child for id in more}
+            moved |= {readable[id].child for id in more}
 
     def _object_states(
         self, owner: Node, joints: dict[str, Joint | None], order: dict[str, int]
     ) -> tuple[NamedState, ...]:
-        found: dict[str, dict[str, float]] = {}
+        positions: dict[str, dict[str, float]] = {}
         for id, joint in joints.items():
             for entry in self._states.get(id, []):
                 state = entry.ref(ST["state"])
                 pose = self._nodes.by_id.get(entry.ref(ST["pose"]) or "")
                 value = joint_position(pose, self._nodes.get(id)) if pose is not None else None
                 if state is not None and value is not None and joint is not None:
-                    found.setdefault(state, {})[joint.name] = value
-        ids = sorted(found, key=lambda id: order.get(id, len(order)))
+                    positions.setdefault(state, {})[joint.name] = value
+        ids = sorted(positions, key=lambda id: order.get(id, len(order)))
         return tuple(
             NamedState(
                 name_of(self._nodes.get(id), owner),
-                tuple(found[id].items()),
+                tuple(positions[id].items()),
                 self._nodes.where(id, Where(self._file, 1, 1)),
             )
             for id in ids

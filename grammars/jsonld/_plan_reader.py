@@ -21,7 +21,7 @@ from grammars.floorplan import (
 )
 from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref
-from grammars.jsonld._plan_writer import implied_space, is_polygon
+from grammars.jsonld._plan_writer import flat, implied_space, is_polygon
 from grammars.jsonld.vocabulary import FP, GEOM, OBJ, POLY, SCN, local_name
 from grammars.model.geometry import Ring
 from grammars.text.diagnostics import (
@@ -58,7 +58,7 @@ class _PlanReader:
         self.walls: dict[str, Wall] = {}
         self.placed: dict[str, PlacedFrame] = {}
         self.positions = Positions(nodes)
-        self.drawn: dict[str, tuple[str, tuple[Point3, ...]]] = {}
+        self.outlines: dict[str, tuple[str, tuple[Point3, ...]]] = {}
 
     def read(self) -> FloorPlan:
         root = self._root()
@@ -66,9 +66,9 @@ class _PlanReader:
         spaces = [self._space(node) for node in self._listed(root, FP["spaces"], "Space")]
         if not root.refs(FP["spaces"]):
             self.nodes.add_error(root.id, f"plan {local_name(root.id)} has no spaces")
-        if "" in self.drawn or not _name(root):
+        if "" in self.outlines or not _name(root):
             self.nodes.add_error(root.id, "the plan or a space has no name: its IRI ends with /")
-        if len(self.drawn) < sum(space is not None for space in spaces):
+        if len(self.outlines) < sum(space is not None for space in spaces):
             self.nodes.add_error(root.id, "two spaces have the same name")
         self._refuse()
         features = self._features(root)
@@ -80,18 +80,18 @@ class _PlanReader:
         self._refuse()
         # Openings are found by their type, a plan need not list them: the list only gives an order.
         listed = {str(iri): k for k, iri in enumerate(root.refs(FP["openings"]))}
-        known = [o for o in openings if o is not None]
-        known.sort(key=lambda pair: listed.get(pair[0], len(listed)))
+        readable = [o for o in openings if o is not None]
+        readable.sort(key=lambda pair: listed.get(pair[0], len(listed)))
         plan = FloorPlan(
             _name(root),
             tuple(
                 # A space may be placed against one that comes later: all names are known now.
-                replace(space, placement=self._placement(*self.drawn[space.name]))
+                replace(space, placement=self._placement(*self.outlines[space.name]))
                 for space in spaces
                 if space is not None
             ),
             features,
-            tuple(opening for _, opening in known),
+            tuple(opening for _, opening in readable),
         )
         return replace(plan, warnings=self._warnings(plan))
 
@@ -132,7 +132,7 @@ class _PlanReader:
 
     def _listed(self, owner: Node, predicate: str, kind: str) -> list[Node]:
         """Return what ``owner`` lists, each checked to be of its type."""
-        found = []
+        nodes = []
         for id in owner.refs(predicate):
             node = self.nodes.by_id.get(id)
             if node is None or FP[kind] not in node.types:
@@ -142,8 +142,8 @@ class _PlanReader:
                     did_you_mean(local_name(id), _names_of(self.nodes, kind)),
                 )
             else:
-                found.append(node)
-        return found
+                nodes.append(node)
+        return nodes
 
     def _outline(self, node: Node, predicate: str) -> tuple[str, tuple[Point3, ...]] | None:
         """Return the frame an element's shape is drawn in, and its corners."""
@@ -153,16 +153,16 @@ class _PlanReader:
         if len(points) < 3:
             self.nodes.add_error(node.id, f"{what} has no points", "list at least three of them")
             return None
-        drawn = self.positions.outline(points)
-        if drawn is None:
+        outline = self.positions.outline(points)
+        if outline is None:
             self.nodes.add_error(
                 node.id, f"{what} is not drawn in one frame", "give every position"
             )
             return None
-        if max(abs(v) for point in drawn[1] for v in point) > _LARGEST:
+        if max(abs(v) for point in outline[1] for v in point) > _LARGEST:
             self.nodes.add_error(node.id, f"{what} is larger than 1000 km")
             return None
-        return drawn
+        return outline
 
     def _frame(self, node: Node, frame: str, name: str) -> PlacedFrame | None:
         placed = self.placed.get(frame)
@@ -178,59 +178,59 @@ class _PlanReader:
 
     def _space(self, node: Node) -> Space | None:
         name = _name(node)
-        drawn = self._outline(node, FP["shape"])
-        placed = self._frame(node, drawn[0], f"{name}-frame") if drawn else None
+        outline = self._outline(node, FP["shape"])
+        placed = self._frame(node, outline[0], f"{name}-frame") if outline else None
         walls = self._listed(node, FP["walls"], "Wall")
         bodies = [self._wall(wall, name, k) for k, wall in enumerate(walls)]
-        known = [body for body in bodies if body is not None]
-        if drawn is None or placed is None or len(known) < len(bodies):
+        solid = [body for body in bodies if body is not None]
+        if outline is None or placed is None or len(solid) < len(bodies):
             return None
         is_area = SCN["Area"] in node.types
-        if not known and not is_area:
+        if not solid and not is_area:
             self.nodes.add_error(node.id, f"{local_name(node.id)} has no walls")
             return None
-        ring: Ring = tuple((x, y) for x, y, _ in drawn[1])
+        ring: Ring = flat(outline[1])
         if not is_polygon(ring):
             self.nodes.add_error(node.id, f"the shape of {local_name(node.id)} has no area")
             return None
-        space = self._made(node, name, placed, ring, known)
+        space = self._made(node, name, placed, ring, solid)
         if is_area:
             space = replace(space, holes=self._holes(node, placed))
-        for wall, made in zip(walls, space.walls, strict=True):
-            self.walls[wall.id] = made
-        self.drawn[name] = drawn
+        for wall_node, wall in zip(walls, space.walls, strict=True):
+            self.walls[wall_node.id] = wall
+        self.outlines[name] = outline
         return space
 
     def _holes(self, node: Node, placed: PlacedFrame) -> tuple[Ring, ...]:
         """Return the holes of a space or wall of a walls layer, in the world."""
-        found = []
+        holes = []
         for id in node.refs(SCN["holes"]):
             hole = self.nodes.by_id.get(id)
-            drawn = self.positions.outline(hole.refs(POLY["points"])) if hole else None
-            if drawn is None or len(drawn[1]) < 3:
+            outline = self.positions.outline(hole.refs(POLY["points"])) if hole else None
+            if outline is None or len(outline[1]) < 3:
                 message = f"hole {local_name(id)} of {local_name(node.id)} is no polygon"
                 self.nodes.add_error(node.id, message, "list its points and give every position")
                 continue
-            found.append(placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1])))
-        return tuple(found)
+            holes.append(placed.pose.apply_ring(flat(outline[1])))
+        return tuple(holes)
 
     def _wall(self, node: Node, space: str, index: int) -> Wall | None:
-        drawn = self._outline(node, FP["shape"])
+        outline = self._outline(node, FP["shape"])
         thickness = scaled(node, FP["thickness"], LENGTHS)
         height = scaled(node, FP["height"], LENGTHS)
         if thickness is None or height is None:
             self.nodes.add_error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
-        if drawn is None or thickness is None or height is None:
+        if outline is None or thickness is None or height is None:
             return None
-        placed = self._frame(node, drawn[0], f"{space}-wall-{index}-frame")
+        placed = self._frame(node, outline[0], f"{space}-wall-{index}-frame")
         if placed is None:
             return None
-        if len(drawn[1]) != 4:
+        if len(outline[1]) != 4:
             self.nodes.add_error(
                 node.id, f"the shape of wall {local_name(node.id)} has not 4 corners"
             )
             return None
-        local = tuple((x, y) for x, y, _ in drawn[1])
+        local = flat(outline[1])
         footprint = placed.pose.apply_ring(local)
         length = math.dist(footprint[2], footprint[3])
         return Wall(space, index, placed.pose, length, thickness, height, footprint)
@@ -258,24 +258,26 @@ class _PlanReader:
 
     def _features(self, root: Node) -> tuple[Feature, ...]:
         owners = [(node, _name(node)) for node in self._spaces(root)]
-        found: dict[str, Feature] = {}
+        features: dict[str, Feature] = {}
         for owner, space in (*owners, (root, "")):
             for id in owner.refs(FP["features"]):
-                self._feature(id, owner, space, found)
+                self._feature(id, owner, space, features)
         for kind in ("Column", "Divider"):
             for node in self.nodes.of_type(FP[kind]):
-                if node.id not in found:
+                if node.id not in features:
                     message = f"{kind.lower()} {local_name(node.id)} is in no space's features"
                     self.nodes.add_warning(node.id, message, "it is taken as a feature of the plan")
-                    self._feature(node.id, root, "", found)
+                    self._feature(node.id, root, "", features)
         order = {str(id): k for k, id in enumerate(root.refs(SCN["order"]))}
-        ids = sorted(found, key=lambda id: order.get(id, len(order)))
-        return tuple(found[id] for id in ids)
+        ids = sorted(features, key=lambda id: order.get(id, len(order)))
+        return tuple(features[id] for id in ids)
 
     def _spaces(self, root: Node) -> list[Node]:
         return [self.nodes.by_id[id] for id in root.refs(FP["spaces"])]
 
-    def _feature(self, id: Ref | str, owner: Node, space: str, found: dict[str, Feature]) -> None:
+    def _feature(
+        self, id: Ref | str, owner: Node, space: str, features: dict[str, Feature]
+    ) -> None:
         node = self.nodes.by_id.get(id)
         types = node.types if node is not None else []
         kind = next((kind for type, kind in _FEATURES.items() if type in types), None)
@@ -286,22 +288,24 @@ class _PlanReader:
         height = scaled(node, FP["height"], LENGTHS)
         if height is None:
             self.nodes.add_error(node.id, f"{kind} {local_name(id)} has no height")
-        drawn = self._outline(node, FP["shape"])
-        if node.id in found:
-            message = f'{kind} {local_name(id)} is listed by "{found[node.id].space}" and "{space}"'
+        outline = self._outline(node, FP["shape"])
+        if node.id in features:
+            message = (
+                f'{kind} {local_name(id)} is listed by "{features[node.id].space}" and "{space}"'
+            )
             self.nodes.add_error(node.id, message, "give each its own identifier: <space>-<name>")
             return
         local = local_name(id)
         # Our writer had to rename it because another element has its name.
         if node.text(SCN["name"]) is not None:
             local = local.removeprefix(f"{kind}-")
-        placed = self._frame(node, drawn[0], f"{kind}-{local}-frame") if drawn else None
-        if drawn is None or height is None or placed is None:
+        placed = self._frame(node, outline[0], f"{kind}-{local}-frame") if outline else None
+        if outline is None or height is None or placed is None:
             return
         name = node.text(SCN["name"]) or (local.removeprefix(f"{space}-") if space else local)
         where = self.nodes.where(node.id, Where(self.file, 1, 1))
-        ring = placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
-        found[node.id] = Feature(
+        ring = placed.pose.apply_ring(flat(outline[1]))
+        features[node.id] = Feature(
             kind,
             local,
             name,
@@ -310,7 +314,7 @@ class _PlanReader:
             ring,
             height,
             where,
-            self._placement(drawn[0], drawn[1]),
+            self._placement(outline[0], outline[1]),
             self._holes(node, placed),
         )
 

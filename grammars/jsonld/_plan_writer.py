@@ -47,8 +47,8 @@ def implied_space(space: Space, ring: Ring) -> Space | None:
     if not space.walls or len(space.walls) != len(ring) or not has_mitres(ring):
         return None
     first = space.walls[0]
-    made = space_at(space.name, space.frame, ring, first.thickness, first.height, space.where)
-    return made if _have_same_walls(made, space) else None
+    implied = space_at(space.name, space.frame, ring, first.thickness, first.height, space.where)
+    return implied if _have_same_walls(implied, space) else None
 
 
 def is_polygon(ring: Ring) -> bool:
@@ -137,11 +137,11 @@ class PlanWriter:
         """Give every element an identifier of its own; spaces keep their names."""
         # A room may be called like the plan or like a door of it; in a graph that would be one
         # thing.
-        taken = {f"{WORLD}-frame", WORLD}
+        names = {f"{WORLD}-frame", WORLD}
         for space in self.plan.spaces:
-            id = space.name if space.name not in taken else f"space-{space.name}"
+            id = space.name if space.name not in names else f"space-{space.name}"
             self.ids["space", space.name] = id
-            taken.add(id)
+            names.add(id)
             self.ids["frame", f"{space.name}-frame"] = f"{id}-frame"
             for wall in space.walls:
                 self.ids["wall", wall.id] = f"{id}-wall-{wall.index}"
@@ -152,14 +152,14 @@ class PlanWriter:
             *((o.kind, o.id) for o in self.plan.openings),
             ("plan", self.plan.name),
         ):
-            id = name if name not in taken else f"{kind}-{name}"
-            taken.add(id)
+            id = name if name not in names else f"{kind}-{name}"
+            names.add(id)
             self.ids[kind, name] = id
 
     def _space(self, space: Space) -> None:
         id = self.ids["space", space.name]
         placed = space.placement
-        ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
+        ring = flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
         self._frame_of(id)
         self._outline(id, id, _level_ring(ring, 0.0), len(ring))
         self._holes(id, id, space)
@@ -173,7 +173,7 @@ class PlanWriter:
         id, placed = self.ids[feature.kind, feature.id], feature.placement
         stem = f"{feature.kind}-{feature.id}"
         local = feature.frame.inverse().apply_ring(feature.footprint)
-        self._solid(id, stem, _prism(_flat(placed.outline) if placed else local, feature.height))
+        self._solid(id, stem, _prism(flat(placed.outline) if placed else local, feature.height))
         self._holes(id, stem, feature)
         self._place(f"{stem}-frame", feature)
 
@@ -327,15 +327,15 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
         ]
     thickness = space.walls[0].thickness
     outer = outer_corners(ring, thickness)
-    found: list[tuple[Pose2, Ring]] = []
+    walls: list[tuple[Pose2, Ring]] = []
     for wall, pose, ends in zip(
         space.walls, wall_frames(ring), zip(outer, outer[1:] + outer[:1], strict=True), strict=True
     ):
         start, end = pose.inverse().apply_ring(ends)
         half = wall.length / 2
         level: Ring = ((start[0], thickness), (end[0], thickness), (half, 0.0), (-half, 0.0))
-        found.append((pose, level))
-    return found
+        walls.append((pose, level))
+    return walls
 
 
 def _level(ring: Ring) -> Ring:
@@ -352,7 +352,8 @@ def _hole_list(id: str, holes: Sequence[Ring]) -> Json:
     return {SCN["holes"]: {"@list": polygons}} if polygons else {}
 
 
-def _flat(points: Iterable[Point3]) -> Ring:
+def flat(points: Iterable[Point3]) -> Ring:
+    """Return points without their height."""
     return tuple((x, y) for x, y, _ in points)
 
 
@@ -368,9 +369,9 @@ def _untilted(opening: Opening) -> tuple[Point3, ...]:
     """Return the near ring in the opening's own frame: neither lifted nor tilted."""
     to_local = opening.frame.inverse()
     c, s = math.cos(opening.tilt), math.sin(opening.tilt)
-    found = []
+    corners = []
     for px, py, pz in opening.near:
         x, y = to_local.apply((px, py))
         z = pz - opening.z
-        found.append((c * x - s * z, y if abs(y) > _SAME else 0.0, s * x + c * z))
-    return tuple(found)
+        corners.append((c * x - s * z, y if abs(y) > _SAME else 0.0, s * x + c * z))
+    return tuple(corners)
