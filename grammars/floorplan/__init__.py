@@ -1,6 +1,5 @@
 """FloorPlan language: from `.fpm` text to world geometry."""
 
-from grammars.floorplan._compile import check_geometry, check_overlaps
 from grammars.floorplan._features import OpeningPrism, opening_at
 from grammars.floorplan._files import (
     ParsedFloorPlan,
@@ -8,6 +7,7 @@ from grammars.floorplan._files import (
     parse_floorplan,
     read_floorplan,
 )
+from grammars.floorplan._geometry import Flaw, geometric_flaws, overlaps, warn_of
 from grammars.floorplan._shapes import CircleNode, PolygonNode, RectangleNode
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
 from grammars.floorplan._syntax import parse_syntax
@@ -29,6 +29,7 @@ __all__ = [
     "WORLD_FRAME",
     "CircleNode",
     "Feature",
+    "Flaw",
     "FloorPlan",
     "Opening",
     "OpeningPrism",
@@ -39,15 +40,16 @@ __all__ = [
     "RectangleNode",
     "Space",
     "Wall",
-    "check_geometry",
-    "check_overlaps",
     "frames",
+    "geometric_flaws",
     "load_floorplan",
     "opening_at",
     "outer_corners",
+    "overlaps",
     "parse_floorplan",
     "parse_syntax",
     "read_floorplan",
     "space_at",
     "wall_frames",
+    "warn_of",
 ]

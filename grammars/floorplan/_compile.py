@@ -5,11 +5,9 @@ Last come the warnings about geometry that has a meaning, though probably not th
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
 
 from grammars.floorplan._attributes import ElementReader, read_location
 from grammars.floorplan._features import (
@@ -20,6 +18,7 @@ from grammars.floorplan._features import (
     draft_feature,
     draft_opening,
 )
+from grammars.floorplan._geometry import geometric_flaws, warn_of
 from grammars.floorplan._shapes import floor_outline
 from grammars.floorplan._spaces import (
     SpaceDraft,
@@ -30,143 +29,13 @@ from grammars.floorplan._spaces import (
     resolve_placement,
     wall_frames,
 )
-from grammars.floorplan.model import FloorPlan, Opening, Wall
+from grammars.floorplan.model import FloorPlan
 from grammars.model.geometry import signed_area
 from grammars.text.diagnostics import (
     Findings,
     SourceText,
     SyntaxNode,
 )
-
-_TOUCHING: Final = 1e-3
-"""How far walls may be apart and still touch, or openings stick out [m]."""
-_OVERLAP: Final = 1e-2
-"""Area two rooms may share before it is worth a word [m²]."""
-
-
-def check_geometry(plan: FloorPlan, drafts: Sequence[SpaceDraft], findings: Findings) -> None:
-    """Warn of rooms, openings and features that are placed suspiciously."""
-    _check_winding(drafts, findings)
-    _check_gaps(drafts, findings)
-    walls = {wall.id: wall for wall in plan.walls}
-    for opening in plan.openings:
-        _check_opening(opening, [walls[name] for name in opening.walls], findings)
-    check_overlaps(plan, findings)
-    _check_features(plan, findings)
-
-
-def _check_winding(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
-    for draft in drafts:
-        if draft.ring is not None and signed_area(draft.ring) > 0.0:
-            findings.warning(
-                draft.node.shape,
-                f'the outline of "{draft.name}" runs counter-clockwise: its walls grow inwards',
-                "list the points clockwise",
-            )
-
-
-def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
-    """Warn of facing walls that overlap because the gap is smaller than both together."""
-    for draft in drafts:
-        location, other = draft.location, draft.against
-        if location is None or other is None or draft.own is None or draft.other is None:
-            continue
-        # Only walls that face each other without a turn have a gap that one number tells.
-        if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
-            continue
-        gap = location.get("translation.y")
-        needed = (draft.thickness or 0.0) + (other.thickness or 0.0)
-        if gap < needed - 1e-9:
-            findings.warning(
-                draft.node,
-                f'the facing walls of "{draft.name}" and "{other.name}" overlap: '
-                f"{gap:g} m apart, {needed:g} m thick together",
-                'write "spaced" to make them touch',
-            )
-
-
-def _check_opening(opening: Opening, walls: Sequence[Wall], findings: Findings) -> None:
-    label = f'{opening.kind} "{opening.name}"'
-    for wall in walls:
-        along = [wall.frame.inverse().apply((x, y))[0] for x, y, _ in opening.near]
-        low, high = _ends(wall, min(along), max(along))
-        beyond = max(low - min(along), max(along) - high)
-        if beyond > _TOUCHING:
-            findings.warning(
-                opening.where,
-                f"{label} reaches {beyond:.3g} m beyond the end of {wall.id}",
-                f"the wall reaches from x = {low:.6g} m to {high:.6g} m",
-            )
-        if opening.z_max > wall.height + _TOUCHING:
-            findings.warning(
-                opening.where, f"{label} reaches above {wall.id} ({wall.height:g} m high)"
-            )
-    if opening.z_min < -_TOUCHING:
-        findings.warning(
-            opening.where,
-            f"{label} reaches below the floor (z = {opening.z_min:g} m)",
-            "z is the height of its middle: half its height for a door",
-        )
-    if len(walls) == 2:
-        _check_pair(opening, walls[0], walls[1], findings)
-
-
-def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
-    """Return between which ends of a wall an opening from ``first`` to ``last`` must lie [m]."""
-    inner = wall.length / 2
-    if first > -inner or last < inner:
-        return -inner, inner
-    # An opening takes the whole wall away that joins two spaces. In a corner that points outwards
-    # the outer face is the longer one, and what is taken of it is of this wall as well.
-    to_wall = wall.frame.inverse()
-    ends = [to_wall.apply(corner)[0] for corner in wall.footprint]
-    return min(ends), max(ends)
-
-
-def _check_pair(opening: Opening, first: Wall, second: Wall, findings: Findings) -> None:
-    relative = first.frame.inverse() @ second.frame
-    label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
-    # Facing each other is half a turn apart.
-    if math.cos(relative.yaw) > -1.0 + 1e-6:
-        findings.warning(opening.where, f"{label} do not face each other")
-    elif abs(relative.y - opening.depth) > _TOUCHING:
-        findings.warning(
-            opening.where,
-            f"{label} do not touch: {relative.y:.3f} m between their inner faces, "
-            f"{opening.depth:.3f} m thick together",
-        )
-
-
-def check_overlaps(plan: FloorPlan, findings: Findings) -> None:
-    """Warn of spaces that share floor."""
-    import shapely
-
-    # A tree, because all pairs of rooms of a large plan are too many.
-    outlines = [shapely.Polygon(space.outline, space.holes) for space in plan.spaces]
-    tree = shapely.STRtree(outlines)
-    first, second = tree.query(outlines, predicate="intersects")
-    for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):
-        if a < b:
-            area = outlines[a].intersection(outlines[b]).area
-            if area > _OVERLAP:
-                findings.warning(
-                    plan.spaces[b].where,
-                    f'"{plan.spaces[b].name}" and "{plan.spaces[a].name}" overlap ({area:.2f} m²)',
-                )
-
-
-def _check_features(plan: FloorPlan, findings: Findings) -> None:
-    """Warn of features outside their space."""
-    import shapely
-
-    by_name = {s.name: shapely.Polygon(s.outline, s.holes) for s in plan.spaces}
-    for feature in plan.features:
-        if feature.space and not by_name[feature.space].intersects(
-            shapely.Polygon(feature.footprint)
-        ):
-            findings.warning(
-                feature.where, f'{feature.kind} "{feature.name}" stands outside "{feature.space}"'
-            )
 
 
 def compile_plan(
@@ -319,5 +188,37 @@ def _build(
         tuple(build_feature(f, world, names[f.node.name] == 1, reader) for f in features),
         tuple(build_opening(o, tuple(walls[key] for key in o.walls), reader) for o in openings),
     )
-    check_geometry(plan, drafts, reader)
+    _check_winding(drafts, reader)
+    _check_gaps(drafts, reader)
+    warn_of(geometric_flaws(plan), reader)
     return replace(plan, warnings=reader.warnings)
+
+
+def _check_winding(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
+    for draft in drafts:
+        if draft.ring is not None and signed_area(draft.ring) > 0.0:
+            findings.warning(
+                draft.node.shape,
+                f'the outline of "{draft.name}" runs counter-clockwise: its walls grow inwards',
+                "list the points clockwise",
+            )
+
+
+def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
+    """Warn of facing walls that overlap because the gap is smaller than both together."""
+    for draft in drafts:
+        location, other = draft.location, draft.against
+        if location is None or other is None or draft.own is None or draft.other is None:
+            continue
+        # Only walls that face each other without a turn have a gap that one number tells.
+        if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
+            continue
+        gap = location.get("translation.y")
+        needed = (draft.thickness or 0.0) + (other.thickness or 0.0)
+        if gap < needed - 1e-9:
+            findings.warning(
+                draft.node,
+                f'the facing walls of "{draft.name}" and "{other.name}" overlap: '
+                f"{gap:g} m apart, {needed:g} m thick together",
+                'write "spaced" to make them touch',
+            )

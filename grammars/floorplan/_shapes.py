@@ -10,11 +10,10 @@ import math
 from collections.abc import Sequence
 from typing import Final, Literal, TypeAlias
 
-import numpy as np
-
 from grammars.floorplan._attributes import ElementReader
+from grammars.floorplan._spaces import wall_frames
 from grammars.floorplan.model import Point3
-from grammars.model.geometry import Floats, Point2, Ring
+from grammars.model.geometry import Point2, Ring
 from grammars.text.diagnostics import SyntaxNode, TypedNode, with_article
 
 # As FloorPlan DSL v1 approximated circles: 40 corners, the first at (0, r), clockwise, so that
@@ -160,9 +159,9 @@ def _corners(
             "repeated points of the polygon are left out",
             "walls are counted without them; do not repeat the first point at the end",
         )
-    problem = _spike(ring) or _crossing(np.array(ring))
+    problem = _spike(ring) or _crossing(ring)
     if problem:
-        reader.error(shape, problem)
+        reader.error(shape, problem, "list the points in order around the area")
         return None
     return kept
 
@@ -179,47 +178,21 @@ def _without_repeats(points: Sequence[Point2]) -> tuple[int, ...]:
 
 def _spike(ring: Ring) -> str:
     """Say where the outline turns back on itself, if it does: no mitre exists there."""
-    corners = np.array(ring)
-    edges = np.roll(corners, -1, axis=0) - corners
-    edges /= np.hypot(edges[:, 0], edges[:, 1])[:, None]
-    turn = (edges * np.roll(edges, 1, axis=0)).sum(axis=1)
-    worst = int(turn.argmin())
-    if 1.0 + turn[worst] > _SPIKE:
+    yaws = [frame.yaw for frame in wall_frames(ring)]
+    turns = [1.0 + math.cos(yaw - yaws[k - 1]) for k, yaw in enumerate(yaws)]
+    worst = turns.index(min(turns))
+    if turns[worst] > _SPIKE:
         return ""
     x, y = ring[worst]
     return f"the outline turns back on itself at point {worst} ({x:g}, {y:g})"
 
 
-def _crossing(corners: Floats) -> str:
-    """Say which two edges cross or touch, if any (all pairs that are not neighbours)."""
-    ends = np.roll(corners, -1, axis=0)
-    count = len(corners)
-    for i in range(count - 2):
-        # The last edge is a neighbour of the first.
-        last = count - 1 if i == 0 else count
-        touching = _edges_meet(corners[i], ends[i], corners[i + 2 : last], ends[i + 2 : last])
-        if touching.size:
-            return f"the outline crosses or touches itself: edges {i} and {i + 2 + touching[0]}"
-    return ""
+def _crossing(ring: Ring) -> str:
+    """Say where the outline crosses or touches itself, if it does."""
+    import shapely
 
-
-def _edges_meet(
-    a: Floats, b: Floats, c: Floats, d: Floats
-) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the indices of the segments c-d that come within SAME_POINT of segment a-b."""
-
-    def side(p: Floats, q: Floats, r: Floats) -> Floats:
-        along = q - p
-        offset = r - p
-        distance: Floats = along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0]
-        return distance / np.hypot(along[..., 0], along[..., 1])
-
-    def apart(first: Floats, second: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        return (np.minimum(first, second) > SAME_POINT) | (np.maximum(first, second) < -SAME_POINT)
-
-    boxes = (
-        (np.minimum(c, d) > np.maximum(a, b) + SAME_POINT)
-        | (np.maximum(c, d) < np.minimum(a, b) - SAME_POINT)
-    ).any(axis=1)
-    separated = boxes | apart(side(a, b, c), side(a, b, d)) | apart(side(c, d, a), side(c, d, b))
-    return np.flatnonzero(~separated)
+    reason, _, place = shapely.is_valid_reason(shapely.Polygon(ring)).partition("[")
+    if "Self-intersection" not in reason:
+        return ""
+    x, y = map(float, place.rstrip("]").split())
+    return f"the outline crosses or touches itself near ({x:g}, {y:g})"

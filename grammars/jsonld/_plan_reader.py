@@ -16,8 +16,9 @@ from grammars.floorplan import (
     Point3,
     Space,
     Wall,
-    check_geometry,
+    geometric_flaws,
     opening_at,
+    warn_of,
 )
 from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref
@@ -352,7 +353,7 @@ class _PlanReader:
 
     def _warnings(self, plan: FloorPlan) -> tuple[Diagnostic, ...]:
         findings = Findings()
-        check_geometry(plan, (), findings)
+        warn_of(geometric_flaws(plan), findings)
         return (*self.nodes.diagnostics, *findings.warnings)
 
 

@@ -24,8 +24,9 @@ from grammars.floorplan import (
     Opening,
     OpeningPrism,
     Space,
-    check_overlaps,
     opening_at,
+    overlaps,
+    warn_of,
 )
 from grammars.model.geometry import Pose2, Ring
 from grammars.text.diagnostics import Findings, Where, with_article
@@ -250,7 +251,7 @@ def _check_plan(plan: FloorPlan, findings: Findings) -> None:
                 f'walls cover the floor of "{space.name}"',
                 "the outline of a wall that encloses a space needs a hole for it",
             )
-    check_overlaps(plan, findings)
+    warn_of(overlaps(plan), findings)
     for opening in plan.openings:
         _check_entryway(opening, tree, floors, findings)
 

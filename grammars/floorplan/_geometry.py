@@ -1,0 +1,127 @@
+"""Flaws of plans: rooms, openings and features that are placed suspiciously, and by how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from grammars.floorplan.model import FloorPlan, Opening, Wall
+from grammars.text.diagnostics import Findings, Where
+
+_TOUCHING: Final = 1e-3
+"""How far walls may be apart and still touch, or openings stick out [m]."""
+_OVERLAP: Final = 1e-2
+"""Area two rooms may share before it is worth a word [m²]."""
+_TURNED: Final = 1e-6
+"""One less the cosine of the angle by which facing walls may be turned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flaw:
+    """Something in a plan that has a meaning, though probably not the intended one.
+
+    ``key`` names it in all variants of a plan. ``extent`` measures it, in the unit of ``slack``:
+    up to there it is none.
+    """
+
+    key: str
+    extent: float
+    slack: float
+    where: Where
+    message: str
+    hint: str = ""
+
+
+def warn_of(flaws: Iterable[Flaw], findings: Findings) -> None:
+    """Add a warning for every flaw that goes beyond its slack."""
+    for flaw in flaws:
+        if flaw.extent > flaw.slack:
+            findings.warning(flaw.where, flaw.message, flaw.hint)
+
+
+def geometric_flaws(plan: FloorPlan) -> Iterator[Flaw]:
+    """Yield the flaws of a plan, measured, also those within their slack."""
+    walls = {wall.id: wall for wall in plan.walls}
+    for opening in plan.openings:
+        yield from _of_opening(opening, [walls[name] for name in opening.walls])
+    yield from overlaps(plan)
+    yield from _of_features(plan)
+
+
+def _of_opening(opening: Opening, walls: Sequence[Wall]) -> Iterator[Flaw]:
+    """Yield how far an opening sticks out of its walls, and how well two walls fit."""
+    name, where = opening.name, opening.where
+    label = f'{opening.kind} "{name}"'
+    for wall in walls:
+        along = [wall.frame.inverse().apply((x, y))[0] for x, y, _ in opening.near]
+        low, high = _ends(wall, min(along), max(along))
+        beyond = max(low - min(along), max(along) - high)
+        message = f"{label} reaches {beyond:.3g} m beyond the end of {wall.id}"
+        hint = f"the wall reaches from x = {low:.6g} m to {high:.6g} m"
+        yield Flaw(f"{name} beyond {wall.id}", beyond, _TOUCHING, where, message, hint)
+        above = opening.z_max - wall.height
+        message = f"{label} reaches above {wall.id} ({wall.height:g} m high)"
+        yield Flaw(f"{name} above {wall.id}", above, _TOUCHING, where, message)
+    message = f"{label} reaches below the floor (z = {opening.z_min:g} m)"
+    hint = "z is the height of its middle: half its height for a door"
+    yield Flaw(f"{name} below the floor", -opening.z_min, _TOUCHING, where, message, hint)
+    if len(walls) == 2:
+        yield _of_pair(opening, *walls)
+
+
+def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
+    """Return between which ends of a wall an opening from ``first`` to ``last`` must lie [m]."""
+    inner = wall.length / 2
+    if first > -inner or last < inner:
+        return -inner, inner
+    # An opening takes the whole wall away that joins two spaces. In a corner that points outwards
+    # the outer face is the longer one, and what is taken of it is of this wall as well.
+    to_wall = wall.frame.inverse()
+    ends = [to_wall.apply(corner)[0] for corner in wall.footprint]
+    return min(ends), max(ends)
+
+
+def _of_pair(opening: Opening, first: Wall, second: Wall) -> Flaw:
+    relative = first.frame.inverse() @ second.frame
+    label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
+    # Facing each other is half a turn apart.
+    turned = 1.0 + math.cos(relative.yaw)
+    if turned > _TURNED:
+        message = f"{label} do not face each other"
+        return Flaw(f"{opening.name} turned", turned, _TURNED, opening.where, message)
+    message = (
+        f"{label} do not touch: {relative.y:.3f} m between their inner faces, "
+        f"{opening.depth:.3f} m thick together"
+    )
+    apart = abs(relative.y - opening.depth)
+    return Flaw(f"{opening.name} depth", apart, _TOUCHING, opening.where, message)
+
+
+def overlaps(plan: FloorPlan) -> Iterator[Flaw]:
+    """Yield the spaces that share floor, also those that only touch."""
+    import shapely
+
+    # A tree, because all pairs of rooms of a large plan are too many.
+    outlines = [shapely.Polygon(space.outline, space.holes) for space in plan.spaces]
+    first, second = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+    for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):
+        if a < b:
+            one, other = plan.spaces[a], plan.spaces[b]
+            area = float(outlines[a].intersection(outlines[b]).area)
+            message = f'"{other.name}" and "{one.name}" overlap ({area:.2f} m²)'
+            yield Flaw(f"overlap {one.name} {other.name}", area, _OVERLAP, other.where, message)
+
+
+def _of_features(plan: FloorPlan) -> Iterator[Flaw]:
+    """Yield the features outside of their space."""
+    import shapely
+
+    floors = {space.name: shapely.Polygon(space.outline, space.holes) for space in plan.spaces}
+    for feature in plan.features:
+        if feature.space and not floors[feature.space].intersects(
+            shapely.Polygon(feature.footprint)
+        ):
+            message = f'{feature.kind} "{feature.name}" stands outside "{feature.space}"'
+            yield Flaw(f"{feature.id} outside", 1.0, 0.0, feature.where, message)
