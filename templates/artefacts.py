@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.extras import MissingExtraError
+from grammars.text.plugins import MissingExtraError
 from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
 Needs: TypeAlias = Literal["plan", "scene", "campaign"]

@@ -21,7 +21,7 @@ from shapely.geometry.polygon import orient
 
 from grammars.model.geometry import Floats
 from grammars.model.scene import Solid
-from grammars.text.extras import load_extra
+from grammars.text.plugins import load_extra
 from templates.world import ExportJob
 
 _GRID: Final = 1e-6
@@ -52,7 +52,7 @@ def wall_mesh(solids: tuple[Solid, ...]) -> WallMesh:
     """Return the union of solids as a closed 2-manifold with outward faces.
 
     Several kinds and worlds need the same. Raises :class:`ValueError` when there is no solid, and
-    :class:`grammars.text.extras.MissingExtraError` when the extra ``mesh`` is not installed.
+    :class:`grammars.text.plugins.MissingExtraError` when the extra ``mesh`` is not installed.
     """
     if not solids:
         raise ValueError("there is no mesh of nothing")

@@ -29,8 +29,14 @@ from grammars.scenery import SceneryLayer, configure, load_scenery
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
 from grammars.text.overrides import Override, override_document, placed_at
-from grammars.text.shipped import shipped_folder
-from grammars.text.sources import is_file, is_folder, names_in, not_recording, read_text
+from grammars.text.sources import (
+    is_file,
+    is_folder,
+    names_in,
+    not_recording,
+    read_text,
+    shipped_folder,
+)
 
 if TYPE_CHECKING:
     from grammars.variation import Variation

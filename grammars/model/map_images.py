@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.extras import load_extra
+from grammars.text.plugins import load_extra
 from grammars.text.sources import is_file, note_read
 
 MOST_CELLS: Final = 64_000_000

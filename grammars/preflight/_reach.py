@@ -17,6 +17,7 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Doorway
 from grammars.preflight._checked import CheckedScene, free_space
 from grammars.preflight._mission import Spot
+from grammars.text.words import enumerate_words
 
 _THIN: Final = 0.02
 """Half the width [m] of what is thought to pass any gap."""
@@ -177,4 +178,4 @@ def _listed(names: Sequence[str], link: str) -> str:
     more = len(names) - _MOST_NAMED
     if more > 0:
         return f"{', '.join(names[:_MOST_NAMED])} and {more} more"
-    return f" {link} ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    return enumerate_words(names, link)

@@ -23,8 +23,9 @@ from grammars.scenery.model import (
     Setting,
 )
 from grammars.text.diagnostics import SourceText, SyntaxNode, Where
-from grammars.text.parsing import Language, SyntaxFault, listed, without_comments
+from grammars.text.parsing import Language, SyntaxFault, without_comments
 from grammars.text.sources import read_text
+from grammars.text.words import enumerate_words
 
 _Part: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _SPACE: Final = re.compile(r'("[^"\n]*")|(?:\s|//[^\n]*)+')
@@ -82,7 +83,7 @@ class _SceneryLanguage(Language):
         words = self.phrases(fault)
         if words:
             many = len(words) > _SHOWN
-            expected = ", ".join((*words[:_SHOWN], "…")) if many else listed(words)
+            expected = ", ".join((*words[:_SHOWN], "…")) if many else enumerate_words(words, "or")
             return f"expected {expected}, found {found}"
         return f"{found} {'cannot be a name' if _is_reserved(fault) else 'is not expected'}"
 

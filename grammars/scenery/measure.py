@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from grammars.text.diagnostics import InputError, Where, with_article
-from grammars.text.parsing import listed
 from grammars.text.quantity import parse_quantity, unit_of
+from grammars.text.words import enumerate_words
 
 LARGEST: Final = 1e6
 """No quantity of a scenery is larger than this, in SI units."""
@@ -44,7 +44,7 @@ def parse_measure(text: str, where: Where, *dimensions: str) -> Measure:
         units = [_DEGREES.get(dimension, unit_of(dimension)) for dimension in dimensions]
         hint = f"write {number} m, {number} rad, {number} s, … as is meant"
         if units:
-            hint = f"write {listed([f'{number} {unit}' for unit in units])}"
+            hint = f"write {enumerate_words([f'{number} {unit}' for unit in units], 'or')}"
         raise InputError.at(where, f"a unit is missing after {number}", hint)
     quantity = parse_quantity(spelled, where)
     if abs(quantity.value) > LARGEST:
@@ -60,7 +60,7 @@ def require_dimension(value: Measure, *dimensions: str) -> float:
     """Return the SI value if it has one of ``dimensions``; raises :class:`InputError` else."""
     if value.dimension in dimensions:
         return value.value
-    needed = " or ".join(_in_words(d) for d in dimensions)
+    needed = enumerate_words([_in_words(d) for d in dimensions], "or")
     is_ratio = dimensions[0] == "ratio"
     raise InputError.at(
         value.where,

@@ -23,6 +23,7 @@ from grammars.text.diagnostics import (
     Where,
 )
 from grammars.text.units import FACTOR, UNIT
+from grammars.text.words import enumerate_words
 
 _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40
@@ -72,11 +73,6 @@ def grammar_text(grammar: Path) -> str:
 def without_comments(text: str) -> str:
     """Return ``text`` with every comment replaced by as many blanks; quoted text stays."""
     return _COMMENT.sub(lambda found: found[1] or " " * len(found[0]), text)
-
-
-def listed(words: Sequence[str]) -> str:
-    """Return ``a, b or c``."""
-    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +193,7 @@ class Language:
         """Return what is wrong at ``fault``: where it stands, or where something is missing."""
         if self.ends_early(fault):
             last = re.split(r"\s", fault.done)[-1][-_LONGEST:]
-            message = f'expected {listed(self.phrases(fault))} after "{last}"'
+            message = f'expected {enumerate_words(self.phrases(fault), "or")} after "{last}"'
             hint = self.hint(replace(fault, word=""))
             return Diagnostic(source.where(len(fault.done)), message, hint)
         return Diagnostic(source.where(fault.offset), self.message(fault), self.hint(fault))
@@ -218,7 +214,7 @@ class Language:
     def message(self, fault: SyntaxFault) -> str:
         """Return what is wrong with the word that stands there."""
         found = f'"{fault.word[:_LONGEST]}"' if fault.word else "the end of the file"
-        return f"unexpected {found}; expected {listed(self.phrases(fault))}"
+        return f"unexpected {found}; expected {enumerate_words(self.phrases(fault), 'or')}"
 
     def hint(self, fault: SyntaxFault) -> str:
         """Return advice on ``fault``, or nothing."""

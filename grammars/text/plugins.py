@@ -1,11 +1,14 @@
-"""Plug-ins by entry point: which there are, whose they are and what went wrong in them."""
+"""Code of other people that may be installed: plug-ins by entry point, and optional libraries."""
 
 from __future__ import annotations
 
 import functools
+import importlib
 import re
 import traceback
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
+
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -63,3 +66,22 @@ def explain_plugin_error(what: str, error: BaseException, caller: str) -> str:
     own = [f for f in frames if "importlib" not in f.filename and f.filename != caller]
     place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
     return f"{what}: {type(error).__name__}: {error}{place}"
+
+
+class MissingExtraError(InputError):
+    """An optional library is not installed; the message says what for, and what installs it."""
+
+
+def load_extra(module: str, extra: str, purpose: str, where: str) -> Any:
+    """Import ``module``, which comes with the extra ``extra`` of this package.
+
+    ``purpose`` is what takes it, ``where`` the part of this tool that is speaking. Raises
+    :class:`MissingExtraError`.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        library = module.partition(".")[0]
+        message = f"{purpose} takes the library {library}, which is not installed"
+        hint = f'install it with: pip install "scenario-tui[{extra}]"'
+        raise MissingExtraError(Diagnostic(Where(where), message, hint)) from error

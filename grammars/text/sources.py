@@ -144,3 +144,9 @@ def _neighbours(file: Path) -> str:
     if not is_folder(folder):
         return f"there is no folder {folder}"
     return did_you_mean(file.name, names_in(folder))
+
+
+def shipped_folder() -> Path:
+    """Return the folder of the campaigns, robots and systems that ship with the project."""
+    # The packages of the project lie beside each other, in a checkout and installed.
+    return Path(__file__).resolve().parents[2] / "campaigns"

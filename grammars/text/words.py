@@ -10,6 +10,6 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
     return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
 
 
-def enumerate_words(words: Sequence[str]) -> str:
+def enumerate_words(words: Sequence[str], conjunction: str = "and") -> str:
     """Return ``a, b and c``; nothing for no words."""
-    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
+    return f" {conjunction} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))

@@ -174,7 +174,7 @@ def _robot_file(named: str, folder: Path) -> Path:
 
 def _robot_reference(path: Path, folder: Path) -> str:
     """Return how a campaign in ``folder`` names a robot: by name when it ships."""
-    from grammars.text.shipped import shipped_folder
+    from grammars.text.sources import shipped_folder
 
     if path.resolve().is_relative_to(shipped_folder()):
         return path.stem
@@ -228,7 +228,7 @@ def _list_layers(folder: Path, *, as_json: bool) -> None:
 
 def _layers_of(folder: Path, kind: LayerKind) -> list[NamedLayer]:
     from daemon.campaign import layer_names, layer_places
-    from grammars.text.shipped import shipped_folder
+    from grammars.text.sources import shipped_folder
 
     found: dict[str, NamedLayer] = {}
     for place in layer_places(folder, kind):

@@ -161,7 +161,7 @@ def _drawn(
 ) -> OccupancyGrid:
     """Return the map of a drawing; print warnings, also when it cannot be read."""
     from grammars.text.diagnostics import Findings
-    from grammars.text.extras import load_extra
+    from grammars.text.plugins import load_extra
 
     for library in ("ezdxf", "PIL"):
         load_extra(library, "import", "a drawing", "import")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from grammars.text.extras import MissingExtraError
+from grammars.text.plugins import MissingExtraError
 from templates.picture._compose import draw_world
 from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape
 from templates.picture._mission import RunOverlay

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-from grammars.text.extras import load_extra
+from grammars.text.plugins import load_extra
 from templates.picture._drawing import Drawing
 from templates.rendering import render
 
@@ -23,7 +23,7 @@ _BEYOND: Final = 0x2E80
 def write_png(figure: Drawing, path: Path) -> Path:
     """Write the figure, :data:`PNG_SCALE` times as large as its page, and return the path.
 
-    Raises :class:`grammars.text.extras.MissingExtraError` without the extra ``png``.
+    Raises :class:`grammars.text.plugins.MissingExtraError` without the extra ``png``.
     """
     resvg = load_extra("resvg_py", "png", "a PNG picture", "picture")
     svg = render("picture.svg.j2", figure=figure)

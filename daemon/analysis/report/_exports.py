@@ -17,7 +17,7 @@ from daemon.analysis.report._tracks import MEASURES, RunTracks
 from daemon.model.assessments import ReferenceValue
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
-from grammars.text.extras import load_extra
+from grammars.text.plugins import load_extra
 
 COLUMNS: Final = (
     "campaign", "scenario", "sut", "repeat", "run", "digest", "outcome",
@@ -107,7 +107,7 @@ def _plain_cell(text: str) -> str:
 def write_parquet(data: ReportData, path: Path) -> None:
     """Write the table as Parquet.
 
-    Raises :class:`grammars.text.extras.MissingExtraError` without the extra ``report``.
+    Raises :class:`grammars.text.plugins.MissingExtraError` without the extra ``report``.
     """
     arrow, parquet = (
         load_extra(module, "report", "a Parquet file", "scenario report")

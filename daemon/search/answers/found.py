@@ -11,8 +11,7 @@ from daemon.analysis.campaign_worlds import worlds_of_campaign
 from daemon.campaign import load_campaign
 from daemon.model.search_answer import SearchAnswer
 from grammars.text.files import write_atomically
-from grammars.text.shipped import shipped_folder
-from grammars.text.sources import recording_reads
+from grammars.text.sources import recording_reads, shipped_folder
 from templates.artefacts import ExportResult, export
 from templates.naming import file_name
 

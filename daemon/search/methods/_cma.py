@@ -15,7 +15,7 @@ import numpy as np
 from daemon.search.methods._history import KnownResult, SearchHistory
 from daemon.search.methods._stages import Choice
 from grammars.model.geometry import Floats
-from grammars.text.extras import load_extra
+from grammars.text.plugins import load_extra
 
 _FIRST_SPREAD: Final = 0.3
 """Standard deviation at the beginning, of the unit cube: a third, as Hansen has it."""

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from daemon.campaign import load_campaign
-from grammars.text.shipped import shipped_folder
+from grammars.text.sources import shipped_folder
 
 PLAN = """Floor plan: barn
 Defaults: walls: thickness: 0.1 m height: 2 m
