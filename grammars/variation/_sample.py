@@ -12,7 +12,7 @@ import numpy as np
 from grammars.floorplan import FloorPlan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.variation._load import Variant, Variation
-from grammars.variation._soundness import defects
+from grammars.variation._soundness import flaws_of
 from grammars.variation._variants import Rejections, VariantBuilder
 from grammars.variation.designs import (
     MAX_POINTS,
@@ -99,9 +99,9 @@ def variant_plans(
 def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...]:
     """Return as warnings what is unsound in the plan itself; variants may keep it."""
     return tuple(
-        Diagnostic(d.where, d.message, "its variants may keep this", Severity.WARNING)
-        for d in defects(variation.source, radius).values()
-        if d.extent > d.slack
+        Diagnostic(flaw.where, flaw.message, "its variants may keep this", Severity.WARNING)
+        for flaw in flaws_of(variation.source, radius)
+        if flaw.extent > flaw.slack
     )
 
 

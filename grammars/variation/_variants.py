@@ -16,7 +16,7 @@ from grammars.text.files import write_atomically
 from grammars.text.terminal_text import printable
 from grammars.text.units import RATIO, Dimension, from_si, to_si
 from grammars.variation._load import Requirement, Variant, VariantValue, Variation
-from grammars.variation._soundness import Defect, check_soundness, defects
+from grammars.variation._soundness import check_soundness, flaws_of
 from grammars.variation.designs import Method
 from grammars.variation.plan_text import Slot, SlotValue, rewrite
 
@@ -65,11 +65,12 @@ class VariantBuilder:
     seed: int
     radius: float | None
     suffix: bool
-    _source: Mapping[str, Defect] = field(init=False)
+    _source: Mapping[str, float] = field(init=False)
 
     def __post_init__(self) -> None:
         radius = self.radius
-        self._source = {} if radius is None else defects(self.variation.source, radius)
+        flaws = () if radius is None else flaws_of(self.variation.source, radius)
+        self._source = {flaw.key: max(flaw.extent, 0.0) for flaw in flaws}
 
     def variant(
         self, point: Sequence[float], seed: int, rejected: Rejections, tries: int = 1

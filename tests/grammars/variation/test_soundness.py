@@ -30,13 +30,13 @@ Window pane: shape: Rectangle width=1 m, height=1 m
 """
 
 UNSOUND = {
-    "c: {location.translation.y: uniform([-1])}": "a and c overlap",
-    "shift: uniform([1.5])": "door reaches beyond b-wall-3",
-    "wide: uniform([3.5])": "door reaches beyond b-wall-3",
-    "door: {location.translation.z: uniform([0.9])}": "door reaches beyond a-wall-1",
-    "pane: {location.translation.z: uniform([2.1])}": "pane reaches beyond a-wall-0",
+    "c: {location.translation.y: uniform([-1])}": '"c" and "a" overlap',
+    "shift: uniform([1.5])": "m beyond the end of b-wall-3",
+    "wide: uniform([3.5])": "m beyond the end of b-wall-3",
+    "door: {location.translation.z: uniform([0.9])}": '"door" reaches below the floor',
+    "pane: {location.translation.z: uniform([2.1])}": '"pane" reaches above a-wall-0',
     "wide: uniform([2.5])": "door and second run into each other",
-    "b: {location.rotation.z: uniform([0.2])}": "a-wall-1 and b-wall-3 do not touch",
+    "b: {location.rotation.z: uniform([0.2])}": "a-wall-1 and b-wall-3 do not face each other",
     "a: {defaults.wall.thickness: uniform([-0.1])}": "the walls of a have no thickness",
     "wide: uniform([0.55])": "b cannot be reached with a radius of 0.3 m",
     "a.screen: {shape.width: uniform([4.9]) location.rotation.z: uniform([90 deg]) "
@@ -85,7 +85,7 @@ def test_an_overlap_of_the_source_may_stay_but_not_grow(tmp_path):
     same = vary(tmp_path, statements.format(-3.2), overlapping)
     assert sample(same, 1, seed=0, check=0.3)
     worse = vary(tmp_path, statements.format(-2.5), overlapping)
-    with pytest.raises(InputError, match="a and c overlap"):
+    with pytest.raises(InputError, match='"c" and "a" overlap'):
         sample(worse, 1, seed=0, tries=1, check=0.3)
 
 
