@@ -186,8 +186,10 @@ def _lines_by_layer(player: Player, scale: float) -> dict[str, list[Line]]:
         elif isinstance(record, PointsRecord):
             points = record.points.vertices()
             points += points[:1] if len(points) > 2 else []
-        if len(points) > 1:
-            lines[properties.layer].append(np.array([(p.x, p.y) for p in points]) * scale)
+        line = np.array([(point.x, point.y) for point in points]) * scale
+        # Drawings hold lines without a length, which nobody sees.
+        if len(line) and np.ptp(line, axis=0).any():
+            lines[properties.layer].append(line)
     return lines
 
 
