@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import urljoin
 
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import (
@@ -55,11 +54,11 @@ def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
     process = _processor(base, outdated)
     try:
         _mark_nodes(document)
-        reader = _NodeReader(source, base, process(document, ()))
+        reader = _NodeReader(source, process(document, ()))
         missing = reader.missing_contexts()
         if missing:
             # Once more, with the contexts that define those types in front of the document's own.
-            reader = _NodeReader(source, base, process(document, sorted(missing)))
+            reader = _NodeReader(source, process(document, sorted(missing)))
     except Exception as error:
         # PyLD answers some malformed documents with errors of Python, of whatever class.
         raise InputError(_problems(source, document, process, error)) from error
@@ -149,9 +148,8 @@ def _explanation(error: BaseException) -> str:
 class _NodeReader:
     """Reads an expanded document into nodes."""
 
-    def __init__(self, source: _JsonSource, base: str, expanded: list[Any]) -> None:
+    def __init__(self, source: _JsonSource, expanded: list[Any]) -> None:
         self._source = source
-        self._base = base
         self._nodes = NodeGraph()
         self._blanks = 0
         self._written: dict[str, str] = {}
@@ -176,6 +174,7 @@ class _NodeReader:
         """Return the nodes, with warnings; raises :class:`InputError` for errors."""
         if self._nodes.errors:
             raise InputError(self._nodes.errors[:_MOST_FINDINGS])
+        self._nodes.is_earlier = bool(outdated)
         for address in sorted(outdated):
             self._warn("", f'"{address}" is an outdated address', "read as the current context")
         for address, (user, *names) in missing.items():
@@ -247,8 +246,6 @@ class _NodeReader:
             self._checked(id, written or id)
         if len(data) > 2:
             self._written.setdefault(id, written)
-            if ":" not in written and id == urljoin(self._base, written):
-                self._nodes.relative.add(id)
         return str(id)
 
     def _checked(self, iri: str, written: str) -> str:

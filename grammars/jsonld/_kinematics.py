@@ -17,9 +17,7 @@ from grammars.jsonld.vocabulary import (
     OBJ,
     QUDT,
     REL,
-    ST,
     UNIT,
-    local_name,
 )
 from grammars.model.geometry import Pose2
 
@@ -74,51 +72,23 @@ class PoseGraph:
 
     def __init__(self, nodes: NodeGraph) -> None:
         self._nodes = nodes
-        self.edges: list[PoseEdge] = []
         self._around: dict[str, list[PoseEdge]] = {}
         numbers = index_by(nodes.by_id, COORD["PoseCoordinate"], COORD["of-pose"])
         for node in nodes.of_type(REL["Pose"]):
-            edge = self._edge(node, numbers.get(node.id, []))
-            if edge is not None:
-                self.edges.append(edge)
+            for coordinates in numbers.get(node.id, ())[:1]:
+                edge = self._edge(node, coordinates)
                 self._around.setdefault(edge.of, []).append(edge)
                 self._around.setdefault(edge.wrt, []).append(edge)
 
-    def _edge(self, node: Node, coordinates: list[Node]) -> PoseEdge | None:
-        of, wrt = node.ref(REL["of"]), node.ref(REL["with-respect-to"])
-        if of is None or wrt is None:
-            self._nodes.add_error(node.id, f"pose {local_name(node.id)} lacks a frame")
-            return None
-        if not coordinates:
-            self._nodes.add_error(node.id, f"pose {local_name(node.id)} has no coordinates")
-            return None
-        seen = coordinates[0].ref(COORD["as-seen-by"])
-        if seen is not None and seen != wrt:
-            self._nodes.add_error(
-                coordinates[0].id,
-                f"{local_name(coordinates[0].id)} is seen by {local_name(seen)}, "
-                f"its pose is with respect to {local_name(wrt)}",
-                "write the coordinates in the frame the pose is with respect to",
-            )
-        if all(coordinates[0].number(COORD[word]) is None for word in ("x", "y", "z", "alpha")):
-            self._nodes.add_error(
-                coordinates[0].id,
-                f"{local_name(coordinates[0].id)} has none of x, y, z and alpha",
-                "lists of coordinates and direction cosines are not read here",
-            )
-            return None
-        x, y, z = (scaled(coordinates[0], COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z"))
+    def _edge(self, node: Node, coordinates: Node) -> PoseEdge:
+        of, wrt = node.refs(REL["of"])[0], node.refs(REL["with-respect-to"])[0]
+        x, y, z = (scaled(coordinates, COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z"))
         alpha, beta = (
-            scaled(coordinates[0], COORD[angle], ANGLES) or 0.0 for angle in ("alpha", "beta")
+            scaled(coordinates, COORD[angle], ANGLES) or 0.0 for angle in ("alpha", "beta")
         )
         if max(abs(v) for v in (x, y, z)) > _LARGEST:
-            self._nodes.add_error(coordinates[0].id, "a coordinate is farther away than 1000 km")
-            return None
+            self._nodes.add_error(coordinates.id, "a coordinate is farther away than 1000 km")
         return PoseEdge(node.id, of, wrt, Pose2(x, y, alpha), z, beta)
-
-    def around(self, frame: str) -> list[PoseEdge]:
-        """Return the poses that involve ``frame``."""
-        return self._around.get(frame, [])
 
     def reach(self, root: str) -> dict[str, PlacedFrame]:
         """Return every frame that is connected to ``root``, in the root's coordinates.
@@ -129,7 +99,7 @@ class PoseGraph:
         found = {root: PlacedFrame(Pose2())}
         queue = [root]
         for frame in queue:
-            edges = self.around(frame)
+            edges = self._around.get(frame, ())
             for edge in [e for e in edges if e.of == frame]:
                 if edge.wrt not in found:
                     here = found[frame]
@@ -193,22 +163,15 @@ class Positions:
         return str(self._frames[names[0]]), tuple(self._points[name] for name in names)
 
 
-_TOLERANCE: Final = 1e-9
 _SLOTS: Final = ("vector-x", "vector-y", "vector-z")
 
 
 def limits(nodes: NodeGraph) -> dict[str, tuple[list[Node], list[Node]]]:
-    """Return the lower and upper limit nodes of every joint that has some.
-
-    Positions that a state refers to are not limits, whatever their type says.
-    """
-    of_states = {
-        target for node in nodes.of_type(ST["JointState"]) for target in node.refs(ST["pose"])
-    }
+    """Return the lower and upper limit nodes of every joint that has some."""
     found: dict[str, tuple[list[Node], list[Node]]] = {}
     for side, kind in enumerate(("JointLowerLimit", "JointUpperLimit")):
         for node in nodes.of_type(OBJ[kind]):
-            for joint in node.refs(KC_STATE["of-joint"]) if node.id not in of_states else ():
+            for joint in node.refs(KC_STATE["of-joint"]):
                 found.setdefault(joint, ([], []))[side].append(node)
     return found
 
@@ -223,73 +186,9 @@ def is_moving(joint: Node) -> bool:
     return is_turning(joint) or OBJ["PrismaticJoint"] in joint.types
 
 
-def joint_position(node: Node, joint: Node) -> float | None:
+def joint_position(node: Node, joint: Node) -> float:
     """Return a joint position in rad or m."""
-    return scaled(node, QUDT["value"], ANGLES if is_turning(joint) else LENGTHS)
-
-
-def check_joints(nodes: NodeGraph, found: NodeGraph) -> None:
-    """Report joints without proper limits or axis, and states outside the limits."""
-    bounds = limits(nodes)
-    states = index_by(nodes.by_id, ST["JointState"], ST["joint"])
-    for joint in nodes.of_type(KC["Joint"]):
-        if is_moving(joint):
-            _check_limits(nodes, found, joint, bounds.get(joint.id, ([], [])), states)
-        _check_axis(nodes, found, joint)
-    _check_state_types(nodes, found)
-
-
-def _check_limits(
-    nodes: NodeGraph,
-    found: NodeGraph,
-    joint: Node,
-    bounds: tuple[list[Node], list[Node]],
-    states: dict[str, list[Node]],
-) -> None:
-    name = local_name(joint.id)
-    for side, have in zip(("lower", "upper"), bounds, strict=True):
-        if not have:
-            found.add_error(joint.id, f"joint {name} has no {side} limit")
-        elif len(have) > 1:
-            listed = ", ".join(local_name(node.id) for node in have)
-            message = f"joint {name} has {len(have)} {side} limits: {listed}"
-            found.add_error(have[1].id, message, "keep one of them")
-    if len(bounds[0]) != 1 or len(bounds[1]) != 1:
-        return
-    lower, upper = (joint_position(have[0], joint) for have in bounds)
-    if lower is None or upper is None:
-        found.add_error(joint.id, f"a limit of joint {name} has no value")
-        return
-    if lower > upper:
-        message = f"the lower limit of joint {name} ({lower:g}) is above the upper ({upper:g})"
-        found.add_error(bounds[0][0].id, message)
-    for state in states.get(joint.id, []):
-        _check_state(nodes, found, state, joint, (lower, upper))
-
-
-def _check_state(
-    nodes: NodeGraph, found: NodeGraph, state: Node, joint: Node, bounds: tuple[float, float]
-) -> None:
-    pose = nodes.by_id.get(state.ref(ST["pose"]) or "")
-    value = joint_position(pose, joint) if pose is not None else None
-    label = local_name(state.ref(ST["state"]) or state.id)
-    if value is None:
-        found.add_error(state.id, f"state {label} gives joint {local_name(joint.id)} no position")
-    elif not bounds[0] - _TOLERANCE <= value <= bounds[1] + _TOLERANCE:
-        found.add_error(
-            state.id,
-            f"state {label} puts joint {local_name(joint.id)} at {value:g}, outside its limits",
-            f"between {bounds[0]:g} and {bounds[1]:g}",
-        )
-
-
-def _check_state_types(nodes: NodeGraph, found: NodeGraph) -> None:
-    for state in nodes.of_type(ST["JointState"]):
-        pose = nodes.by_id.get(state.ref(ST["pose"]) or "")
-        for kind in ("JointLowerLimit", "JointUpperLimit") if pose is not None else ():
-            if pose is not None and OBJ[kind] in pose.types:
-                message = f"{local_name(pose.id)} is the position of a state and typed {kind}"
-                found.add_warning(pose.id, message, "it is not taken as a limit; remove the type")
+    return scaled(node, QUDT["value"], ANGLES if is_turning(joint) else LENGTHS) or 0.0
 
 
 def axis_vectors(nodes: NodeGraph, joint: Node) -> list[Ref]:
@@ -306,31 +205,6 @@ def slots(nodes: NodeGraph) -> dict[str, list[tuple[str, str]]]:
             for vector in frame.refs(GEOM[slot]):
                 found.setdefault(vector, []).append((frame.id, slot[-1]))
     return found
-
-
-def _check_axis(nodes: NodeGraph, found: NodeGraph, joint: Node) -> None:
-    name = local_name(joint.id)
-    bodies = joint.refs(KC["between-attachments"])
-    if len(bodies) != 2:
-        found.add_error(joint.id, f"joint {name} is between {len(bodies)} bodies, not two")
-        return
-    lines = axis_vectors(nodes, joint)
-    # A fixed joint needs no axis.
-    if not is_moving(joint):
-        return
-    if len(lines) != 2:
-        message = f"the axis of joint {name} is on {len(lines)} lines, not two"
-        found.add_error(joint.id, message, "one vector of each body is collinear with the other's")
-        return
-    parts = [set(nodes.get(body).refs(GEOM["simplices"])) for body in bodies]
-    sides = [{k for k, part in enumerate(parts) if line in part} for line in lines]
-    if not any(a in sides[0] and b in sides[1] for a, b in ((0, 1), (1, 0))):
-        found.add_error(
-            joint.id,
-            f"the axis of joint {name} is not on both of its bodies",
-            f"{' and '.join(map(local_name, lines))} are vectors of "
-            f"{' and '.join(map(local_name, bodies))}, one of each",
-        )
 
 
 Json: TypeAlias = dict[str, Any]

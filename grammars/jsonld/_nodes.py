@@ -84,14 +84,13 @@ def _references(values: list[Value] | tuple[Value, ...]) -> Iterator[Ref]:
 class NodeGraph:
     """A whole graph: nodes by IRI, where they were written, and what was found on the way.
 
-    ``relative`` are the identifiers of documents without ``@base`` that were written without a
-    prefix: they resolved against the address of their document.
+    ``is_earlier`` if a document names contexts by an address they no longer have.
     """
 
     by_id: dict[str, Node] = field(default_factory=dict)
     places: dict[str, Where] = field(default_factory=dict)
     diagnostics: list[Diagnostic] = field(default_factory=list)
-    relative: set[str] = field(default_factory=set)
+    is_earlier: bool = False
 
     def get(self, id: str) -> Node:
         """Return the node called ``id``, made when there is none yet."""
@@ -137,7 +136,7 @@ class NodeGraph:
         for id, where in other.places.items():
             self.places.setdefault(id, where)
         self.diagnostics.extend(other.diagnostics)
-        self.relative |= other.relative
+        self.is_earlier |= other.is_earlier
 
 
 def _shown(id: str) -> str:

@@ -109,7 +109,7 @@ _MOST_WORDS: Final = 2_000
 
 def with_article(noun: str) -> str:
     """Return ``a space``, ``an entryway``."""
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+    return f"{'an' if noun[0] in 'aeiouAEIO' else 'a'} {noun}"
 
 
 def closest(word: str, known: Iterable[str]) -> str:

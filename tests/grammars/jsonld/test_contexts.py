@@ -7,8 +7,9 @@ import pytest
 from rdflib import URIRef
 
 from grammars.floorplan import parse_floorplan
-from grammars.jsonld import expand_text, plan_documents
+from grammars.jsonld import plan_documents
 from grammars.jsonld import vocabulary as contexts
+from grammars.jsonld._expand import expand_text
 from grammars.jsonld.rdf import graph_of
 from grammars.jsonld.vocabulary import COORD, GEOM
 from grammars.text.diagnostics import InputError

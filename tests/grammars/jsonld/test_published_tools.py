@@ -7,13 +7,13 @@ from rdflib import URIRef
 
 from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.jsonld import (
-    expand_text,
     load_floorplan_jsonld,
     objects_document,
     plan_documents,
     scene_document,
     scenery_document,
 )
+from grammars.jsonld._expand import expand_text
 from grammars.jsonld.rdf import graph_of
 from grammars.jsonld.vocabulary import COORD, DYN, GZB, OBJ, REL
 from grammars.scenery.composition import compile_scene

@@ -1,26 +1,19 @@
-"""Validation after composition: SHACL, and what SHACL cannot say."""
+"""Checks of models in JSON-LD: shapes, and what no shape can say."""
 
 import json
 
 import pytest
-from rdflib import RDF, Literal, URIRef
+from rdflib import Graph, URIRef
 
 from grammars.floorplan import load_floorplan, parse_floorplan
-from grammars.jsonld import (
-    check_composition,
-    check_jsonld,
-    compose,
-    decompose,
-    scene_document,
-    validate,
-)
-from grammars.jsonld.vocabulary import COORD, FP, OBJ, POLY, QUDT, REL
+from grammars.jsonld import check_jsonld, load_floorplan_jsonld, scene_document, scenery_document
+from grammars.jsonld._expand import expand_text
+from grammars.jsonld.rdf import graph_of
+from grammars.jsonld.vocabulary import SCN
 from grammars.scenery import load_scenery
-from grammars.text.diagnostics import Severity
+from grammars.text.diagnostics import InputError, Severity
 from tests.grammars.plans import layer, two_rooms
 
-PLAN = "https://secorolab.github.io/models/floorplan/two_rooms/"
-ITEM = "urn:scenario-tui:item:"
 DOORS = "way is a hinged_door at hall.walls[1], x 1 m, turned 90 deg, starts open\n"
 SCREENS = """
 Floor plan: offices
@@ -38,18 +31,33 @@ Space west:
 """
 
 
+def scene():
+    """Return the nodes of a plan with a door in it, by identifier, and their context."""
+    document = scene_document(two_rooms(), [layer(DOORS)])
+    return {node["@id"]: node for node in document["@graph"]}, document["@context"]
+
+
+def messages(folder, nodes, context):
+    file = folder / "scene.jsonld"
+    file.write_text(json.dumps({"@context": context, "@graph": list(nodes.values())}, indent=0))
+    found = check_jsonld(file)
+    assert all(d.where.file == str(file) and d.where.line > 1 for d in found)
+    return [f"{d.message} ({d.hint})" for d in found]
+
+
 @pytest.mark.parametrize(
     ("folder", "names"),
     [
-        ("demo", ("flat", "doors", "doors_moving")),
+        ("demo", ("flat", "doors", "doors_moving", "people")),
         ("ortega2024", ("building_c", "doors", "doors_random")),
     ],
 )
-def test_campaigns_are_valid(campaigns, folder, names):
+def test_campaigns_fit_the_shapes(campaigns, tmp_path, folder, names):
     plan = load_floorplan(campaigns / folder / f"{names[0]}.fpm")
     layers = [load_scenery(campaigns / folder / f"{name}.scenery") for name in names[1:]]
-    assert check_composition(plan, layers) == ()
-    assert validate(compose(plan, layers)) == ()
+    file = tmp_path / "scene.jsonld"
+    file.write_text(json.dumps(scene_document(plan, layers)))
+    assert [d.message for d in check_jsonld(file)] == [d.message for d in plan.warnings]
 
 
 def test_one_divider_in_several_rooms_is_found(tmp_path):
@@ -61,92 +69,89 @@ def test_one_divider_in_several_rooms_is_found(tmp_path):
     file.write_text(text)
     found = [str(d) for d in check_jsonld(file) if d.severity is Severity.ERROR]
     assert any("divider-screen-frame is placed 2 times" in text for text in found)
-    assert any("screen belongs to east and to west" in text for text in found)
+    assert any("screen: this belongs to several spaces" in text for text in found)
     assert any("<space>-<name>" in text for text in found)
 
 
-def graph_with_door():
-    return compose(two_rooms(), [layer(DOORS)])
-
-
 @pytest.mark.parametrize(
-    ("subject", "predicate", "value", "message"),
+    ("id", "key", "value", "message"),
     [
-        (f"{PLAN}hall", FP["shape"], None, "a space has one shape"),
-        (f"{PLAN}hall-wall-0", FP["height"], None, "walls and features have one height"),
-        (f"{PLAN}kitchen_doorway", FP["voids"], None, "an opening has one list of walls"),
-        (f"{PLAN}hall-wall-0", FP["height"], Literal(3.5), "has 2 values of height"),
-        (f"{PLAN}hall", RDF.type, URIRef(FP["Wall"]), "is a Space and a Wall"),
-        (f"{PLAN}hall-polygon", POLY["points"], None, "a polygon has one list of points"),
-        (f"{ITEM}way", OBJ["of-object"], None, "an instance is of one object"),
-        (f"{ITEM}way", OBJ["world"], URIRef(f"{PLAN}hall"), "2 values of world"),
-        (f"{ITEM}hinged_door.joint.hinge.lower", QUDT["value"], None, "a limit of joint hinge"),
-        (
-            f"{PLAN}coord-pose-hall-frame-wrt-world-frame",
-            COORD["of-pose"],
-            None,
-            "pose pose-hall-frame-wrt-world-frame has no coordinates",
-        ),
-        (
-            f"{PLAN}pose-hall-frame-wrt-world-frame",
-            REL["with-respect-to"],
-            None,
-            "a pose is with respect to one frame",
-        ),
-        (f"{PLAN}hall-wall-2-frame", RDF.type, None, "which does not exist"),
+        ("hall", "shape", None, "hall: the shape, a polygon, is missing"),
+        ("hall-wall-0", "height", None, "hall-wall-0: the height is missing"),
+        ("hall-wall-0", "height", [3.5, 2.5], "hall-wall-0 has 2 values of height: 2.5, 3.5"),
+        ("hall-wall-0", "unit", "feet", "the unit is none of M, CentiM and MilliM, found feet"),
+        ("kitchen_doorway", "voids", None, "kitchen_doorway: this opening voids no wall"),
+        ("hall", "walls", ["hall-wall-0"], "hall: this space has less than three walls"),
+        ("hall", "@type", ["Space", "Wall"], "hall: the thickness of this wall is missing"),
+        ("hall-polygon", "points", None, "hall-polygon: this shape has no list of points"),
+        ("hall-wall-2-frame", "@type", "Point", '-frame is hall-wall-2-frame, a Point (expected'),
+        ("pose-hall-frame-wrt-world-frame", "with-respect-to", None, "is with respect to"),
+        ("coord-pose-hall-frame-wrt-world-frame", "of-pose", None, "this pose has no coordinates"),
+        ("coord-pose-hall-frame-wrt-world-frame", "as-seen-by", "hall-frame", "is seen by hall"),
+        ("coord-pose-hall-frame-wrt-world-frame", "unit", None, "units are missing: lengths in"),
+        ("item:way", "of-object", None, "way: this instance is of no object"),
+        ("item:way", "world", ["fpm:two_rooms", "fpm:hall"], "way has 2 values of world: hall"),
+        ("item:way", "start-state", "item:way", "is way, an ObjectInstance (expected a State)"),
+        ("item:hinged_door.joint.hinge.lower", "value", None, "the value of this joint position"),
+        ("item:hinged_door.joint.hinge.upper", "value", -1.0, "is above the upper (-1)"),
     ],
-)
-def test_faults_of_a_composed_graph_are_found(subject, predicate, value, message):
-    graph = graph_with_door()
-    place = (URIRef(subject), URIRef(predicate))
-    if value is None:
-        assert (*place, None) in graph
-        graph.remove((*place, None))
-    else:
-        graph.add((*place, value))
-    found = [str(d) for d in validate(graph)]
+)  # fmt: skip
+def test_faults_are_found(tmp_path, id, key, value, message):
+    nodes, context = scene()
+    assert key in nodes[id] or value is not None
+    nodes[id] = {**nodes[id], key: value}
+    found = messages(tmp_path, nodes, context)
     assert any(message in text for text in found), found
 
 
-def test_frames_of_nowhere_are_found():
-    graph = graph_with_door()
-    pose = URIRef(f"{ITEM}way.frame.pose")
-    graph.remove((pose, None, None))
-    graph.remove((None, URIRef(COORD["of-pose"]), pose))
-    found = [d.message for d in validate(graph)]
-    assert "instance way is not connected to the world" in found
+def test_a_scene_without_faults_has_none(tmp_path):
+    assert messages(tmp_path, *scene()) == []
 
 
-def test_a_loop_of_poses_is_found():
-    graph = graph_with_door()
-    extra = URIRef(f"{PLAN}again")
-    graph.add((extra, RDF.type, URIRef(REL["Pose"])))
-    graph.add((extra, URIRef(REL["of"]), URIRef(f"{PLAN}kitchen-wall-1-frame")))
-    graph.add((extra, URIRef(REL["with-respect-to"]), URIRef(f"{PLAN}hall-frame")))
-    found = [d.message for d in validate(graph)]
-    assert any("kitchen-wall-1-frame is placed 2 times" in message for message in found)
+def test_frames_of_nowhere_are_found(tmp_path):
+    nodes, context = scene()
+    del nodes["item:way.frame.pose"], nodes["item:way.frame.pose.coordinates"]
+    found = messages(tmp_path, nodes, context)
+    assert any("instance way is not connected to the world" in text for text in found)
 
 
-def test_a_broken_list_is_found_and_not_followed():
-    graph = graph_with_door()
-    head = graph.value(URIRef(f"{PLAN}hall"), URIRef(FP["walls"]))
-    graph.set((head, RDF.rest, head))
-    assert any("list of the graph is broken" in d.message for d in validate(graph))
+def test_a_loop_of_poses_is_found(tmp_path):
+    nodes, context = scene()
+    pose = nodes["pose-kitchen-wall-1-frame-wrt-kitchen-frame"]
+    nodes["again"] = {**pose, "@id": "again", "with-respect-to": "hall-frame"}
+    found = messages(tmp_path, nodes, context)
+    assert any("kitchen-wall-1-frame is placed 2 times" in text for text in found), found
 
 
-def test_a_graph_that_went_through_n_triples_is_the_same_scene():
-    from rdflib import Graph
+def test_a_layer_alone_refers_to_a_plan_that_is_elsewhere(tmp_path):
+    """What it describes itself it describes completely."""
+    file = tmp_path / "doors.jsonld"
+    text = json.dumps(scenery_document(layer(DOORS), two_rooms()), indent=0)
+    file.write_text(text)
+    assert check_jsonld(file) == ()
+    frame = "item:hinged_door.link.leaf.frame"
+    file.write_text(text.replace(f'"link-frame": "{frame}"', f'"link-frame": "{frame}s"'))
+    (found,) = check_jsonld(file)
+    assert "hinged_door.link.leaf.frames, which does not exist" in found.message
 
+
+def test_a_graph_can_be_asked_which_behaviours_are_about_a_door():
     plan, doors = two_rooms(), layer(DOORS)
-    text = compose(plan, [doors]).serialize(format="nt")
-    back_plan, back = decompose(Graph().parse(data=text, format="nt"))
-    assert back_plan == plan
-    assert [i.name for i in back[0].instances] == ["way"]
+    mood = layer("every hinged_door stays open\n", "mood", models=False)
+    text = json.dumps(scene_document(plan, [doors, mood]))
+    graph = graph_of(expand_text(text, "scene.jsonld"))
+    assert isinstance(graph, Graph)
+    about = list(graph.subjects(URIRef(SCN["about"]), URIRef("urn:scenario-tui:item:way")))
+    assert len(about) == 1
 
 
-def test_the_structural_rules_are_those_of_the_shapes():
-    """After a change of the shapes: ``python -m grammars.jsonld.rdf``."""
-    from grammars.jsonld._references import REFERENCES_FILE
-    from grammars.jsonld.rdf import references_text
-
-    assert REFERENCES_FILE.read_text(encoding="utf-8") == references_text()
+def test_everything_that_is_wrong_is_reported_at_once(tmp_path):
+    nodes, context = scene()
+    nodes["hall"] = {**nodes["hall"], "shape": None}
+    del nodes["item:way.frame.pose"], nodes["item:way.frame.pose.coordinates"]
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps({"@context": context, "@graph": list(nodes.values())}))
+    with pytest.raises(InputError) as caught:
+        load_floorplan_jsonld(file)
+    assert len({d.where.file for d in caught.value.diagnostics}) == 1
+    assert len(caught.value.diagnostics) == 2

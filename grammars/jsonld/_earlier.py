@@ -1,141 +1,178 @@
-"""Models as they were published before the current vocabulary, read as current ones.
+"""Models that were published before the current vocabulary, read as current ones.
 
 Floor plans of 2023 have walls without thickness and height whose corners are in the frame of their
 space, features without a place, and identifiers with the kind in front (``space-hall``). Their
 files and those of objects refer to each other with prefixes that only one of them declares.
-Everything that is read otherwise than it is written is a warning that says what was assumed.
+Every assumption is a warning.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Final
 
 from grammars.floorplan import wall_frames
 from grammars.jsonld._kinematics import ANGLES, LENGTHS, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value, index_by
 from grammars.jsonld._plan_writer import has_mitres
-from grammars.jsonld._references import dangling, reference_rules
 from grammars.jsonld.vocabulary import (
     COORD,
     FP,
     GEOM,
+    KC_STATE,
+    OBJ,
     POLY,
     QUDT,
     REL,
     SCN,
+    ST,
     UNIT,
+    UNKNOWN,
     local_name,
 )
 from grammars.model.geometry import Point2, Pose2
 
 WALL_HEIGHT: Final = 2.5
-"""Height [m] of walls and features whose model gives none: that of the published building C."""
+"""Height [m] of walls whose model gives none: that of the published building C."""
 _SAME: Final = 1e-6
 _DIGITS: Final = 12
-_FRAME_OF_SPACE: Final = "frame-center-"
+
+
+def rename_terms(nodes: NodeGraph) -> NodeGraph:
+    """Put earlier words of ``nodes`` into those of the current vocabulary, and return them."""
+    examples: dict[str, str] = {}
+    for node in nodes.by_id.values():
+        for fix in (_yaw, _degrees, _quantity, _features):
+            message = fix(node)
+            if message:
+                examples.setdefault(message, node.id)
+    for message, id in examples.items():
+        nodes.add_warning(id, message, "read as its current form")
+    return nodes
+
+
+def _yaw(node: Node) -> str:
+    for old in (COORD["theta"], POLY["theta"]):
+        if old in node.values:
+            node.values[COORD["alpha"]] = node.values.pop(old)
+            return '"theta" is an outdated word for "alpha"'
+    return ""
+
+
+def _degrees(node: Node) -> str:
+    units = node.values.get(QUDT["unit"], [])
+    if UNKNOWN["degrees"] not in units:
+        return ""
+    units[units.index(UNKNOWN["degrees"])] = Ref(UNIT["DEG"])
+    return '"degrees" is no unit of QUDT'
+
+
+def _quantity(node: Node) -> str:
+    # comp-rob2b defines "value" only inside the type Quantity now; door files of 2023 lack the
+    # type.
+    if QUDT["value"] not in node.values or QUDT["Quantity"] in node.types:
+        return ""
+    node.add_type(QUDT["Quantity"])
+    what = "the value of a joint" if KC_STATE["of-joint"] in node.values else "a value"
+    return f'{what} needs the type "Quantity"; without, RDF tools drop it'
+
+
+def _features(node: Node) -> str:
+    if FP["feature"] not in node.values:
+        return ""
+    node.values[FP["features"]] = node.values.pop(FP["feature"])
+    return '"feature" is in no published context; RDF tools drop the link to features'
 
 
 def settle_models(nodes: NodeGraph) -> None:
     """Read everything in ``nodes`` that is said in an earlier way as it is said today."""
+    _settle_limits(nodes)
+    if not nodes.is_earlier:
+        return
     _settle_identifiers(nodes)
     _settle_origins(nodes)
     walls = [node for node in nodes.of_type(FP["Wall"]) if FP["thickness"] not in node.values]
     if walls:
         _settle_walls(nodes, walls)
-        _settle_names(nodes)
-    _settle_features(nodes)
+    _leave_out_features(nodes)
+
+
+def _settle_limits(nodes: NodeGraph) -> None:
+    """Positions that a state refers to are not limits, whatever their type says."""
+    for state in nodes.of_type(ST["JointState"]):
+        for pose in (nodes.get(id) for id in state.refs(ST["pose"])):
+            for kind in {OBJ["JointLowerLimit"], OBJ["JointUpperLimit"]} & set(pose.types):
+                pose.types.remove(kind)
+                message = f"{local_name(pose.id)} is the position of a state and typed "
+                hint = "it is not taken as a limit; remove the type"
+                nodes.add_warning(pose.id, f"{message}{local_name(kind)}", hint)
 
 
 def _settle_identifiers(nodes: NodeGraph) -> None:
     """Let references meet what they mean where one of two files does not declare a prefix.
 
-    A reference that leads to nothing is one to the only thing of that local name and of a fitting
-    type, provided nothing else is where it leads: nobody is corrected who merely misspelt a name.
+    A reference to nothing means the only node of its local name.
     """
-    missing = dangling(nodes)
-    if not missing:
-        return
-    homes = {_home(node.id) for node in nodes.by_id.values() if node.types}
-    named: dict[str, list[Node]] = {}
-    for node in nodes.by_id.values():
-        if node.types:
-            named.setdefault(local_name(node.id), []).append(node)
+    described = {node.id for node in nodes.by_id.values() if node.types}
+    named: dict[str, list[str]] = {}
+    for id in described:
+        named.setdefault(local_name(id), []).append(id)
     meant: dict[str, str] = {}
-    seen: dict[tuple[str, str], list[str]] = {}
-    for owner, predicate, target in missing:
-        if target in meant:
-            continue
-        allowed = reference_rules()[predicate].allowed(nodes.get(owner))
-        fitting = [
-            node
-            for node in named.get(local_name(target), ())
-            if any(kind in node.types for kind in allowed)
-        ]
-        if len(fitting) != 1:
-            continue
-        found = fitting[0].id
-        # The definition may be the one without a prefix, then everything is called as it is said.
-        if _home(target) not in homes or found in nodes.relative:
-            meant[target] = found
-            seen.setdefault((_home(target), _home(found)), []).append(owner)
-    for (said, found), owners in seen.items():
-        targets = [target for target in meant if _home(target) == said]
-        example = targets[0]
+    owners: dict[tuple[str, str], str] = {}
+    for node in nodes.by_id.values():
+        for predicate in node.values:
+            for target in node.refs(predicate):
+                namesakes = named.get(local_name(target), ())
+                if target not in described and len(namesakes) == 1:
+                    meant[target] = namesakes[0]
+                    owners.setdefault((_home(target), _home(namesakes[0])), node.id)
+    for (wrong, right), owner in owners.items():
+        targets = [t for t, to in meant.items() if (_home(t), _home(to)) == (wrong, right)]
         more = f" and {len(targets) - 1} more" if len(targets) > 1 else ""
         # An identifier without a prefix is shown as it was written.
-        shown = local_name(example) if example.startswith("file:") else example
-        hint = f"what has that name in <{found}> is taken: is a prefix missing, or not declared?"
-        if meant[example] in nodes.relative:
-            hint = f'"{local_name(example)}" is taken, which was written without a prefix'
-        nodes.add_warning(owners[0], f'nothing is called "{shown}"{more}', hint)
-    if meant:
-        _refer(nodes, meant)
+        shown = local_name(targets[0]) if targets[0].startswith("file:") else targets[0]
+        hint = f"what has that name in <{right}> is taken: is a prefix missing, or not declared?"
+        nodes.add_warning(owner, f'nothing is called "{shown}"{more}', hint)
+
+    def current(value: Value) -> Value:
+        if isinstance(value, tuple):
+            return tuple(current(item) for item in value)
+        return Ref(meant.get(value, value)) if isinstance(value, Ref) else value
+
+    for node in nodes.by_id.values() if meant else ():
+        for predicate, values in node.values.items():
+            node.values[predicate] = [current(value) for value in values]
 
 
 def _home(id: str) -> str:
     return id[: len(id) - len(local_name(id))]
 
 
-def _refer(nodes: NodeGraph, meant: dict[str, str]) -> None:
-    """Replace references."""
-
-    def current(value: Value) -> Value:
-        if isinstance(value, Ref):
-            return Ref(meant.get(value, value))
-        if isinstance(value, tuple):
-            return tuple(current(item) for item in value)
-        return value
-
-    for node in nodes.by_id.values():
-        for predicate, values in node.values.items():
-            node.values[predicate] = [current(value) for value in values]
-
-
 def _settle_origins(nodes: NodeGraph) -> None:
     """A position is with respect to a point: of a frame, its origin is meant."""
-    first = ""
+    settled = []
     for node in nodes.of_type(REL["Position"]):
-        for k, value in enumerate(node.all(REL["with-respect-to"])):
-            frame = nodes.by_id.get(value) if isinstance(value, Ref) else None
-            origin = frame.ref(GEOM["origin"]) if frame and GEOM["Frame"] in frame.types else None
-            if origin is not None:
-                node.values[REL["with-respect-to"]][k] = origin
-                first = first or node.id
-    if first:
-        nodes.add_warning(
-            first, f"{local_name(first)} is with respect to a frame", "its origin is taken"
-        )
+        for id in node.refs(REL["with-respect-to"]):
+            frame = nodes.by_id.get(id)
+            if (
+                frame is not None
+                and GEOM["Frame"] in frame.types
+                and GEOM["origin"] in frame.values
+            ):
+                node.values[REL["with-respect-to"]] = list(frame.refs(GEOM["origin"]))
+                settled.append(node.id)
+    if settled:
+        message = f"{local_name(settled[0])} is with respect to a frame"
+        nodes.add_warning(settled[0], message, "its origin is taken")
 
 
 def _settle_walls(nodes: NodeGraph, walls: list[Node]) -> None:
-    """Give walls the thickness their outline has, and a height."""
+    """Give walls the thickness their outline has, and a height; give spaces their names."""
     geometry = _Geometry(nodes)
     moved = [
         wall
         for space in nodes.of_type(FP["Space"])
-        for k, wall in enumerate(_walls_of(nodes, space))
+        for k, wall in enumerate(nodes.get(id) for id in space.refs(FP["walls"]))
         if geometry.to_own_frame(space, wall, k)
     ]
     if moved:
@@ -165,15 +202,16 @@ def _settle_walls(nodes: NodeGraph, walls: list[Node]) -> None:
             "no entryways and windows are given: every room is closed",
             "the .fpm text it was made from has them, if there are any",
         )
+    # space-hall is called hall, as in the text it was made from.
+    for space in nodes.of_type(FP["Space"]):
+        name = local_name(space.id).removeprefix("space-")
+        if name and name != local_name(space.id):
+            space.add(SCN["name"], name)
 
 
-def _walls_of(nodes: NodeGraph, space: Node) -> list[Node]:
-    return [nodes.get(id) for id in space.refs(FP["walls"]) if id in nodes.by_id]
-
-
-def _count(found: list[Node], word: str) -> str:
-    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    return f"{word} {local_name(found[0].id)}{more}"
+def _count(nodes: list[Node], word: str) -> str:
+    more = f" and {len(nodes) - 1} more" if len(nodes) > 1 else ""
+    return f"{word} {local_name(nodes[0].id)}{more}"
 
 
 class _Geometry:
@@ -191,24 +229,21 @@ class _Geometry:
         shape = self._nodes.by_id.get(element.ref(FP["shape"]) or "")
         found = []
         for point in shape.refs(POLY["points"]) if shape is not None else ():
-            numbers = next(
-                (c for p in self._positions.get(point, ()) for c in self._points.get(p.id, ())),
-                None,
-            )
-            at = None if numbers is None else _point(numbers)
-            if numbers is None or at is None:
+            positions = self._positions.get(point, ())
+            numbers = [c for p in positions for c in self._points.get(p.id, ())][:1]
+            ats = [(each, at) for each in numbers if (at := _point(each)) is not None]
+            if not ats:
                 return []
-            found.append((numbers, at))
+            found += ats
         return found
 
     def pose(self, frame: str, wrt: str) -> tuple[Node, Pose2] | None:
         """Return the coordinates of a frame in another one that it is placed against."""
         for pose in self._poses.get(frame, ()):
-            if pose.ref(REL["with-respect-to"]) == wrt:
-                for numbers in self._frames.get(pose.id, ()):
-                    at, yaw = _point(numbers), scaled(numbers, COORD["alpha"], ANGLES)
-                    if at is not None:
-                        return numbers, Pose2(*at, yaw or 0.0)
+            for numbers in self._frames.get(pose.id, ()):
+                at, yaw = _point(numbers), scaled(numbers, COORD["alpha"], ANGLES)
+                if at is not None and pose.ref(REL["with-respect-to"]) == wrt:
+                    return numbers, Pose2(*at, yaw or 0.0)
         return None
 
     def to_own_frame(self, space: Node, wall: Node, index: int) -> bool:
@@ -223,10 +258,8 @@ class _Geometry:
         half = math.dist(start, end) / 2
         if math.dist(inner[0], (half, 0.0)) < _SAME and math.dist(inner[1], (-half, 0.0)) < _SAME:
             return False
-        placed = self.pose(
-            corners[0][0].ref(COORD["as-seen-by"]) or "",
-            ring[0][0].ref(COORD["as-seen-by"]) or "",
-        )
+        seen_by = COORD["as-seen-by"]
+        placed = self.pose(corners[0][0].ref(seen_by) or "", ring[0][0].ref(seen_by) or "")
         if placed is None:
             return False
         own = self._implied(*placed, [at for _, at in ring], index)
@@ -276,56 +309,21 @@ def _point(numbers: Node) -> Point2 | None:
     return None if x is None or y is None else (x, y)
 
 
-def _settle_names(nodes: NodeGraph) -> None:
-    """``space-hall`` is called hall, as in the text it was made from."""
-    for space in nodes.of_type(FP["Space"]):
-        name = local_name(space.id).removeprefix("space-")
-        if name != local_name(space.id) and name and SCN["name"] not in space.values:
-            space.add(SCN["name"], name)
-
-
-def _settle_features(nodes: NodeGraph) -> None:
-    """A feature is a column with a height; one without a place cannot be read."""
-    vague = [
-        node
-        for node in nodes.of_type(FP["Feature"])
-        if not {FP["Column"], FP["Divider"]} & set(node.types)
-    ]
-    if not vague:
-        return
+def _leave_out_features(nodes: NodeGraph) -> None:
+    """Leave out features without coordinates: columns and dividers whose place is unknown."""
     geometry = _Geometry(nodes)
-    placed = [node for node in vague if geometry.corners(node)]
-    lost = [node for node in vague if node not in placed]
-    for node in placed:
-        kind = "Divider" if "divider" in local_name(node.id) else "Column"
-        node.add_type(FP[kind])
-        if FP["height"] not in node.values:
-            node.add(FP["height"], WALL_HEIGHT)
-            node.add(QUDT["unit"], Ref(UNIT["M"]))
-    if placed:
-        nodes.add_warning(
-            placed[0].id,
-            f"no type says what {_count(placed, 'feature')} may be",
-            f"a divider by its name, else a column; {WALL_HEIGHT:g} m high unless given",
-        )
-    if lost:
-        nodes.add_warning(
-            lost[0].id,
-            f"no coordinates are given for {_count(lost, 'feature')}: left out",
-            "the .fpm text it was made from has them",
-        )
-        _leave_out(nodes, lost)
-
-
-def _leave_out(nodes: NodeGraph, lost: Iterable[Node]) -> None:
+    lost = [node for node in nodes.of_type(FP["Feature"]) if not geometry.corners(node)]
+    if not lost:
+        return
+    nodes.add_warning(
+        lost[0].id,
+        f"no coordinates are given for {_count(lost, 'feature')}: left out",
+        "the .fpm text it was made from has them",
+    )
     gone = {node.id for node in lost}
-    shapes = {str(node.ref(FP["shape"])) for node in nodes.by_id.values() if node.id in gone}
-    for id in gone | shapes:
+    for id in gone | {shape for node in lost for shape in node.refs(FP["shape"])}:
         nodes.by_id.pop(id, None)
     for owner in nodes.by_id.values():
-        for k, value in enumerate(owner.all(FP["features"])):
-            if isinstance(value, tuple):
-                owner.values[FP["features"]][k] = tuple(v for v in value if v not in gone)
-        kept = [v for v in owner.all(FP["features"]) if v not in gone]
         if FP["features"] in owner.values:
-            owner.values[FP["features"]] = kept
+            kept = tuple(id for id in owner.refs(FP["features"]) if id not in gone)
+            owner.values[FP["features"]] = [kept]
