@@ -30,7 +30,7 @@ from pydantic import BaseModel, TypeAdapter
 from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalDeclaration, custom_oracle_names
 from grammars.text.diagnostics import with_article
 from grammars.text.quantity import unit_of
-from grammars.text.units import ANGLE, FORCE, LENGTH, MASS, RATIO, TIME, words_of
+from grammars.text.units import ANGLE, FORCE, LENGTH, RATIO, UNIT_WORDS, words_of
 
 _NUMBER: Final = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LENGTH: Final = words_of(LENGTH)
@@ -43,18 +43,8 @@ _FACTOR: Final = r"[A-Za-z°]+(?:\^[0-9.]+|[²³])?"
 _LONG_PRODUCT: Final = rf"{_FACTOR}(?:(?:{_PER}|{_TIMES}){_FACTOR}){{2,5}}"
 """Three factors or more: spelled out in base units, which only the reader can judge."""
 
-_SPELLINGS: Final = {
-    "m": _LENGTH,
-    "rad": _ANGLE,
-    "s": words_of(TIME),
-    "kg": words_of(MASS),
-    "Hz": words_of(RATIO / TIME),
-    "N": _FORCE,
-    "/": _PER,
-    "^2": r"(?:\^2|²)",
-    "^0.5": _ROOT,
-}
-"""How the parts of SI units, and other units of the same, may be spelled."""
+_SIGNS: Final = {"/": _PER, "^2": r"(?:\^2|²)", "^0.5": _ROOT}
+"""How what stands between and behind the words of a unit may be spelled."""
 
 QUANTITY_EXAMPLES: Final = {
     "ratio": "5 %",
@@ -93,12 +83,17 @@ def quantity_pattern(dimension: str, *, signed: bool = True, nonzero: bool = Fal
     ``signed`` allows a minus, ``nonzero`` wants a digit other than 0 before the unit.
     """
     parts = re.findall(r"[A-Za-z]+|\^[\d.]+|/", unit_of(dimension))
-    unit = _UNUSUAL.get(dimension) or "".join(_SPELLINGS[part] for part in parts)
+    unit = _UNUSUAL.get(dimension) or "".join(map(_spelling, parts))
     if dimension not in _SIMPLE:
         unit = f"(?:{unit}|{_LONG_PRODUCT})"
     sign = "[+-]?" if signed else r"\+?"
     some = "(?=[^A-Za-z]*[1-9])" if nonzero else ""
     return rf"^\s*{some}{sign}{_NUMBER}\s*{unit}\s*$"
+
+
+def _spelling(part: str) -> str:
+    """Return the expression for a sign of a unit, or for all words for the same as a word of it."""
+    return _SIGNS.get(part) or words_of(UNIT_WORDS[part][1])
 
 
 Schema = dict[str, Any]
