@@ -22,7 +22,7 @@ from grammars.model.movers import is_mover
 from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
-Points: TypeAlias = Sequence[Point2] | Floats
+Points: TypeAlias = "Sequence[Point2] | Floats"
 """Points (n, 2) [m]."""
 Form: TypeAlias = Literal["area", "outline", "line", "dots"]
 _STEPS: Final = 28

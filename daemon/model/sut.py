@@ -20,7 +20,6 @@ from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
-from grammars.model.slots import fills_slots
 
 TICK_RATE: Final = 100
 """Steps of the simulation per simulated second; everything periodic happens at one of them."""
@@ -47,7 +46,6 @@ class Briefing:
     seed: np.random.SeedSequence
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True)
 class Odometry:
     """A wheel odometry sample: ``pose`` of base_link in odom, ``twist`` in base_link."""
@@ -57,7 +55,6 @@ class Odometry:
     twist: Twist2
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserScan:
     """One sweep, taken at one instant: ``ranges`` [m] of shape (rays,), float32.
@@ -71,7 +68,6 @@ class LaserScan:
     laser: str = ""
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """Everything new since the previous update, oldest first; ``time`` is now [s].
@@ -87,7 +83,6 @@ class Observation:
     ground_truth: Pose2 | None = None
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """A pose estimate in the map frame; ``covariance`` (3, 3) over x, y, yaw [m, m, rad]."""
@@ -97,7 +92,6 @@ class Estimate:
     covariance: Floats
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
     """Summary of a particle cloud: ``count``, mean pose and (3, 3) covariance of all particles."""
@@ -188,7 +182,6 @@ class SpeedLimit:
 StackReport: TypeAlias = BehaviorTreeLog | CollisionMonitorState | SpeedLimit | CostmapPicture
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Where the mission stands: ``current`` is the index of the waypoint being approached.
@@ -201,7 +194,6 @@ class Progress:
     state: Literal["active", "succeeded", "aborted"]
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True)
 class SutEvent:
     """A sentence for the log of the run, said by a part of a system: a node, a launcher."""
@@ -211,7 +203,6 @@ class SutEvent:
     source: str = "sut"
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
     """Answer to one observation; ``None`` fields mean "nothing new".

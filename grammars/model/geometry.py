@@ -7,27 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from grammars.model.slots import fills_slots
-
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    Floats: TypeAlias = npt.NDArray[np.float64]
-
+# In quotes: most who say where something is never load numpy.
+Floats: TypeAlias = "npt.NDArray[np.float64]"
 Point2: TypeAlias = tuple[float, float]
 Ring: TypeAlias = tuple[Point2, ...]
 """A polygon outline: corners in order, the first one not repeated [m]."""
-
-
-def __getattr__(name: str) -> object:
-    """Load numpy for those who name its arrays: most who say where something is never do."""
-    if name == "Floats":
-        import numpy as np
-        import numpy.typing as npt
-
-        return npt.NDArray[np.float64]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def signed_area(ring: Sequence[Point2]) -> float:
@@ -77,7 +65,6 @@ def _turns_once(corners: Sequence[Point2]) -> bool:
     return abs(abs(total) - math.tau) < 1e-6
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True)
 class Pose2:
     """A pose in the plane, read as the transform child frame -> parent frame.
@@ -115,7 +102,6 @@ class Pose2:
         return tuple(self.apply(corner) for corner in ring)
 
 
-@fills_slots
 @dataclass(frozen=True, slots=True)
 class Twist2:
     """A velocity in the plane, in the body frame: ``vx``, ``vy`` [m/s], ``wz`` [rad/s]."""

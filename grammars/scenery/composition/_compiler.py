@@ -10,6 +10,7 @@ from typing import Final
 from shapely.geometry import Polygon
 
 from grammars.floorplan import FloorPlan, Space
+from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject
@@ -24,7 +25,7 @@ from grammars.scenery.composition._placement import (
 )
 from grammars.scenery.composition._rings import canonical_ring, rounded, rounded_point, rounded_pose
 from grammars.scenery.model import In, Instance, SceneryLayer, Setting, Starts
-from grammars.text.diagnostics import Findings, gather
+from grammars.text.diagnostics import Diagnostic, InputError, gather, raise_all
 
 
 def apply_settings(
@@ -35,14 +36,16 @@ def apply_settings(
     Raises :class:`InputError` for unknown names, states and units.
     """
     objects = dict(placed)
-    findings = Findings()
+    findings: list[Diagnostic] = []
     for layer in layers:
         for setting in layer.settings:
-            with findings.collecting():
+            try:
                 for target in catalogue.targets(layer, setting.subject):
                     body = objects[target.object]
                     objects[body.name] = _with(catalogue, body, setting, target.joint)
-    findings.raise_errors()
+            except InputError as error:
+                findings.extend(error.diagnostics)
+    raise_all(findings)
     return objects
 
 
@@ -63,19 +66,23 @@ def refuse_unapplied(scene: Scene, layers: Sequence[SceneryLayer], catalogue: Ca
     """
     bodies = {body.name: body for body in scene.objects}
     hint = "name this layer among the objects, not only among the behaviours"
-    findings = Findings()
-    for instance in catalogue.instances.values():
-        if instance.name not in bodies:
-            findings.error(instance.where, f"{instance.name} does not stand in the scene", hint)
-    findings.raise_errors()
+    findings = [
+        Diagnostic(i.where, f"{i.name} does not stand in the scene", hint)
+        for i in catalogue.instances.values()
+        if i.name not in bodies
+    ]
     # Settings are compared by what they change: one that says what is so already is no loss.
-    objects = apply_settings(layers, catalogue, bodies)
-    for layer in layers:
-        for setting in layer.settings:
-            for target in catalogue.targets(layer, setting.subject):
-                if objects[target.object] != bodies[target.object]:
-                    findings.error(setting.where, f"{target.object} is not so in the scene", hint)
-    findings.raise_errors()
+    if not findings:
+        wanted = apply_settings(layers, catalogue, bodies)
+        changed = {name for name, body in wanted.items() if body != bodies[name]}
+        findings = [
+            Diagnostic(setting.where, f"{target.object} is not so in the scene", hint)
+            for layer in layers
+            for setting in layer.settings
+            for target in catalogue.targets(layer, setting.subject)
+            if target.object in changed
+        ]
+    raise_all(findings)
 
 
 _STANDS_IN: Final = 0.5
@@ -97,7 +104,6 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         for instance in catalogue.instances.values()
     )
     placed = apply_settings(layers, catalogue, {body.name: body for body in bodies})
-    frames = tuple((name, rounded_pose(pose)) for name, pose in frames_of(plan).items())
     return Scene(
         plan.name,
         tuple(_region(space) for space in plan.spaces),
@@ -105,13 +111,17 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         solids_of(plan),
         tuple(placed.values()),
         # Only routes of movers need them, and whatever is in a scene counts in its digest.
-        frames if any(map(is_mover, catalogue.joints())) else (),
+        _frames(plan) if any(map(is_mover, catalogue.joints())) else (),
     )
 
 
 def _region(space: Space) -> Region:
     outline, *holes = (tuple(map(rounded_point, ring)) for ring in (space.outline, *space.holes))
     return Region(space.name, outline, tuple(holes))
+
+
+def _frames(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
+    return tuple((name, rounded_pose(pose)) for name, pose in frames_of(plan))
 
 
 def _doorways(plan: FloorPlan) -> tuple[Doorway, ...]:
@@ -179,8 +189,20 @@ def _rounded_link(link: Link) -> Link:
 
 
 def _rounded_joint(joint: Joint) -> Joint:
-    axis = (rounded(joint.axis[0], 12), rounded(joint.axis[1], 12))
-    return dataclasses.replace(joint, anchor=rounded_point(joint.anchor), axis=axis)
+    return Joint(
+        joint.name,
+        joint.kind,
+        joint.parent,
+        joint.child,
+        rounded_point(joint.anchor),
+        (rounded(joint.axis[0], 12), rounded(joint.axis[1], 12)),
+        joint.lower,
+        joint.upper,
+        joint.friction,
+        joint.stiffness,
+        joint.damping,
+        joint.rest,
+    )
 
 
 def _doorway_around(
