@@ -6,7 +6,7 @@ Layers meet here by name and nowhere else; what does not fit together is reporte
 from grammars.scenery.composition._behaviours import ResolvedBehaviours, resolve_behaviours
 from grammars.scenery.composition._building import static_segments
 from grammars.scenery.composition._catalogue import Catalogue
-from grammars.scenery.composition._chance import RandomWaits, draw_waits
+from grammars.scenery.composition._chance import RandomWaits
 from grammars.scenery.composition._compiler import compile_scene
 from grammars.scenery.composition._convex_pieces import convex_rings
 from grammars.scenery.composition._placement import (
@@ -26,7 +26,6 @@ __all__ = [
     "ResolvedBehaviours",
     "compile_scene",
     "convex_rings",
-    "draw_waits",
     "frame_named",
     "height_problem",
     "is_convex",

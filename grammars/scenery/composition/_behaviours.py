@@ -20,7 +20,14 @@ from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._compiler import refuse_unapplied
 from grammars.scenery.composition._sentences import SentenceResolver
 from grammars.scenery.model import SceneryLayer, Sentence
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import (
+    Diagnostic,
+    Findings,
+    InputError,
+    Severity,
+    Where,
+    did_you_mean,
+)
 from grammars.text.words import enumerate_words
 
 
@@ -69,11 +76,11 @@ def resolve_behaviours(
     frames = dict(scene.frames)
     said: dict[str, _AppliedSentence] = {}
     overridden: dict[tuple[Where, Where], list[str]] = {}
-    findings: list[Diagnostic] = []
+    findings = Findings()
     for number, layer in enumerate(layers):
         context = SentenceContext(layer, seed, limit, frames)
         for sentence in layer.sentences:
-            try:
+            with findings.collecting():
                 for behaviour in _behaviours(context, catalogue, bodies, sentence):
                     new = _AppliedSentence(number, sentence.where, behaviour)
                     old = said.get(behaviour.joint)
@@ -83,10 +90,7 @@ def resolve_behaviours(
                         overridden.setdefault(places, []).append(_subject(behaviour))
                     # A walk moves all three joints of its mover: one place for all of them.
                     said.update(dict.fromkeys(_joints(behaviour), new))
-            except InputError as error:
-                findings.extend(error.diagnostics)
-    if findings:
-        raise InputError(findings)
+    findings.raise_errors()
     # In scene order: the order of layers and sentences must not show in the specification of a run.
     order = [joint for joint in scene.joint_names if joint in said]
     return ResolvedBehaviours(

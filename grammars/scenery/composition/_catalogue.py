@@ -8,7 +8,14 @@ from typing import Final, TypeVar
 
 from grammars.model.scene import Joint
 from grammars.scenery.model import Group, Instance, ObjectModel, Path, SceneryLayer, Subject
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import (
+    Diagnostic,
+    Findings,
+    InputError,
+    Severity,
+    Where,
+    did_you_mean,
+)
 
 Named = TypeVar("Named", ObjectModel, Instance)
 _WARNING: Final = Severity.WARNING
@@ -27,19 +34,17 @@ class Catalogue:
     """Models, instances and groups of several layers; raises for names that are taken twice."""
 
     def __init__(self, layers: Sequence[SceneryLayer]) -> None:
-        findings: list[Diagnostic] = []
+        findings = Findings()
         self._layers = layers
         self.models = _index((m for layer in layers for m in layer.models), "object", findings)
-        self.instances = _index(
-            (i for layer in layers for i in layer.instances), "object", findings
-        )
+        instances = (i for layer in layers for i in layer.instances)
+        self.instances = _index(instances, "object", findings)
         for name, instance in self.instances.items():
             if instance.model.text not in self.models:
                 hint = did_you_mean(instance.model.text, self.models)
                 message = f'{name}: there is no object model "{instance.model.text}"'
-                findings.append(Diagnostic(instance.model.where, message, hint))
-        if findings:
-            raise InputError(findings)
+                findings.error(instance.model.where, message, hint)
+        findings.raise_errors()
 
     def model_of(self, name: str) -> ObjectModel:
         """Return the model of the instance called ``name``."""
@@ -49,15 +54,26 @@ class Catalogue:
         """Yield the joints of every instance."""
         return (self.model_of(name).joints for name in self.instances)
 
-    def targets(self, layer: SceneryLayer, subject: Subject) -> tuple[SubjectTarget, ...]:
+    def targets(
+        self, layer: SceneryLayer, subject: Subject, trail: tuple[str, ...] = ()
+    ) -> tuple[SubjectTarget, ...]:
         """Return whom ``subject``, written in ``layer``, is about: each once, in order.
 
-        Raises :class:`InputError` for unknown names, with the closest known one.
+        ``trail`` names the groups that it is written in. Raises :class:`InputError` for unknown
+        names, with the closest known one.
         """
         left_out = {
-            t.object for path in subject.exceptions for t in self._one_or_many(layer, path, ())
+            target.object
+            for path in subject.exceptions
+            for target in self._one_or_many(layer, path, trail)
         }
-        return self._resolve(layer, subject, left_out, ())
+        targets: dict[tuple[str, str], SubjectTarget] = {}
+        for path in subject.names:
+            members = self._many(layer, path, trail) if subject.every else (self._one(layer, path),)
+            for target in members:
+                if target.object not in left_out:
+                    targets.setdefault((target.object, target.joint), target)
+        return tuple(targets.values())
 
     def unknown_members(self) -> list[Diagnostic]:
         """Return a warning for every group, used or not, with members that are not there."""
@@ -72,21 +88,6 @@ class Catalogue:
                         for d in error.diagnostics
                     ]
         return findings
-
-    def _resolve(
-        self,
-        layer: SceneryLayer,
-        subject: Subject,
-        left_out: Iterable[str],
-        trail: tuple[str, ...],
-    ) -> tuple[SubjectTarget, ...]:
-        found: dict[tuple[str, str], SubjectTarget] = {}
-        for path in subject.names:
-            members = self._many(layer, path, trail) if subject.every else (self._one(layer, path),)
-            for target in members:
-                if target.object not in left_out:
-                    found.setdefault((target.object, target.joint), target)
-        return tuple(found.values())
 
     def _one(self, layer: SceneryLayer, path: Path) -> SubjectTarget:
         instance = self.instances.get(path.object)
@@ -127,12 +128,7 @@ class Catalogue:
             raise InputError.at(path.where, f'"{path.object}" may mean several groups', places)
         if group.name in trail:
             raise InputError.at(group.where, f'group "{group.name}" contains itself')
-        left_out = {
-            t.object
-            for exception in group.members.exceptions
-            for t in self._one_or_many(home, exception, (*trail, group.name))
-        }
-        members = self._resolve(home, group.members, left_out, (*trail, group.name))
+        members = self.targets(home, group.members, (*trail, group.name))
         if not path.joint:
             return members
         self._check_joint(path, [t.object for t in members])
@@ -159,13 +155,11 @@ class Catalogue:
                 raise InputError.at(path.where, message, hint)
 
 
-def _index(items: Iterable[Named], kind: str, findings: list[Diagnostic]) -> dict[str, Named]:
+def _index(items: Iterable[Named], kind: str, findings: Findings) -> dict[str, Named]:
     index: dict[str, Named] = {}
     for item in items:
         if item.name in index:
             message = f'there are two {kind}s called "{item.name}"'
-            findings.append(
-                Diagnostic(item.where, message, f"the other one: {index[item.name].where}")
-            )
+            findings.error(item.where, message, f"the other one: {index[item.name].where}")
         index.setdefault(item.name, item)
     return index

@@ -50,22 +50,21 @@ class RandomWaits:
             drawn = float(generator.normal(self.first, self.second))
         return drawn
 
-
-def draw_waits(
-    waits: RandomWaits, seed: np.random.SeedSequence, first: float, second: float
-) -> tuple[KeyFrame, ...]:
-    """Return key frames from ``first`` at 0 s on, changing after every waiting time."""
-    # One by one, as normal waits may be drawn again: nobody knows how many numbers it takes.
-    generator = np.random.default_rng(seed)
-    frames = [KeyFrame(0.0, first)]
-    time = waits.since
-    while True:
-        # A wait of less than a tick would put two key frames into one.
-        time += max(SHORTEST, waits.one(generator))
-        if time > waits.until:
-            return tuple(frames)
-        position = second if frames[-1].position == first else first
-        frames.append(KeyFrame(rounded(time), position))
+    def draw(
+        self, seed: np.random.SeedSequence, first: float, second: float
+    ) -> tuple[KeyFrame, ...]:
+        """Return key frames from ``first`` at 0 s on, changing after every waiting time."""
+        # One by one, as normal waits may be drawn again: nobody knows how many numbers it takes.
+        generator = np.random.default_rng(seed)
+        frames = [KeyFrame(0.0, first)]
+        time = self.since
+        while True:
+            # A wait of less than a tick would put two key frames into one.
+            time += max(SHORTEST, self.one(generator))
+            if time > self.until:
+                return tuple(frames)
+            position = second if frames[-1].position == first else first
+            frames.append(KeyFrame(rounded(time), position))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +78,7 @@ class RandomToggles:
     period: float
     since: float
     until: float
+    limit: float
     probability: float
     delay: float
     step: float
@@ -90,33 +90,32 @@ class RandomToggles:
             return 0
         return int(min((self.until - self.since) / self.period + 1e-9, 1e12)) + 1
 
+    def draw(
+        self, seed: np.random.SeedSequence, first: float, second: float
+    ) -> tuple[KeyFrame, ...]:
+        """Return key frames from ``first`` at 0 s on; none later than ``limit`` [s].
 
-def draw_toggles(
-    chance: RandomToggles, seed: np.random.SeedSequence, limit: float, first: float, second: float
-) -> tuple[KeyFrame, ...]:
-    """Return key frames from ``first`` at 0 s on; none later than ``limit`` [s].
-
-    Two numbers are used for every draw whether it changes anything or not, so another probability
-    or lateness does not shift the rest.
-    """
-    draws = np.random.default_rng(seed).random((chance.count, 2))
-    frames = [KeyFrame(0.0, first)]
-    position = first
-    for index, (luck, lateness) in enumerate(draws.tolist()):
-        if luck >= chance.probability:
-            continue
-        late = chance.delay * lateness
-        if chance.step > 0.0:
-            late = chance.step * int(late / chance.step)
-        at = rounded(chance.since + index * chance.period + late)
-        if at > limit:
-            break
-        position = second if position == first else first
-        if at > frames[-1].time:
-            frames.append(KeyFrame(at, position))
-        else:
-            frames[-1] = KeyFrame(frames[-1].time, position)
-    return tuple(frames)
+        Two numbers are used for every draw whether it changes anything or not, so another
+        probability or lateness does not shift the rest.
+        """
+        draws = np.random.default_rng(seed).random((self.count, 2))
+        frames = [KeyFrame(0.0, first)]
+        position = first
+        for index, (luck, lateness) in enumerate(draws.tolist()):
+            if luck >= self.probability:
+                continue
+            late = self.delay * lateness
+            if self.step > 0.0:
+                late = self.step * int(late / self.step)
+            at = rounded(self.since + index * self.period + late)
+            if at > self.limit:
+                break
+            position = second if position == first else first
+            if at > frames[-1].time:
+                frames.append(KeyFrame(at, position))
+            else:
+                frames[-1] = KeyFrame(frames[-1].time, position)
+        return tuple(frames)
 
 
 def child_seed(seed: np.random.SeedSequence, name: str) -> np.random.SeedSequence:

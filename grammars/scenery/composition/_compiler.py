@@ -10,7 +10,6 @@ from typing import Final
 from shapely.geometry import Polygon
 
 from grammars.floorplan import FloorPlan, Space
-from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject
@@ -25,7 +24,7 @@ from grammars.scenery.composition._placement import (
 )
 from grammars.scenery.composition._rings import canonical_ring, rounded, rounded_point, rounded_pose
 from grammars.scenery.model import In, Instance, SceneryLayer, Setting, Starts
-from grammars.text.diagnostics import Diagnostic, InputError, gather, raise_all
+from grammars.text.diagnostics import Findings, gather
 
 
 def apply_settings(
@@ -36,16 +35,14 @@ def apply_settings(
     Raises :class:`InputError` for unknown names, states and units.
     """
     objects = dict(placed)
-    findings: list[Diagnostic] = []
+    findings = Findings()
     for layer in layers:
         for setting in layer.settings:
-            try:
+            with findings.collecting():
                 for target in catalogue.targets(layer, setting.subject):
                     body = objects[target.object]
                     objects[body.name] = _with(catalogue, body, setting, target.joint)
-            except InputError as error:
-                findings.extend(error.diagnostics)
-    raise_all(findings)
+    findings.raise_errors()
     return objects
 
 
@@ -66,23 +63,19 @@ def refuse_unapplied(scene: Scene, layers: Sequence[SceneryLayer], catalogue: Ca
     """
     bodies = {body.name: body for body in scene.objects}
     hint = "name this layer among the objects, not only among the behaviours"
-    findings = [
-        Diagnostic(i.where, f"{i.name} does not stand in the scene", hint)
-        for i in catalogue.instances.values()
-        if i.name not in bodies
-    ]
+    findings = Findings()
+    for instance in catalogue.instances.values():
+        if instance.name not in bodies:
+            findings.error(instance.where, f"{instance.name} does not stand in the scene", hint)
+    findings.raise_errors()
     # Settings are compared by what they change: one that says what is so already is no loss.
-    if not findings:
-        wanted = apply_settings(layers, catalogue, bodies)
-        changed = {name for name, body in wanted.items() if body != bodies[name]}
-        findings = [
-            Diagnostic(setting.where, f"{target.object} is not so in the scene", hint)
-            for layer in layers
-            for setting in layer.settings
-            for target in catalogue.targets(layer, setting.subject)
-            if target.object in changed
-        ]
-    raise_all(findings)
+    objects = apply_settings(layers, catalogue, bodies)
+    for layer in layers:
+        for setting in layer.settings:
+            for target in catalogue.targets(layer, setting.subject):
+                if objects[target.object] != bodies[target.object]:
+                    findings.error(setting.where, f"{target.object} is not so in the scene", hint)
+    findings.raise_errors()
 
 
 _STANDS_IN: Final = 0.5
@@ -104,6 +97,7 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         for instance in catalogue.instances.values()
     )
     placed = apply_settings(layers, catalogue, {body.name: body for body in bodies})
+    frames = tuple((name, rounded_pose(pose)) for name, pose in frames_of(plan).items())
     return Scene(
         plan.name,
         tuple(_region(space) for space in plan.spaces),
@@ -111,17 +105,13 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         solids_of(plan),
         tuple(placed.values()),
         # Only routes of movers need them, and whatever is in a scene counts in its digest.
-        _frames(plan) if any(map(is_mover, catalogue.joints())) else (),
+        frames if any(map(is_mover, catalogue.joints())) else (),
     )
 
 
 def _region(space: Space) -> Region:
     outline, *holes = (tuple(map(rounded_point, ring)) for ring in (space.outline, *space.holes))
     return Region(space.name, outline, tuple(holes))
-
-
-def _frames(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
-    return tuple((name, rounded_pose(pose)) for name, pose in frames_of(plan))
 
 
 def _doorways(plan: FloorPlan) -> tuple[Doorway, ...]:
@@ -189,20 +179,8 @@ def _rounded_link(link: Link) -> Link:
 
 
 def _rounded_joint(joint: Joint) -> Joint:
-    return Joint(
-        joint.name,
-        joint.kind,
-        joint.parent,
-        joint.child,
-        rounded_point(joint.anchor),
-        (rounded(joint.axis[0], 12), rounded(joint.axis[1], 12)),
-        joint.lower,
-        joint.upper,
-        joint.friction,
-        joint.stiffness,
-        joint.damping,
-        joint.rest,
-    )
+    axis = (rounded(joint.axis[0], 12), rounded(joint.axis[1], 12))
+    return dataclasses.replace(joint, anchor=rounded_point(joint.anchor), axis=axis)
 
 
 def _doorway_around(

@@ -294,7 +294,7 @@ def _check_space(plan: FloorPlan, name: FrameName) -> None:
     raise InputError.at(name.where, f'there is no space "{name}"', hint)
 
 
-def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
+def frames_of(plan: FloorPlan) -> dict[str, Pose2]:
     """Return the world poses of all frames that have a name, except ``world``.
 
     Of several things of one name, spaces go before openings and openings before features.
@@ -312,7 +312,7 @@ def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
         frames.setdefault(feature.id, feature.frame)
         if named[feature.name] == 1:
             frames.setdefault(feature.name, feature.frame)
-    return tuple(frames.items())
+    return frames
 
 
 def _full_name(feature: Feature) -> str:
@@ -321,7 +321,7 @@ def _full_name(feature: Feature) -> str:
 
 def frame_named(plan: FloorPlan, name: FrameName) -> Pose2:
     """Return the world pose of a frame; raises :class:`InputError` with the closest name."""
-    frames = {**dict(frames_of(plan)), "world": Pose2()}
+    frames = {**frames_of(plan), "world": Pose2()}
     if str(name) in frames:
         return frames[str(name)]
     space = next((s for s in plan.spaces if s.name == name.name), None)

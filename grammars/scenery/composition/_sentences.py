@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
-
-import numpy as np
+from collections.abc import Mapping
 
 from grammars.model.behaviour import (
     Behaviour,
@@ -32,8 +29,6 @@ from grammars.scenery.composition._chance import (
     RandomToggles,
     RandomWaits,
     child_seed,
-    draw_toggles,
-    draw_waits,
 )
 from grammars.scenery.composition._walks import walk_of
 from grammars.scenery.model import (
@@ -101,12 +96,10 @@ class SentenceResolver:
                 return self._stays(said)
             case Moves():
                 return self._moves(said)
-            case Toggles():
-                return self._toggles(said)
+            case Toggles() | Alternates():
+                return self._changes(said)
             case Goes():
                 return self._goes(said)
-            case Alternates():
-                return self._alternates(said)
             case Reacts():
                 return self._reacts(said)
             case Walks():
@@ -138,57 +131,57 @@ class SentenceResolver:
             for joint, f in frames.items()
         ]
 
-    def _toggles(self, said: Toggles) -> list[Behaviour]:
-        both = self._both(said)
-        chance, limit = self._toggling(said), self._context.limit
-        return self._drawn(
-            said, both, lambda seed, first, second: draw_toggles(chance, seed, limit, first, second)
-        )
-
-    def _alternates(self, said: Alternates) -> list[Behaviour]:
-        both = self._both(said)
-        return self._drawn(said, both, partial(draw_waits, self._waits(said)))
-
-    def _both(self, said: Toggles | Alternates) -> dict[str, tuple[float, float]]:
-        """Return the two positions of each joint."""
+    def _changes(self, said: Toggles | Alternates) -> list[Behaviour]:
+        """Return key frames drawn for each joint, of a seed that depends on its name alone."""
         first, second = self._positions(said.first), self._positions(said.second)
         self._same_joints(said, first, second)
-        return {joint: (start, second[joint]) for joint, start in first.items()}
+        chance = self._toggles(said) if isinstance(said, Toggles) else self._waits(said)
+        often = said.every if isinstance(said, Toggles) else said.waiting.first
+        if chance.count > MOST_DRAWS:
+            message = f"that makes more than {MOST_DRAWS} draws"
+            raise InputError.at(often.where, message, "are the units right?")
+        return [
+            KeyFrames(
+                self._full(joint),
+                chance.draw(
+                    child_seed(self._context.seed, self._full(joint)), start, second[joint]
+                ),
+                self._motion(said.motion, joint),
+            )
+            for joint, start in first.items()
+        ]
 
-    def _drawn(
-        self,
-        said: Toggles | Alternates,
-        both: Mapping[str, tuple[float, float]],
-        draw: Callable[[np.random.SeedSequence, float, float], tuple[KeyFrame, ...]],
-    ) -> list[Behaviour]:
-        """Return key frames drawn for each joint, of a seed that depends on its name alone."""
-        found: list[Behaviour] = []
-        for joint, (first, second) in both.items():
-            frames = draw(child_seed(self._context.seed, self._full(joint)), first, second)
-            found.append(KeyFrames(self._full(joint), frames, self._motion(said.motion, joint)))
-        return found
-
-    def _toggling(self, said: Toggles) -> RandomToggles:
-        limit = self._context.limit
+    def _toggles(self, said: Toggles) -> RandomToggles:
         period = self._time(said.every)
         if period <= 0.0:
             raise InputError.at(said.every.where, "the period is greater than 0 s")
         chance = RandomToggles(
             period=period,
-            since=period if said.since is None else self._time(said.since),
-            until=min(limit, limit if said.until is None else self._time(said.until)),
+            since=self._time(said.since, period),
+            until=self._until(said),
+            limit=self._context.limit,
             probability=said.probability,
-            delay=0.0 if said.delay is None else self._time(said.delay),
-            step=0.0 if said.step is None else self._time(said.step),
+            delay=self._time(said.delay),
+            step=self._time(said.step),
         )
         if chance.delay > period:
             raise InputError.at(
                 said.where, "a change may come later than the next one", "delay it less"
             )
-        if chance.count > MOST_DRAWS:
-            message = f"that makes more than {MOST_DRAWS} draws"
-            raise InputError.at(said.every.where, message, "are the units right?")
         return chance
+
+    def _waits(self, said: Alternates) -> RandomWaits:
+        waiting = said.waiting
+        first, second = self._time(waiting.first), self._time(waiting.second)
+        if waiting.kind == "uniform" and second < first:
+            raise InputError.at(said.where, "the longest wait is less than the shortest")
+        if (second if waiting.kind == "uniform" else first) <= 0.0:
+            raise InputError.at(waiting.first.where, "it waits longer than 0 s")
+        return RandomWaits(waiting.kind, first, second, self._time(said.since), self._until(said))
+
+    def _until(self, said: Toggles | Alternates) -> float:
+        limit = self._context.limit
+        return min(limit, self._time(said.until, limit))
 
     def _goes(self, said: Goes) -> list[Behaviour]:
         start, end = self._positions(said.start), self._positions(said.end)
@@ -223,31 +216,11 @@ class SentenceResolver:
             for joint in start
         ]
 
-    def _waits(self, said: Alternates) -> RandomWaits:
-        limit, waiting = self._context.limit, said.waiting
-        first = self._time(waiting.first)
-        second = 0.0 if waiting.second is None else self._time(waiting.second)
-        if waiting.kind == "uniform" and second < first:
-            raise InputError.at(said.where, "the longest wait is less than the shortest")
-        if (second if waiting.kind == "uniform" else first) <= 0.0:
-            raise InputError.at(waiting.first.where, "it waits longer than 0 s")
-        waits = RandomWaits(
-            waiting.kind,
-            first,
-            second,
-            0.0 if said.since is None else self._time(said.since),
-            min(limit, limit if said.until is None else self._time(said.until)),
-        )
-        if waits.count > MOST_DRAWS:
-            message = f"that makes more than {MOST_DRAWS} draws"
-            raise InputError.at(waiting.first.where, message, "are the units right?")
-        return waits
-
     def _reacts(self, said: Reacts) -> list[Behaviour]:
         start, end = self._positions(said.start), self._positions(said.end)
         self._same_joints(said, start, end)
         event = self._event(said.occasion)
-        delay = 0.0 if said.after is None else self._time(said.after)
+        delay = self._time(said.after)
         return [
             Reaction(
                 self._full(joint),
@@ -296,7 +269,10 @@ class SentenceResolver:
             raise InputError.at(position.where, message, hint)
         return positions
 
-    def _time(self, amount: Amount) -> float:
+    def _time(self, amount: Amount | None, default: float = 0.0) -> float:
+        """Return a time [s] since the start of the run, ``default`` when nothing was said."""
+        if amount is None:
+            return default
         value = self._context.value(amount, "time")
         if value < 0.0:
             message = f"{value:g} s is before the start of the run"

@@ -18,7 +18,7 @@ from grammars.model.behaviour import (
     WaypointReached,
 )
 from grammars.model.kinematics import link_poses
-from grammars.scenery.composition import RandomWaits, compile_scene, draw_waits
+from grammars.scenery.composition import RandomWaits, compile_scene
 from grammars.text import codec
 from tests.grammars.plans import behaviours_of, layer, resolved, scene_with, two_rooms
 from tests.grammars.scenery.samples import PEOPLE
@@ -144,7 +144,7 @@ def test_waiting_times_follow_their_distribution():
         ("normal", 2.0, 10.0, 2.0),
     ):
         pauses = RandomWaits(kind, 10.0, second, 5.0, 30_000.0)
-        frames = draw_waits(pauses, np.random.SeedSequence(1), 0.0, 1.0)
+        frames = pauses.draw(np.random.SeedSequence(1), 0.0, 1.0)
         waits = np.diff([5.0, *(frame.time for frame in frames[1:])])
         assert np.mean(waits) == pytest.approx(mean, rel=0.1)
         assert np.std(waits) == pytest.approx(spread, rel=0.1)
