@@ -26,7 +26,7 @@ PlanDimension: TypeAlias = Literal["length", "angle"]
 
 
 class ElementReader(Findings):
-    """Reads the quantities of one plan; broken ones are reported and read as ``None``."""
+    """Reads the quantities of one plan; broken ones are reported and read as NaN."""
 
     def __init__(self, source: SourceText) -> None:
         super().__init__(source)
@@ -47,21 +47,19 @@ class ElementReader(Findings):
                 first = self.where(nodes[0]).line
                 self.warning(node, f'variable "{name}" is already defined in line {first}')
 
-    def length(self, node: SyntaxNode) -> float | None:
+    def length(self, node: SyntaxNode) -> float:
         """Return a length in metres."""
         return self._read(node, "length")
 
-    def angle(self, node: SyntaxNode) -> float | None:
+    def angle(self, node: SyntaxNode) -> float:
         """Return an angle in radians."""
         return self._read(node, "angle")
 
-    def _read(self, node: SyntaxNode, kind: PlanDimension) -> float | None:
+    def _read(self, node: SyntaxNode, kind: PlanDimension) -> float:
         value = self._variable(node, kind) if node.variable else self._literal(node, node, kind)
-        if value is None:
-            return None
         return -value if node.negated else value
 
-    def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: PlanDimension) -> float | None:
+    def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: PlanDimension) -> float:
         unit = node.unit or ("m" if kind == "length" else "rad")
         if kind_of(unit) != kind:
             self.error(
@@ -69,11 +67,11 @@ class ElementReader(Findings):
                 f'expected {with_article(kind)}, not "{node.number} {unit}"',
                 _UNIT_ADVICE[kind],
             )
-            return None
+            return math.nan
         number, value = float(node.number), to_si(float(node.number), unit)
         if abs(value) > LARGEST:
             self.error(place, f"{node.number} is too large", "the limit is 1000 km")
-            return None
+            return math.nan
         if kind == "angle" and not node.unit and abs(number) > math.tau:
             self.warning(
                 place,
@@ -82,17 +80,17 @@ class ElementReader(Findings):
             )
         return value
 
-    def _variable(self, node: SyntaxNode, kind: PlanDimension) -> float | None:
+    def _variable(self, node: SyntaxNode, kind: PlanDimension) -> float:
         name = node.variable
         known = self._variables.get(name, [])
         if not known:
             hint = did_you_mean(name, self._variables) or f'define it: "var {name} = 1.0 m"'
             self.error(node, f'unknown variable "{name}"', hint)
-            return None
+            return math.nan
         if len(known) > 1:
             lines = " and ".join(str(self.where(v).line) for v in known)
             self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
-            return None
+            return math.nan
         variable = known[0]
         if kind_of(variable.unit) != kind:
             self.error(
@@ -100,7 +98,7 @@ class ElementReader(Findings):
                 f'expected {with_article(kind)}, but variable "{name}" is in {variable.unit}',
                 _UNIT_ADVICE[kind],
             )
-            return None
+            return math.nan
         return self._given[name] if name in self._given else self._literal(variable, node, kind)
 
 
@@ -136,7 +134,7 @@ _IN_WALL: Final = {"translation": "xz", "rotation": "y"}
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """The parts of a location; ``offset`` has the values per ``translation.x`` and so on.
+    """The written parts of a location; ``offset`` has the values per ``translation.x`` and so on.
 
     Components that are not written are 0. ``parts`` are the syntax nodes by keyword.
     """
@@ -152,11 +150,8 @@ class Location:
         return part in self.parts
 
 
-def read_location(element: SyntaxNode, kind: str, reader: ElementReader) -> Location | None:
-    """Return the location of an element, or ``None`` when a needed part is missing.
-
-    Broken components are reported and read as 0, so that the rest can be checked too.
-    """
+def read_location(element: SyntaxNode, kind: str, reader: ElementReader) -> Location:
+    """Return the location of an element; what is wrong or missing in it is reported."""
     parts: dict[str, SyntaxNode] = {}
     offset: dict[str, float] = {}
     for node in element.parts:
@@ -175,8 +170,7 @@ def read_location(element: SyntaxNode, kind: str, reader: ElementReader) -> Loca
             reader.error(
                 element, f'{kind} "{element.name}" has no "{key}" in its location', _EXAMPLE[key]
             )
-    complete = all(key in parts for key in _NEEDED[kind])
-    return Location(parts, offset) if complete else None
+    return Location(parts, offset)
 
 
 def _read_vector(
@@ -194,7 +188,7 @@ def _read_vector(
         value = read(component.value)
         if name in offset:
             reader.error(component, f'"{component.axis}" is given twice in this {key}')
-        elif value and component.axis not in free:
+        elif abs(value) > 0.0 and component.axis not in free:
             allowed = " and ".join(free)
             reader.error(
                 component,
@@ -203,4 +197,5 @@ def _read_vector(
                 else f"the {key} of {with_article(kind)} along {component.axis} must be 0",
                 f"only {allowed} can be given",
             )
+        # "-0 m" is 0 as well.
         offset[name] = value or 0.0

@@ -5,6 +5,7 @@ Last come the warnings about geometry that has a meaning, though probably not th
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,10 +25,8 @@ from grammars.floorplan._spaces import (
     SpaceDraft,
     build_space,
     check_anchored,
-    outer_corners,
     place_all,
     resolve_placement,
-    wall_frames,
 )
 from grammars.floorplan.model import FloorPlan
 from grammars.model.geometry import signed_area
@@ -47,8 +46,7 @@ def compile_plan(
     """
     reader = ElementReader(source)
     # In this order, so that each step finds what it refers to, and none ends the compilation:
-    # people get everything that is wrong with a plan at once. What was refused is None from here
-    # on.
+    # people get everything that is wrong with a plan at once. Nothing is built of refused parts.
     _check_order(tree, reader)
     reader.define(tree.variables, values or {})
     dimensions = _dimensions(tree.defaults, reader)
@@ -88,15 +86,15 @@ def _check_order(tree: SyntaxNode, reader: ElementReader) -> None:
         reached = max(reached, rank)
 
 
-def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str, float | None]:
-    """Return the wall thickness and height written in ``walls:`` blocks (``None``: refused)."""
-    values: dict[str, float | None] = {}
+def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str, float]:
+    """Return the wall thickness and height [m] written in ``walls:`` blocks."""
+    values: dict[str, float] = {}
     for node in nodes:
         for dimension in node.dimensions:
             value = reader.length(dimension.value)
             if dimension.key in values:
                 reader.error(dimension, f'"{dimension.key}" is given twice')
-            elif value is not None and value <= 0.0:
+            elif value <= 0.0:
                 reader.warning(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
             values[dimension.key] = value
     return values
@@ -104,7 +102,7 @@ def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str,
 
 def _draft_space(
     node: SyntaxNode,
-    defaults: dict[str, float | None],
+    defaults: dict[str, float],
     reader: ElementReader,
 ) -> SpaceDraft:
     sizes = defaults | _dimensions([node], reader)
@@ -119,11 +117,8 @@ def _draft_space(
         reader.warning(node, f'a space called "{node.name}" cannot be referred to by its name')
     ring = floor_outline(node.shape, reader)
     location = read_location(node, "space", reader)
-    draft = SpaceDraft(node, node.name, ring, sizes.get("thickness"), sizes.get("height"), location)
-    if ring is not None and draft.thickness is not None:
-        draft.frames = wall_frames(ring)
-        draft.outer = outer_corners(ring, draft.thickness)
-    return draft
+    thickness, height = sizes.get("thickness", math.nan), sizes.get("height", math.nan)
+    return SpaceDraft(node, node.name, ring, thickness, height, location)
 
 
 def _check_names(nodes: Sequence[SyntaxNode], what: str, reader: ElementReader) -> None:
@@ -196,7 +191,7 @@ def _build(
 
 def _check_winding(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
     for draft in drafts:
-        if draft.ring is not None and signed_area(draft.ring) > 0.0:
+        if signed_area(draft.ring) > 0.0:
             findings.warning(
                 draft.node.shape,
                 f'the outline of "{draft.name}" runs counter-clockwise: its walls grow inwards',
@@ -208,13 +203,13 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
     """Warn of facing walls that overlap because the gap is smaller than both together."""
     for draft in drafts:
         location, other = draft.location, draft.against
-        if location is None or other is None or draft.own is None or draft.other is None:
+        if other is None or draft.own is None or draft.other is None:
             continue
         # Only walls that face each other without a turn have a gap that one number tells.
         if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
             continue
         gap = location.get("translation.y")
-        needed = (draft.thickness or 0.0) + (other.thickness or 0.0)
+        needed = draft.thickness + other.thickness
         if gap < needed - 1e-9:
             findings.warning(
                 draft.node,

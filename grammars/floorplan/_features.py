@@ -36,20 +36,18 @@ def draft_feature(
     """Read a feature of ``owner`` (none: of the plan), or return ``None`` after reporting."""
     ring = floor_outline(node.shape, reader)
     height = reader.length(node.height)
-    if height is not None and height <= 0.0:
+    if height <= 0.0:
         reader.warning(
             node.height, f'{node.kind.lower()} "{node.name}" has no height ({height:g} m)'
         )
     location = read_location(node, node.kind.lower(), reader)
-    if location is None:
+    if "wrt" not in location:
         return None
     reference = location.parts["wrt"].frame
     against = _reference_space(reference, owner, spaces, reader)
     if against is None:
         return None
-    good, wall = find_wall(reference, against, reader)
-    if ring is None or height is None or not good:
-        return None
+    wall = find_wall(reference, against, reader)
     return FeatureDraft(node, owner, ring, height, location, against, wall)
 
 
@@ -122,13 +120,13 @@ class OpeningDraft:
 
 def draft_opening(
     node: SyntaxNode,
-    location: Location | None,
+    location: Location,
     spaces: dict[str, SpaceDraft],
     reader: ElementReader,
 ) -> OpeningDraft | None:
     """Read an opening, or return ``None`` after reporting what is wrong with it."""
     ring = wall_outline(node.shape, reader)
-    if location is None:
+    if "in" not in location:
         return None
     references = location.parts["in"].walls
     walls = [_cut_wall(reference, spaces, reader) for reference in references]
@@ -137,7 +135,7 @@ def draft_opening(
         reader.error(references[2], "an opening cuts one or two walls", "make a second opening")
     elif len(known) == 2 and known[0] == known[1]:
         reader.error(references[1], "an opening cannot cut the same wall twice")
-    elif ring is not None and len(known) == len(references):
+    elif len(known) == len(references):
         return OpeningDraft(node, ring, location, known)
     return None
 
@@ -160,8 +158,8 @@ def _cut_wall(
             f"write {reference.name}.walls[0]",
         )
         return None
-    good, index = find_wall(reference, space, reader)
-    return (space.name, index) if good and index is not None else None
+    index = find_wall(reference, space, reader)
+    return None if index is None else (space.name, index)
 
 
 def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementReader) -> Opening:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 from typing import Final, Literal, TypeAlias
 
 from grammars.floorplan._attributes import ElementReader
@@ -46,8 +47,8 @@ class RectangleNode(TypedNode):
     length: SyntaxNode | None
     height: SyntaxNode | None
 
-    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring | None:
-        """Return the ring, or ``None`` when it was refused."""
+    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring:
+        """Return the ring, empty when it was refused."""
         other = "height" if second == "length" else "length"
         width = _positive(self.width, "the width of a rectangle", reader)
         node = self.length if second == "length" else self.height
@@ -58,9 +59,8 @@ class RectangleNode(TypedNode):
                 f"the rectangle of {with_article(what)} has a {second}, not a {other}",
                 f"write Rectangle width=…, {second}=…",
             )
-            return None
-        size = _positive(node, f"the {second} of a rectangle", reader)
-        return None if width is None or size is None else rectangle(width, size)
+            return ()
+        return rectangle(width, _positive(node, f"the {second} of a rectangle", reader))
 
 
 class CircleNode(TypedNode):
@@ -68,10 +68,9 @@ class CircleNode(TypedNode):
 
     radius: SyntaxNode
 
-    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring | None:
-        """Return the ring, or ``None`` when it was refused."""
-        radius = _positive(self.radius, "the radius of a circle", reader)
-        return None if radius is None else circle(radius)
+    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring:
+        """Return the ring."""
+        return circle(_positive(self.radius, "the radius of a circle", reader))
 
 
 class PolygonNode(TypedNode):
@@ -85,30 +84,24 @@ SHAPE_NODES: Final = (RectangleNode, CircleNode, PolygonNode)
 """Classes of syntax nodes, named like their rules."""
 
 
-def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring | None:
-    """Return the ring of a space or feature, or ``None`` when it was refused."""
+def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring:
+    """Return the ring of a space or feature, empty when it was refused."""
     if not isinstance(shape, PolygonNode):
         return shape.outline("length", reader)
     points = _points(shape, reader)
-    if points is None:
-        return None
-    for point, node in zip(points, shape.points, strict=True):
+    for point, node in zip(points, shape.points, strict=False):
         if len(point) == 3 and point[2] != 0.0:
             reader.error(node.coordinates[2], "the outline lies on the floor: z must be 0")
-            return None
+            return ()
     ring: Ring = tuple((p[0], p[1]) for p in points)
-    kept = _corners(ring, shape, reader)
-    return None if kept is None else tuple(ring[k] for k in kept)
+    return tuple(ring[k] for k in _corners(ring, shape, reader))
 
 
-def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...] | None:
-    """Return the ring of an opening in its frame (x along the wall, z up), or ``None``."""
+def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...]:
+    """Return the ring of an opening in its frame, x along the wall, z up; empty when refused."""
     if not isinstance(shape, PolygonNode):
-        ring = shape.outline("height", reader)
-        return None if ring is None else tuple((x, 0.0, z) for x, z in ring)
+        return tuple((x, 0.0, z) for x, z in shape.outline("height", reader))
     points = _points(shape, reader)
-    if points is None:
-        return None
     if points and all(len(point) == 2 for point in points):
         reader.warning(
             shape,
@@ -118,41 +111,36 @@ def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...] 
         solid: list[Point3] = [(p[0], 0.0, p[1]) for p in points]
     else:
         solid = [(p[0], p[1], p[2] if len(p) == 3 else 0.0) for p in points]
-    kept = _corners([(p[0], p[2]) for p in solid], shape, reader)
-    return None if kept is None else tuple(solid[k] for k in kept)
+    return tuple(solid[k] for k in _corners([(p[0], p[2]) for p in solid], shape, reader))
 
 
-def _positive(node: SyntaxNode, what: str, reader: ElementReader) -> float | None:
+def _positive(node: SyntaxNode, what: str, reader: ElementReader) -> float:
     value = reader.length(node)
-    if value is not None and value <= 0.0:
+    if value <= 0.0:
         reader.error(node, f"{what} must be positive, not {value:g} m")
-        return None
     return value
 
 
-def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]] | None:
-    points: list[tuple[float, ...]] = []
-    broken = False
-    for node in shape.points:
-        values = [reader.length(c) for c in node.coordinates]
-        if not 2 <= len(values) <= 3:
-            reader.error(node, f"a point has 2 or 3 coordinates, not {len(values)}")
-            broken = True
-        known = tuple(v for v in values if v is not None)
-        broken = broken or len(known) < len(values)
-        points.append(known)
-    return None if broken else points
+def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]]:
+    """Return the points as they are written; none when one of them is broken."""
+    points = [tuple(map(reader.length, node.coordinates)) for node in shape.points]
+    odd = [k for k, point in enumerate(points) if not 2 <= len(point) <= 3]
+    for k in odd:
+        reader.error(shape.points[k], f"a point has 2 or 3 coordinates, not {len(points[k])}")
+    return [] if odd or any(map(math.isnan, chain.from_iterable(points))) else points
 
 
 def _corners(
     points: Sequence[Point2], shape: PolygonNode, reader: ElementReader
-) -> tuple[int, ...] | None:
-    """Return which points are corners of a simple polygon, or ``None`` if it is none."""
+) -> tuple[int, ...]:
+    """Return which points are corners of a simple polygon; none if it is no such polygon."""
+    if len(points) < len(shape.points):
+        return ()  # one of them is broken and has been reported
     kept = _without_repeats(points)
     ring = tuple(points[k] for k in kept)
     if len(set(ring)) < 3:
         reader.error(shape, f"a polygon needs 3 different points, not {len(set(ring))}")
-        return None
+        return ()
     if len(ring) < len(points):
         reader.warning(
             shape,
@@ -162,7 +150,7 @@ def _corners(
     problem = _spike(ring) or _crossing(ring)
     if problem:
         reader.error(shape, problem, "list the points in order around the area")
-        return None
+        return ()
     return kept
 
 

@@ -19,28 +19,26 @@ IDENTITY = Pose2()
 
 @dataclass(slots=True, eq=False)
 class SpaceDraft:
-    """A space while it is being compiled; ``None`` stands for a part that was refused.
+    """A space while it is being compiled; its outline is empty, its sizes NaN if they are refused.
 
-    ``frames`` and ``outer`` are the wall frames and outer corners in the space frame. ``own`` is
-    the wall index of the ``of`` frame, ``against`` and ``other`` name the space and the wall of the
-    ``wrt`` frame (no space: the world); an index is ``None`` for the frame of the space itself.
+    ``own`` is the wall index of the ``of`` frame, ``against`` and ``other`` name the space and the
+    wall of the ``wrt`` frame (no space: the world); an index is ``None`` for the frame of the space
+    itself.
     """
 
     node: SyntaxNode
     name: str
-    ring: Ring | None
-    thickness: float | None
-    height: float | None
-    location: Location | None
-    frames: tuple[Pose2, ...] = ()
-    outer: Ring = ()
+    ring: Ring
+    thickness: float
+    height: float
+    location: Location
     own: int | None = None
     against: SpaceDraft | None = None
     other: int | None = None
 
     def frame(self, wall: int | None) -> Pose2:
         """Return the frame of an own wall, or of the space itself, in the space frame."""
-        return IDENTITY if wall is None else self.frames[wall]
+        return IDENTITY if wall is None else wall_frames(self.ring)[wall]
 
 
 def wall_frames(ring: Ring) -> tuple[Pose2, ...]:
@@ -70,25 +68,20 @@ def outer_corners(ring: Ring, thickness: float) -> Ring:
     return tuple(corners)
 
 
-def find_wall(
-    node: SyntaxNode, draft: SpaceDraft, reader: ElementReader
-) -> tuple[bool, int | None]:
-    """Return whether a frame reference is good, and its wall index (``None``: the space frame)."""
-    if not node.index:
-        return True, None
-    index = int(node.index)
-    if draft.ring is None:
-        return False, None
-    count = len(draft.ring)
+def find_wall(node: SyntaxNode, draft: SpaceDraft, reader: ElementReader) -> int | None:
+    """Return the wall index of a frame reference, ``None`` for the space frame and after errors."""
+    if not node.index or not draft.ring:
+        return None
+    index, count = int(node.index), len(draft.ring)
     if not -count <= index < count:
         reader.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
-        return False, None
+        return None
     # Version 2 of the published tools takes it, so plans may have it.
     if index < 0:
         reader.warning(
             node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
         )
-    return True, index % count
+    return index % count
 
 
 def find_space(
@@ -106,7 +99,7 @@ def resolve_placement(
 ) -> None:
     """Resolve what a space is placed against and check the flags of its location."""
     location = draft.location
-    if location is None:
+    if not {"of", "wrt"} <= location.parts.keys():
         return
     _resolve_of(draft, location, reader)
     _resolve_wrt(draft, location, spaces, reader)
@@ -122,7 +115,7 @@ def _resolve_of(draft: SpaceDraft, location: Location, reader: ElementReader) ->
             'write "of: this" or "of: this.walls[0]"',
         )
         return
-    draft.own = find_wall(reference, draft, reader)[1]
+    draft.own = find_wall(reference, draft, reader)
 
 
 def _resolve_wrt(
@@ -146,7 +139,7 @@ def _resolve_wrt(
     other = find_space(reference, spaces, reader)
     if other is not None:
         draft.against = other
-        draft.other = find_wall(reference, other, reader)[1]
+        draft.other = find_wall(reference, other, reader)
 
 
 def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -> None:
@@ -202,13 +195,12 @@ def pose_in_world(draft: SpaceDraft, world: dict[str, Pose2]) -> Pose2:
 def offset_of(draft: SpaceDraft) -> Pose2:
     """Return the transform from the ``of`` frame to the ``wrt`` frame of a space."""
     location = draft.location
-    assert location is not None
     x, y = location.get("translation.x"), location.get("translation.y")
     yaw = location.get("rotation.z")
     other = draft.against
     if other is not None and draft.own is not None and draft.other is not None:
         if "spaced" in location:
-            y += (draft.thickness or 0.0) + (other.thickness or 0.0)
+            y += draft.thickness + other.thickness
         if "not aligned" not in location:
             # The half turn makes two walls face each other, y of one against y of the other. It is
             # added for counter-clockwise outlines too, where it mirrors: the published tools do so
@@ -239,18 +231,15 @@ def place_all(drafts: list[SpaceDraft]) -> dict[str, Pose2]:
 
 def build_space(draft: SpaceDraft, pose: Pose2, reader: ElementReader) -> Space:
     """Return the space with its walls in the world frame."""
-    ring, thickness, height = draft.ring, draft.thickness, draft.height
-    assert ring is not None
-    assert thickness is not None
-    assert height is not None
     placement = Placement(
         frame_id(draft.name, draft.own),
         frame_id(draft.against.name if draft.against else "", draft.other),
         offset_of(draft),
-        tuple((x, y, 0.0) for x, y in ring),
+        tuple((x, y, 0.0) for x, y in draft.ring),
     )
     where = reader.where(draft.node)
-    return space_at(draft.name, pose, ring, thickness, height, where, placement)
+    size = draft.thickness, draft.height
+    return space_at(draft.name, pose, draft.ring, *size, where, placement)
 
 
 def space_at(
