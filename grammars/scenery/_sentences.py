@@ -52,17 +52,17 @@ def read_sentence(reader: SceneryReader, node: SyntaxNode) -> _Meaning:
 
 def _freezes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Freezes:
     """Read ``store_door is frozen``."""
-    return Freezes(subject, subject.where)
+    return Freezes(subject)
 
 
 def _starts(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Starts:
     """Read ``front_door starts open``."""
-    return Starts(subject, reader.amount(node.position, *_POSITIONS), subject.where)
+    return Starts(subject, reader.amount(node.position, *_POSITIONS))
 
 
 def _stays(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Stays:
     """Read ``front_door stays closed``."""
-    return Stays(subject, reader.amount(node.position, *_POSITIONS), subject.where)
+    return Stays(subject, reader.amount(node.position, *_POSITIONS))
 
 
 def _moves(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Moves:
@@ -73,7 +73,7 @@ def _moves(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Moves:
         for frame in node.frames
     )
     listed = "AsListed" in options
-    return Moves(subject, frames, _motion(reader, options), subject.where, listed=listed)
+    return Moves(subject, frames, _motion(reader, options), listed=listed)
 
 
 def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggles | Alternates:
@@ -88,7 +88,7 @@ def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggl
             message = f'"{option.keyword}" is for changes every so often, not after waiting'
             reader.error(option, message, "leave it out, or write every 30 s")
         waiting = _waiting(reader, node.waiting)
-        return Alternates(subject, first, second, waiting, since, until, motion, subject.where)
+        return Alternates(subject, first, second, waiting, since, until, motion)
     return Toggles(
         subject,
         first,
@@ -100,7 +100,6 @@ def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggl
         reader.option(options, "Late", "time"),
         None if late is None else reader.optional(late.step, "time"),
         motion,
-        subject.where,
     )
 
 
@@ -127,7 +126,6 @@ def _goes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Goes | R
             reader.option(options, "Again", "length"),
             reader.option(options, "Starting", *_POSITIONS),
             motion,
-            subject.where,
         )
     if "Again" in options:
         raise reader.refusal(options["Again"], "an event is reacted to once", "leave out again …")
@@ -136,7 +134,7 @@ def _goes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Goes | R
         raise reader.refusal(options["Starting"], message, "leave out starting at …")
     event = _event(reader, condition)
     after = reader.option(options, "After", "time")
-    return Reacts(subject, start, end, event, after, motion, subject.where)
+    return Reacts(subject, start, end, event, after, motion)
 
 
 def _walks(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Walks:
@@ -162,7 +160,6 @@ def _walks(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Walks:
         None if when is None else _event(reader, when.condition),
         "ahead" if facing is None else facing.way or reader.amount(facing.yaw, "angle"),
         reader.option(options, "Yielding", "length"),
-        subject.where,
     )
 
 

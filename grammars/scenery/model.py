@@ -1,4 +1,4 @@
-"""What a ``.scenery`` file means, before it meets a floor plan: one layer of a scenario.
+"""Meaning of a ``.scenery`` file before it meets a floor plan: one layer of a scenario.
 
 A layer only refers to other layers by name, it never edits them. Everything keeps the place where
 it was written, for diagnostics; quantities keep their unit and text as well, sentences their text.
@@ -135,7 +135,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Whom a sentence is about: names, or every member of the named groups and models."""
+    """Subject of a sentence: names, or every member of the named groups and models."""
 
     every: bool
     names: tuple[Path, ...]
@@ -166,20 +166,27 @@ class Parameter(Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Starts(Statement):
-    """The subject starts in another state than its instance says."""
+class SentenceAbout(Statement):
+    """Sentence about a subject, with which it begins."""
 
     subject: Subject
-    position: Amount
-    where: Where = field(compare=False)
+
+    @property
+    def where(self) -> Where:
+        """The place of the sentence."""
+        return self.subject.where
 
 
 @dataclass(frozen=True, slots=True)
-class Freezes(Statement):
-    """The subject never moves."""
+class Starts(SentenceAbout):
+    """The subject starts in another state than its instance says."""
 
-    subject: Subject
-    where: Where = field(compare=False)
+    position: Amount
+
+
+@dataclass(frozen=True, slots=True)
+class Freezes(SentenceAbout):
+    """The subject never moves."""
 
 
 Setting: TypeAlias = Starts | Freezes
@@ -187,7 +194,7 @@ Setting: TypeAlias = Starts | Freezes
 
 @dataclass(frozen=True, slots=True)
 class MotionAs:
-    """How a joint gets to its target; nothing said means the defaults of the motion."""
+    """Motion of a joint to its target; absent numbers are the defaults of the motion."""
 
     kind: Literal["jump", "servo", "spring"] = "servo"
     rate: Amount | None = None
@@ -197,33 +204,28 @@ class MotionAs:
 
 
 @dataclass(frozen=True, slots=True)
-class Stays(Statement):
+class Stays(SentenceAbout):
     """Held for the whole run."""
 
-    subject: Subject
     position: Amount
-    where: Where = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Moves(Statement):
+class Moves(SentenceAbout):
     """Moved at given times: ``frames`` are (position, time).
 
     ``listed``: their order is that of the list, whatever their times.
     """
 
-    subject: Subject
     frames: tuple[tuple[Amount, Amount], ...]
     motion: MotionAs
-    where: Where = field(compare=False)
     listed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Toggles(Statement):
+class Toggles(SentenceAbout):
     """Starts at ``first`` and may change to the other position every so often, by chance."""
 
-    subject: Subject
     first: Amount
     second: Amount
     every: Amount
@@ -233,17 +235,15 @@ class Toggles(Statement):
     delay: Amount | None
     step: Amount | None
     motion: MotionAs
-    where: Where = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Goes(Statement):
+class Goes(SentenceAbout):
     """Moves when the robot comes near, and back when it is ``again`` away (if that is given).
 
     ``begin`` is where it is at first, if that is not ``start``.
     """
 
-    subject: Subject
     start: Amount
     end: Amount
     distance: Amount
@@ -252,7 +252,6 @@ class Goes(Statement):
     again: Amount | None
     begin: Amount | None
     motion: MotionAs
-    where: Where = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,17 +267,15 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
-class Alternates(Statement):
+class Alternates(SentenceAbout):
     """Starts at ``first`` and changes to the other position again and again after waiting."""
 
-    subject: Subject
     first: Amount
     second: Amount
     waiting: Waiting
     since: Amount | None
     until: Amount | None
     motion: MotionAs
-    where: Where = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,16 +307,14 @@ EventPhrase: TypeAlias = OnLeg | OnWaypoint | OnObject
 
 
 @dataclass(frozen=True, slots=True)
-class Reacts(Statement):
+class Reacts(SentenceAbout):
     """Moves once when something happens, ``after`` some time."""
 
-    subject: Subject
     start: Amount
     end: Amount
     occasion: EventPhrase
     after: Amount | None
     motion: MotionAs
-    where: Where = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,10 +327,9 @@ class RoutePoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Walks(Statement):
+class Walks(SentenceAbout):
     """A mover walks a route; see :class:`grammars.model.behaviour.Walk` for what it means."""
 
-    subject: Subject
     route: tuple[RoutePoint, ...]
     speed: Amount | None
     acceleration: Amount | None
@@ -346,7 +340,6 @@ class Walks(Statement):
     occasion: EventPhrase | None
     facing: Literal["ahead", "sideways"] | Amount
     yielding: Amount | None
-    where: Where = field(compare=False)
 
 
 Sentence: TypeAlias = Stays | Moves | Toggles | Goes | Alternates | Reacts | Walks
