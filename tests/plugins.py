@@ -1,5 +1,6 @@
 """A package of somebody's with systems under test of all sorts, installed for one test."""
 
+import functools
 import os
 import sys
 from types import SimpleNamespace
@@ -160,6 +161,8 @@ def install_plugins(folder, monkeypatch):
     paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
     monkeypatch.delitem(sys.modules, MODULE, raising=False)
+    # A process looks plug-ins up once; this one has done so.
+    monkeypatch.setattr(registry, "installed", functools.cache(registry.installed.__wrapped__))
 
 
 def place_of(comment):

@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, ClassVar, Final, Literal, TypeAlias
 
 from daemon.model.attachments import SutMissing
@@ -25,7 +25,7 @@ from daemon.stacks.ros1 import ROS
 from daemon.stacks.ros2 import ROS2
 from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
-from grammars.text.plugins import explain_plugin_error, plugin_origin
+from grammars.text.plugins import explain_plugin_error, installed, plugin_origin
 
 Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
 ENTRY_POINT_GROUP: Final = "scenario.suts"
@@ -38,15 +38,14 @@ _BUILT_IN: Final[dict[str, StackKind[Any]]] = {kind.name: kind for kind in (IDLE
 
 def sut_kinds() -> tuple[str, ...]:
     """Names of every kind of system under test that is installed."""
-    plugged = {entry.name for entry in entry_points(group=ENTRY_POINT_GROUP)}
-    return tuple(sorted(plugged | set(_BUILT_IN)))
+    return tuple(sorted({*installed(ENTRY_POINT_GROUP), *_BUILT_IN}))
 
 
 def stack_kind(name: str) -> StackKind[Any]:
     """Return a kind by its name; raises :class:`SutMissing` for one that is not installed."""
     if name in _BUILT_IN:
         return _BUILT_IN[name]
-    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=name)), None)
+    entry = installed(ENTRY_POINT_GROUP).get(name)
     if entry is None:
         hint = did_you_mean(name, sut_kinds())
         raise SutMissing(f'no system under test of kind "{name}": {hint}')

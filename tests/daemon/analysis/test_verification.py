@@ -41,11 +41,8 @@ class Erratic:
 
 @pytest.fixture
 def erratic(monkeypatch):
-    def entry_points(**wanted):
-        entry = EntryPoint("erratic", f"{__name__}:Erratic", registry.ENTRY_POINT_GROUP)
-        return [entry] if entry.matches(**wanted) else []
-
-    monkeypatch.setattr(registry, "entry_points", entry_points)
+    entry = EntryPoint("erratic", f"{__name__}:Erratic", registry.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(registry, "installed", lambda group: {"erratic": entry})
 
 
 def recorded(folder, **changes):

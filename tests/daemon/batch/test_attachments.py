@@ -67,10 +67,7 @@ def plugged(monkeypatch):
         def load(self):
             return lambda parameters: seen.append(parameters) or Stack()
 
-    def entry_points(**wanted):
-        return [Entry()] if wanted.get("name", "learned") == "learned" else []
-
-    monkeypatch.setattr(registry, "entry_points", entry_points)
+    monkeypatch.setattr(registry, "installed", lambda group: {"learned": Entry()})
     return seen
 
 

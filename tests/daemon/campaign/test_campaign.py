@@ -191,7 +191,7 @@ def test_a_folder_of_json_ld_files_is_a_layer(folder):
 
 def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(folder, monkeypatch):
     entry = EntryPoint("mine", "a_module_nobody_has:make", registry.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda **_: [entry])
+    monkeypatch.setattr(registry, "installed", lambda group: {"mine": entry})
     (found,) = messages(write(folder, CAMPAIGN.replace("[pilot, idle]", "[pilot, mine]")))
     assert 'the system under test "mine" (a_module_nobody_has:make) cannot be loaded' in found
     assert found.startswith("tiny.yaml:")

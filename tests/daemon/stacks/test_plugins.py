@@ -51,12 +51,8 @@ def plugged(tmp_path, monkeypatch):
         "syntax": "their_syntax:make",
     }
     group = registry.ENTRY_POINT_GROUP
-    known = [EntryPoint(name, value, group) for name, value in objects.items()]
-
-    def entry_points(**wanted):
-        return [entry for entry in known if entry.matches(**wanted)]
-
-    monkeypatch.setattr(registry, "entry_points", entry_points)
+    entries = {name: EntryPoint(name, value, group) for name, value in objects.items()}
+    monkeypatch.setattr(registry, "installed", lambda group: entries)
     yield
     for name in ("their_stack", "their_imports", "their_syntax"):
         sys.modules.pop(name, None)

@@ -57,7 +57,7 @@ def test_scripts_get_everything(tmp_path, capsys, erratic):
 
 def test_a_system_that_is_not_here_is_infrastructure(tmp_path, capsys, erratic, monkeypatch):
     path, _ = recorded(tmp_path, sut=EXTERNAL)
-    monkeypatch.setattr(registry, "entry_points", lambda **_: [])
+    monkeypatch.setattr(registry, "installed", lambda group: {})
     assert invoke(["verify", str(path), "-n", "1"]) == 3
     assert 'execution 1: SutMissing: no system under test of kind "erratic"' in (
         capsys.readouterr().out
