@@ -22,13 +22,14 @@ from grammars.text.diagnostics import did_you_mean
 Value: TypeAlias = Any
 """A truth value, number, text, None, or a list or tuple of them."""
 _LONGEST: Final = 2_000
+"""Characters of the longest expression, text and list; two of them multiplied fit into memory."""
 _LARGEST: Final = 2**64
 _LARGEST_POWER: Final = 64
-_MOST_CHARACTERS: Final = 10_000
 _NODES: Final = (
     ast.Attribute, ast.BinOp, ast.BoolOp, ast.Call, ast.Compare, ast.Constant, ast.IfExp,
     ast.List, ast.Name, ast.Slice, ast.Subscript, ast.Tuple, ast.UnaryOp,
 )  # fmt: skip
+_VALUES: Final = (bool, int, float, str, list, tuple, type(None))
 _CONSTANTS: Final = {
     "true": True, "false": False, "pi": math.pi, "e": math.e, "tau": math.tau, "inf": math.inf,
 }  # fmt: skip
@@ -48,6 +49,13 @@ def _power(base: Value, exponent: Value) -> Value:
     return base**exponent
 
 
+def _product(one: Value, other: Value) -> Value:
+    """Multiply numbers and texts; a repeated list of lists would grow without bound."""
+    if isinstance(one, list | tuple) or isinstance(other, list | tuple):
+        raise ExpressionError("repeats a list, which is not worked out here")
+    return simpleeval.safe_mult(one, other)
+
+
 def _remainder(one: Value, other: Value) -> Value:
     if isinstance(one, str) and re.search(r"\d{4}|\*", one):
         raise ExpressionError("is a text too long to be meant")
@@ -61,7 +69,9 @@ def _rounded(number: float, digits: int = 0) -> Value:
     return round(number, digits) if digits else round(number)
 
 
-_OPERATORS: Final = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: _power, ast.Mod: _remainder}
+_OPERATORS: Final = {
+    **simpleeval.DEFAULT_OPERATORS, ast.Mult: _product, ast.Pow: _power, ast.Mod: _remainder,
+}  # fmt: skip
 _FUNCTIONS: Final[dict[str, Callable[..., Value]]] = {
     **{name: getattr(math, name) for name in (
         "acos", "asin", "atan", "atan2", "ceil", "cos", "degrees", "exp", "fabs", "floor",
@@ -117,9 +127,10 @@ def _work_out(
 ) -> Value:
     """Return the value of a tree; raises :class:`ExpressionError` for parts that are refused."""
 
+    methods = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute):
-            is_known = node.attr in _TEXT_METHODS
+            is_known = node.attr in _TEXT_METHODS and id(node) in methods
         else:
             is_known = type(node) in _NODES or not isinstance(node, ast.expr | ast.keyword)
         if not is_known:
@@ -143,12 +154,14 @@ def _bounded(work_out: Callable[[Any], Value]) -> Callable[[Any], Value]:
 
     def bounded(node: Any) -> Value:
         value = work_out(node)
+        if isinstance(value, complex):
+            raise ExpressionError("is the root of a negative number")
+        if not isinstance(node, ast.Attribute | ast.Slice) and not isinstance(value, _VALUES):
+            raise ExpressionError(f'"{ast.unparse(node)}" is no value of launch files')
         number = isinstance(value, int) and not isinstance(value, bool)
         if number and abs(value) >= _LARGEST:
             raise ExpressionError("is a number too large to be meant")
-        if isinstance(value, complex):
-            raise ExpressionError("is the root of a negative number")
-        if isinstance(value, str | list | tuple) and len(value) > _MOST_CHARACTERS:
+        if isinstance(value, str | list | tuple) and len(value) > _LONGEST:
             raise ExpressionError("is a text too long to be meant")
         return value
 

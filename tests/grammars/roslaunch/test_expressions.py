@@ -38,8 +38,13 @@ def test_what_launch_files_use_has_the_value_roslaunch_gives_it(tmp_path, expres
 
 @pytest.mark.parametrize(
     ("expression", "expected"),
-    [("(" * 300 + "1" + ")" * 300, "is no"), ("1 + " * 600 + "1", "longer than")],
-)
+    [
+        ("(" * 300 + "1" + ")" * 300, "is no"), ("1 + " * 600 + "1", "longer than"),
+        ("str((((1,) * 999,) * 999,) * 999)", "repeats a list"),
+        ("b'%999999999d' % 1", "no value"), ("'a' * 2001", "too long"),
+        ("name.split", "not worked out here"), ("sqrt", "no value"),
+    ],
+)  # fmt: skip
 def test_monsters_are_refused(tmp_path, expression, expected):
     with pytest.raises(InputError, match=r"a\.launch:2:") as caught:
         worked_out(tmp_path, expression)
