@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from grammars.roslaunch._model import Launch, LaunchNode, LaunchSettings, NodeType
-from grammars.roslaunch._names import split_name
+from grammars.roslaunch._names import absolute_name, split_name
 from grammars.roslaunch._packages import Packages, files_near, is_file
 from grammars.roslaunch._parameters import ParameterServer
 from grammars.roslaunch._reader import LaunchReader
@@ -49,11 +49,11 @@ def load_launch(
     warnings = [*reader.warnings, *_unused_endings(settings, reader.skipped)]
     nodes = []
     for node in reader.nodes.values():
-        if node.kind in of_interest:
-            problems += _errors_of(node, reader)
-            warnings += _warnings_of(node, reader)
         parameters = {**server.below(split_name(node.name)), **node.parameters}
         nodes.append(replace(node, parameters=parameters))
+        if node.kind in of_interest:
+            problems += _errors_of(nodes[-1], reader)
+            warnings += _warnings_of(node, reader)
     if problems:
         # Several nodes may lack the same value.
         each: dict[tuple[Where, str], Diagnostic] = {}
@@ -109,9 +109,10 @@ def _unused_endings(settings: LaunchSettings, skipped: set[str]) -> list[Diagnos
 
 
 def _errors_of(node: LaunchNode, reader: LaunchReader) -> list[Diagnostic]:
-    """Return what the names of a node lack, and why parameters of it could not be read."""
+    """Return what names of a node and its parameters lack, and why some could not be read."""
     name = split_name(node.name)
-    names = (node.name, *node.remaps, *(remap.to for remap in node.remaps.values()))
+    names = [node.name, *node.remaps, *(remap.to for remap in node.remaps.values())]
+    names += map(absolute_name, node.parameters)
     unknown = [reason for text in names for reason in reader.unknown.reasons_in(text)]
     unread = [reason for part in reader.unread if part.inside(name) for reason in part.reasons]
     return unknown + unread

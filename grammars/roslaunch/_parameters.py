@@ -61,8 +61,7 @@ def read_param(
         lack = Diagnostic(where, f"{name}: {_NOT_READ[source]}", hint)
         return ParameterValue(text, where, (lack,))
     written = text.strip()
-    reasons = (*unknown.reasons_in(written), *unknown.reasons_in(name))
-    if reasons:
+    if reasons := unknown.reasons_in(written):
         return ParameterValue(written, where, reasons)
     kind = (element.attributes.get("type") or "auto").strip().lower()
     if kind == "yaml":

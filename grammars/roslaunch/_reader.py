@@ -32,7 +32,7 @@ from grammars.roslaunch._substitution import Substitution, UnknownValues
 from grammars.roslaunch._xml import XmlElement, parse_xml
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.ros_yaml import parse_ros_yaml
-from grammars.text.sources import read_text
+from grammars.text.sources import MAX_BYTES, read_text
 
 _DEEPEST: Final = 30
 _MOST_INCLUDES: Final = 1_000
@@ -380,8 +380,12 @@ class LaunchReader:
 
         if self._switch(element, "subst_value", scope):
             substitution = self._substitution(scope)
-            filled = [substitution.fill_in(t, locate(k, 1)) for k, t in enumerate(source_lines, 1)]
-            source = "\n".join(filled)
+            source = ""
+            for number, line in enumerate(source_lines, 1):
+                source += substitution.fill_in(line, locate(number, 1)) + "\n"
+                if len(source) > MAX_BYTES:
+                    message = f"is larger than {MAX_BYTES >> 20} MiB with its commands filled in"
+                    raise InputError.at(locate(number, 1), message)
         document, notes = parse_ros_yaml(source, name, locate=locate, any_value=any_value)
         self.notes.append(UnreadParameters(target, owner, notes))
         self.upload.load(target, document, self.unknown)

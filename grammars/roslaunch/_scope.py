@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from grammars.roslaunch._names import (
     resolve_for_node,
     split_name,
 )
-from grammars.roslaunch._substitution import UnknownValues
+from grammars.roslaunch._substitution import UnknownValues, split_words
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.ros_yaml import ParameterValue
 
@@ -85,7 +84,7 @@ class Scope:
         ROS does not have.
         """
         try:
-            words = tuple(shlex.split(arguments))
+            words = split_words(arguments)
         except ValueError as error:
             raise InputError.at(where, f"args: {error}") from error
         written = [

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -19,6 +20,8 @@ from grammars.roslaunch._names import convert_value
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 _COMMAND: Final = re.compile(r"\$\(([^)]*)\)")
+_LONGEST: Final = 10_000
+"""Characters of the longest text with commands: args that double each other grow without end."""
 _COMMANDS: Final = ("anon", "arg", "dirname", "env", "find", "optenv")
 
 
@@ -70,7 +73,13 @@ class Substitution:
             return text
         if text.startswith("$(eval ") and text.endswith(")"):
             return self._evaluated(text, where)
-        return _COMMAND.sub(lambda match: self._command(match[0], match[1], where), text)
+        filled = text[: _LONGEST + 1]
+        if len(text) <= _LONGEST:
+            filled = _COMMAND.sub(lambda match: self._command(match[0], match[1], where), text)
+        if len(filled) > _LONGEST:
+            message = f"is a text of more than {_LONGEST:,} characters with its commands filled in"
+            raise InputError.at(where, message)
+        return filled
 
     def _command(self, whole: str, inside: str, where: Where) -> str:
         if "$" in inside or "(" in inside:
@@ -158,6 +167,15 @@ class _UnknownError(Exception):
     def __init__(self, text: str) -> None:
         self.text = text
         super().__init__(text)
+
+
+def split_words(text: str) -> tuple[str, ...]:
+    """Return the words of a command line as a shell has them; a command is part of one word.
+
+    Raises ``ValueError`` for quotes without an end.
+    """
+    closed = _COMMAND.sub(lambda match: match[0].replace(" ", "\0"), text)
+    return tuple(word.replace("\0", " ") for word in shlex.split(closed))
 
 
 def _anonymous(name: str) -> str:

@@ -266,6 +266,37 @@ def test_the_shell_is_not_asked_but_what_it_has_is_said(tmp_path, monkeypatch):
     assert parameters(started(tmp_path, optional, env={"MY_ROBOT": "x"}), "/amcl") == {"a": "x"}
 
 
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<param name="$(arg a)/b" value="1"/>', '<rosparam ns="$(arg a)">b: 1</rosparam>',
+        '<rosparam subst_value="true">$(arg a): 1</rosparam>',
+        '<remap from="b" to="$(arg a)/b"/><remap from="$(arg a)/c" to="c"/>',
+    ],
+)  # fmt: skip
+def test_names_in_nodes_of_interest_need_every_variable_once(tmp_path, inside):
+    declared = '<arg name="a" default="$(env ROBOT)"/>'
+    (message,) = errors(tmp_path, declared + AMCL.format(inside))
+    assert "environment variable ROBOT is not given" in message
+    other = AMCL.replace("amcl", "other").format(inside)
+    assert len(started(tmp_path, declared + AMCL.format("") + other).nodes) == 2
+
+
+def test_variables_and_packages_among_the_arguments_of_nodes_stay_whole(tmp_path):
+    body = '<node pkg="amcl" type="amcl" name="amcl" args="{}"/>'
+    loaded = started(tmp_path, body.format("_a:=$(env ROBOT) _b:='$(find maps)/a b'"))
+    assert parameters(loaded, "/amcl") == {"a": "$(env ROBOT)", "b": "$(find maps)/a b"}
+    assert node(loaded, "/amcl").parameters["a",].missing
+    (message,) = errors(tmp_path, body.format("scan:=$(env ROBOT)/scan map:=$(env ROBOT)"))
+    assert "environment variable ROBOT is not given" in message
+
+
+def test_args_that_double_each_other_are_refused(tmp_path):
+    doubled = "".join(f'<arg name="a{k + 1}" value="$(arg a{k})$(arg a{k})"/>' for k in range(40))
+    messages = errors(tmp_path, f'<arg name="a0" value="lol"/>{doubled}')
+    assert "more than 10,000 characters" in messages[0]
+
+
 def test_a_symbolic_link_that_became_text_is_followed(tmp_path):
     write(tmp_path, "real.launch", AMCL.format('<rosparam file="$(dirname)/link.yaml"/>'))
     (tmp_path / "link.launch").write_text("real.launch\n")
