@@ -158,6 +158,8 @@ def _named(kind: Dimension) -> str:
     return "a number without unit" if kind == RATIO else kind.unit
 
 
+_LONGEST: Final = 1000
+"""Characters of a predicate: it is evaluated for thousands of points."""
 _LANGUAGE: Final = ExpressionLanguage(Path(__file__).with_name("expressions.tx"), autokwd=True)
 
 
@@ -166,6 +168,9 @@ def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Express
 
     Raises :class:`InputError` with everything that is wrong with it, at ``where``.
     """
+    if len(text) > _LONGEST:
+        message = f'"{text[:40]}…" is longer than {_LONGEST} characters'
+        raise InputError.at(where, message, "write several predicates")
     source = SourceText(text, where.file)
     findings = Findings()
 
@@ -173,7 +178,9 @@ def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Express
         if name.name in units and not name.arguments:
             return read_unit(units[name.name])[1]
         message = f'"{name.name}" is not varied here: vary it, or write its value'
-        check.error(name, message, did_you_mean(name.name, units))
+        longer = [one for one in units if one.startswith(f"{name.name}/")]
+        hint = f'write it in quotes: "{longer[0]}"' if longer else did_you_mean(name.name, units)
+        check.error(name, message, hint)
         return Unknown.UNKNOWN
 
     check = DimensionCheck(source, findings, kind_of_name)

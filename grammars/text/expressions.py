@@ -145,13 +145,13 @@ def read_number(node: SyntaxNode, source: SourceText) -> Number:
     text = source.text[node._tx_position : node._tx_position_end]
     unit = " ".join((node.unit or "").split())
     try:
-        dimension, value = read_unit(unit)[1], to_si(float(node.number), unit)
+        # Fifteen digits are what people write, binary fractions have more.
+        dimension, value = read_unit(unit)[1], float(f"{to_si(float(node.number), unit):.15g}")
     except ValueError as error:
         raise InputError.at(source.at(node), str(error)) from error
     if not math.isfinite(value):
         raise InputError.at(source.at(node), f"{text} is too large")
-    # Fifteen digits are what people write, binary fractions have more.
-    return Number(float(f"{value:.15g}"), dimension, text, node._tx_position)
+    return Number(value, dimension, text, node._tx_position)
 
 
 def parts_of(expression: Expression) -> tuple[Expression, ...]:
@@ -228,8 +228,12 @@ def evaluate(expression: Expression, value_of: Callable[[Name], float]) -> float
                 return _calculate(operator, *values)
             case Function(name="-"):
                 return -values[0]
+            case Function(name="abs"):
+                return abs(values[0])
             case Function(name=name):
-                return abs(values[0]) if name == "abs" else {"min": min, "max": max}[name](values)
+                # Python's own minimum depends on where among its arguments NaN stands.
+                extreme = min(values) if name == "min" else max(values)
+                return math.nan if any(map(math.isnan, values)) else extreme
             case Comparison(operator=operator):
                 return _compare(operator, *values)
             case Not():
