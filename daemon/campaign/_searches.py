@@ -286,10 +286,11 @@ class _SearchReader:
             return ()  # what they name may be what could not be read
         words = [p.name for p in parameters if any(isinstance(one, str) for one in p.choices)]
         units = {p.name: p.unit for p in parameters if p.name not in words}
+        pattern = "|".join(map(re.escape, words))
         for index, text in enumerate(self.text.such_that):
             where = self._at("such that", index)
-            listed = [name for name in words if re.search(rf"{re.escape(name)}(?![\w./])", text)]
-            if listed:
+            listed = re.search(rf"(?<![\w./])(?<!\w-)(?:{pattern})(?![\w./-])", text)
+            if words and listed:
                 message = f'"{text}": {listed[0]} is a list of words, which cannot be compared'
                 self._error(where, message, "write a range, or plain numbers in the list")
                 continue

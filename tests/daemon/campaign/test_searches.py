@@ -211,3 +211,15 @@ def test_amounts_are_read_in_words():
     for read, text in ((read_budget, "60 runs, 10 runs"), (read_stop, "0 failures")):
         with pytest.raises(ValueError, match=text):
             read(text)
+
+
+def test_a_name_that_begins_like_a_list_of_words_is_compared_all_the_same(write):
+    over = (
+        "      doors_moving.swing: [60 deg/s, 70 deg/s]\n      doors_moving.swing-late: 5 .. 7 s\n"
+    )
+    path = write(f"{HEAD}    over:\n{over}    such that: doors_moving.swing-late < 6 s\n")
+    doors = DOORS.replace("parameter closes", "parameter swing_late").replace(
+        "closes", "swing_late"
+    )
+    (path.parent / "doors_moving.scenery").write_text(doors)
+    assert only_search(path).constraints == ("doors_moving.swing-late < 6 s",)
