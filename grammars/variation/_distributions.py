@@ -255,11 +255,13 @@ def _discrete(node: SyntaxNode, source: SourceText) -> Distribution:
             findings.error(pair, f"the probability {weight:g} is negative", hint)
         if pair.weight.unit:
             findings.error(pair, "a probability has no unit")
-    total = math.fsum(weights)
-    if abs(total - 1.0) > _SUM:
+    # Of numbers that are too large fsum raises, before anybody was told.
+    written = sum(weights)
+    if abs(written - 1.0) > _SUM:
         hint = "pairs are (probability, value), and the probabilities sum to 1"
-        findings.error(node, f"the probabilities sum to {total:.12g}", hint)
+        findings.error(node, f"the probabilities sum to {written:.12g}", hint)
     findings.raise_errors()
+    total = math.fsum(weights)
     # 0.7, 0.2, 0.1 sum to 0.9999999999999999; numpy wants 1 up to its own tolerance.
     scaled = weights if sum(weights) == 1.0 else [weight / total for weight in weights]
     return Categorical(tuple(float(pair.value.number) for pair in node.pairs), tuple(scaled))

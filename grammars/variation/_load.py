@@ -23,7 +23,7 @@ from grammars.text.expression_check import DimensionCheck
 from grammars.text.expressions import Expression, Name, Number, read_expression, walk
 from grammars.text.units import DIMENSIONS, LENGTH, RATIO, Dimension, read_unit
 from grammars.variation._distributions import Distribution, read_distribution
-from grammars.variation._names import Meaning, Measure, NameReader, dimension_name
+from grammars.variation._names import Meaning, NameReader, PlanMeasure, dimension_name
 from grammars.variation._syntax import DISTRIBUTIONS, parse
 from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
@@ -202,7 +202,8 @@ class _VariationReader:
             case "Let":
                 self._let(node)
             case "Require":
-                self._require(node)
+                with self.findings.collecting():
+                    self._require(node)
             case "Block":
                 self._block(node)
             case "Single":
@@ -263,7 +264,6 @@ class _VariationReader:
 
     def _assign(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
         """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
-        where = self.source.at(node)
         if slot is not None and slot.number is None:
             hint = f'write "{slot.remedy}" there, then vary it'
             self.findings.error(node, f"{slot.name} is not written in the plan", hint)
@@ -274,22 +274,31 @@ class _VariationReader:
             return
         if slot is not None:
             self._varied[slot.name] = node
-        if _rule(value) in DISTRIBUTIONS:
-            with self.findings.collecting():
-                distribution, unit = read_distribution(value, self.source)
-                dimension = read_unit(unit)[1]
-                if slot is not None and self._fits(node, slot, dimension):
-                    self.draws.append(VariationDraw(slot.name, distribution, unit, where))
-                    self.assignments.append(Assignment(slot, slot.name, dimension, where))
-                    self.reported.append(slot.name)
-            return
+        with self.findings.collecting():
+            if _rule(value) in DISTRIBUTIONS:
+                self._assign_draw(node, slot, value)
+            else:
+                self._assign_sum(node, slot, value)
+
+    def _assign_draw(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
+        distribution, unit = read_distribution(value, self.source)
+        dimension = read_unit(unit)[1]
+        if slot is not None and self._fits(node, slot, dimension):
+            where = self.source.at(node)
+            self.draws.append(VariationDraw(slot.name, distribution, unit, where))
+            self.assignments.append(Assignment(slot, slot.name, dimension, where))
+            self.reported.append(slot.name)
+
+    def _assign_sum(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
         expression = read_expression(value, self.source)
-        found = self._check(draws_only=True).quantity(expression)
+        dimension = self._check(draws_only=True).quantity(expression)
         zero = isinstance(expression, Number) and expression.value == 0.0
-        if found is not None and slot is not None and (zero or self._fits(node, slot, found)):
+        if dimension is None or slot is None:
+            return
+        if zero or self._fits(node, slot, dimension):
             # A draw alone keeps the unit it is drawn in.
             source = expression.name if isinstance(expression, Name) else expression
-            self.assignments.append(Assignment(slot, source, found, where))
+            self.assignments.append(Assignment(slot, source, dimension, self.source.at(node)))
             self.reported.append(slot.name)
 
     def _check(self, *, draws_only: bool = False) -> DimensionCheck:
@@ -309,7 +318,7 @@ class _VariationReader:
         self._check().predicate(predicate)
         written = self.source.text[node._tx_position : node._tx_position_end]
         names = (part for part in walk(predicate) if isinstance(part, Name))
-        needs_plan = any(isinstance(self.names.meanings.get(name), Measure) for name in names)
+        needs_plan = any(isinstance(self.names.meanings.get(name), PlanMeasure) for name in names)
         text, where = " ".join(written.split()), self.source.at(node)
         self.requirements.append(Requirement(predicate, text, where, needs_plan))
 

@@ -38,14 +38,14 @@ _OLD_SPELLINGS: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class PlanMeasure:
     """Something measured on the compiled plan, and its dimension."""
 
     dimension: Dimension
     take: Callable[[FloorPlan], float]
 
 
-Meaning: TypeAlias = str | Slot | Measure
+Meaning: TypeAlias = str | Slot | PlanMeasure
 """A draw by its name, an attribute or variable of the plan, or a measure."""
 
 
@@ -155,7 +155,7 @@ class NameReader:
             hint = f'name it before: "let {text} = uniform(…)"'
         self.findings.error(place, message, hint)
 
-    def _distance(self, name: Name, place: Where) -> Measure | None:
+    def _distance(self, name: Name, place: Where) -> PlanMeasure | None:
         if len(name.arguments) != 2 or not all(
             isinstance(one, Name) and not one.arguments for one in name.arguments
         ):
@@ -175,7 +175,7 @@ class NameReader:
             a, b = (shapely.Polygon(_ring(_find_part(plan, part))) for part in (one, other))
             return float(shapely.distance(a, b))
 
-        return Measure(LENGTH, take)
+        return PlanMeasure(LENGTH, take)
 
     def _variable_or_nothing(self, name: str, place: Where) -> Slot | None:
         slot = self.plan.variables.get(name)
@@ -189,7 +189,7 @@ class NameReader:
             self.findings.error(place, f'there is no draw or variable called "{name}"', hint)
         return slot
 
-    def _of_element(self, text: str, place: Where) -> Slot | Measure | None:
+    def _of_element(self, text: str, place: Where) -> Slot | PlanMeasure | None:
         """Return what ``hall.pillar.height`` means."""
         words = text.split(".")
         for count in (1, 2):
@@ -204,12 +204,12 @@ class NameReader:
 
     def _attribute_or_measure(
         self, element: PlanElement, path: str, place: Where
-    ) -> Slot | Measure | None:
+    ) -> Slot | PlanMeasure | None:
         measures = _measures_of(element)
         if path not in measures:
             return self.attribute(element, path, place, tuple(measures))
         dimension, take = measures[path]
-        return Measure(dimension, lambda plan: take(_find_part(plan, element)))
+        return PlanMeasure(dimension, lambda plan: take(_find_part(plan, element)))
 
 
 def _suggested_path(path: str, element: PlanElement, more: Sequence[str]) -> str:

@@ -21,8 +21,9 @@ DISTRIBUTIONS: Final = ("Uniform", "Discrete", "Normal")
 _LARGEST: Final = 200_000
 
 _START: Final = re.compile(
-    r"import\s*[\"']|let\s+[^\d\W]\w*(?!\w|\s*[:.])|require(?!\w)(?!\s*:)|[^\d\W]\w*(?:\s*\.\s*[^\d\W]\w*)*\s*:"
+    r"import\s*[\"']|let\s+[^\d\W]\w*(?!\w|\s*[:.])|require(?!\w)(?!\s*:)|[^\d\W]\w*(?:\s*\.\s*[^\d\W]\w*){0,9}\s*:"
 )
+"""Beginning of a statement. Names have few parts: looking for its end takes little time."""
 _BRACE: Final = re.compile(r"[{}]")
 _DISTRIBUTIONS: Final = tuple(map(str.lower, DISTRIBUTIONS))
 FUNCTIONS: Final = ("abs", "min", "max", "distance")

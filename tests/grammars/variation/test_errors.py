@@ -37,3 +37,17 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
 def test_monsters_are_refused(tmp_path, text):
     assert refused(tmp_path, f"gap: {text}")
     assert refused(tmp_path, f"require {text} > 2")
+
+
+def test_a_number_that_is_too_large_hides_no_other_error(tmp_path):
+    statements = "gap: 1e400 m\nrequire turn > 1e400 deg\nlet wide = uniform(2 .. 1)"
+    assert [text.rpartition(": ")[2] for text in refused(tmp_path, statements)] == [
+        "1e400 m is too large",
+        "1e400 deg is too large",
+        "the range 2 .. 1 is empty\n    the smaller number comes first",
+    ]
+
+
+def test_probabilities_that_no_float_can_sum_up_are_refused(tmp_path):
+    (text,) = refused(tmp_path, "gap: discrete([(1e308, 1), (1e308, 2)])")
+    assert "the probabilities sum to inf" in text
