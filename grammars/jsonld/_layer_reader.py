@@ -17,7 +17,7 @@ from grammars.jsonld._nodes import Node, NodeGraph
 from grammars.jsonld._object_reader import ObjectReader, name_of, scenery_name
 from grammars.jsonld.vocabulary import GEOM, OBJ, SCN, ST, local_name
 from grammars.scenery import SceneryLayer, parse_scenery
-from grammars.scenery.model import At, FrameName, Instance, Name
+from grammars.scenery.model import At, FrameName, Instance, Word
 from grammars.text.diagnostics import InputError, Where
 
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
@@ -116,9 +116,9 @@ class _LayerReader:
         owner = self._nodes.get(of)
         model = self._nodes.get(owner.ref(SCN["mirror-of"]) or of)
         state = node.ref(ST["start-state"])
-        starts = Name(name_of(self._nodes.get(state), owner), where) if state else None
+        starts = Word(name_of(self._nodes.get(state), owner), where) if state else None
         place = self._place(node, where)
-        return Instance(name_of(node), Name(name_of(model), where), place, starts, False, where)
+        return Instance(name_of(node), Word(name_of(model), where), place, starts, False, where)
 
     def _place(self, node: Node, where: Where) -> At:
         """Return the pose of an instance in the first frame of the floor plan it leads to."""

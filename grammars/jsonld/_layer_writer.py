@@ -26,11 +26,11 @@ from grammars.scenery.model import (
     Group,
     In,
     Instance,
-    Name,
     ObjectModel,
     Parameter,
     Sentence,
     Setting,
+    Word,
 )
 from grammars.text.diagnostics import InputError
 
@@ -175,7 +175,7 @@ class LayerWriter:
         if instance.text:
             node["scn:text"] = instance.text
         starts = instance.starts
-        if isinstance(starts, Name) and any(s.name == starts.text for s in model.states):
+        if isinstance(starts, Word) and any(s.name == starts.text for s in model.states):
             node["start-state"] = f"{kind}.state.{starts}"
         if isinstance(instance.place, In):
             node |= self._doorway(instance.place)
@@ -190,7 +190,7 @@ class LayerWriter:
         links = {"scn:stands-in": {"@id": f"fpm:{ids[opening.kind, opening.id]}"}}
         sides = {"in": opening.walls[:1], "out": opening.walls[1:]}
         space = str(place.towards)
-        if not isinstance(place.towards, Name):
+        if not isinstance(place.towards, Word):
             beside = sides[place.towards]
             space = next((wall.space for wall in plan.walls if wall.id in beside), "")
         if place.manner == "hinge" and space:

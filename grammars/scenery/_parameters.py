@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 from grammars.scenery.measure import parse_measure
-from grammars.scenery.model import Group, Name, Parameter, Path, SceneryLayer, Subject
+from grammars.scenery.model import Group, Parameter, Path, SceneryLayer, Subject, Word
 from grammars.text.diagnostics import (
     Diagnostic,
     Findings,
@@ -92,7 +92,7 @@ def unused_parameters(layer: SceneryLayer) -> list[Diagnostic]:
 
     No other layer can: parameters are those of their layer alone.
     """
-    said = {found.text for found in _values_in(layer.sentences) if isinstance(found, Name)}
+    used = {value.text for value in _values_in(layer.sentences) if isinstance(value, Word)}
     return [
         Diagnostic(
             parameter.where,
@@ -101,7 +101,7 @@ def unused_parameters(layer: SceneryLayer) -> list[Diagnostic]:
             Severity.WARNING,
         )
         for parameter in layer.parameters
-        if parameter.name not in said
+        if parameter.name not in used
     ]
 
 
@@ -110,13 +110,15 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
 
     Layers with objects of their own are left out: their groups are an offer to whoever uses them.
     """
-    if layer.instances:
+    if layer.instances or not layer.groups:
         return []
-    said = {
-        found.object
-        for user in (layer, *others)
-        for found in _values_in((user.sentences, user.settings, user.groups))
-        if isinstance(found, Path)
+    # The scenarios of a campaign share most of their layers.
+    users = {id(user): user for user in (layer, *others)}.values()
+    used = {
+        value.object
+        for user in users
+        for value in _values_in((user.sentences, user.settings, user.groups))
+        if isinstance(value, Path)
     }
     return [
         Diagnostic(
@@ -126,7 +128,7 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
             Severity.WARNING,
         )
         for group in layer.groups
-        if group.name not in said
+        if group.name not in used
     ]
 
 

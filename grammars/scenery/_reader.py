@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias, TypeVar
 
 from grammars.scenery.measure import Measure, parse_measure
-from grammars.scenery.model import Amount, FrameName, Name, Path, Subject
+from grammars.scenery.model import Amount, FrameName, Path, Subject, Word
 from grammars.text.diagnostics import Findings, InputError, SyntaxNode, Where
 
 T = TypeVar("T")
@@ -41,9 +41,9 @@ class SceneryReader(Findings):
                 values.append(read(self, node))
         return values
 
-    def name(self, node: SyntaxNode) -> Name:
+    def name(self, node: SyntaxNode) -> Word:
         """Read a word."""
-        return Name(node.text, self.where(node))
+        return Word(node.text, self.where(node))
 
     def measure(self, node: SyntaxNode, *dimensions: str) -> Measure:
         """Read a quantity of one of ``dimensions``, or of any."""

@@ -17,7 +17,6 @@ from grammars.scenery.model import (
     Instance,
     MotionAs,
     Moves,
-    Name,
     OnLeg,
     OnObject,
     OnWaypoint,
@@ -32,6 +31,7 @@ from grammars.scenery.model import (
     Towards,
     Waiting,
     Walks,
+    Word,
 )
 from grammars.text.diagnostics import SyntaxNode
 
@@ -294,7 +294,7 @@ def _offsets(reader: SceneryReader, options: Options) -> tuple[float, float, flo
     )
 
 
-def _hinged(reader: SceneryReader, entryway: Name, options: Options) -> In:
+def _hinged(reader: SceneryReader, entryway: Word, options: Options) -> In:
     hinge = options.pop("Hinge")
     opening = options.pop("Opening", None)
     if opening is None:
@@ -312,7 +312,7 @@ def _hinged(reader: SceneryReader, entryway: Name, options: Options) -> In:
     )
 
 
-def _sliding(reader: SceneryReader, entryway: Name, options: Options) -> In:
+def _sliding(reader: SceneryReader, entryway: Word, options: Options) -> In:
     sliding = options.pop("Sliding")
     side = options.pop("OnSide", None)
     _refuse(reader, options, "is not for sliding doors", "leave it out")

@@ -15,7 +15,7 @@ from grammars.text.diagnostics import Where
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class Word:
     """A name as written, and where."""
 
     text: str
@@ -32,7 +32,7 @@ class Statement:
     text: str = field(default="", compare=False, repr=False, kw_only=True)
 
 
-Amount: TypeAlias = Measure | Name
+Amount: TypeAlias = Measure | Word
 """A quantity, or the name of a parameter (for joint positions also of a state)."""
 
 
@@ -85,7 +85,7 @@ class At:
     inside: bool = False
 
 
-Towards: TypeAlias = Literal["in", "out"] | Name
+Towards: TypeAlias = Literal["in", "out"] | Word
 """A side of a wall: into the first room of an entryway, out of it, or a space by name."""
 
 
@@ -100,10 +100,10 @@ class In:
     frame stands in the middle of the doorway, turned by ``yaw``.
     """
 
-    entryway: Name
+    entryway: Word
     manner: Literal["hinge", "sliding", ""] = ""
     side: Literal["left", "right", ""] = ""
-    seen_from: Name | None = None
+    seen_from: Word | None = None
     towards: Towards = "in"
     recess: float = 0.0
     yaw: float = 0.0
@@ -114,7 +114,7 @@ class Instance(Statement):
     """An object placed in a floor plan; ``starts`` is a state, a position or nothing said."""
 
     name: str
-    model: Name
+    model: Word
     place: At | In
     starts: Amount | None
     frozen: bool

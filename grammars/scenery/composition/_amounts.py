@@ -12,7 +12,7 @@ from grammars.model.geometry import Pose2
 from grammars.model.movers import own_joints
 from grammars.model.scene import Joint, SceneObject
 from grammars.scenery.measure import Measure, require_dimension
-from grammars.scenery.model import Amount, Name, ObjectModel, SceneryLayer
+from grammars.scenery.model import Amount, ObjectModel, SceneryLayer, Word
 from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 
@@ -34,7 +34,7 @@ class SentenceContext:
 
     def value(self, amount: Amount, *dimensions: str) -> float:
         """Return the SI value of a quantity or parameter."""
-        if not isinstance(amount, Name):
+        if not isinstance(amount, Word):
             return require_dimension(amount, *dimensions)
         given = self.parameters.get(amount.text)
         if given is None:
@@ -64,7 +64,7 @@ def joint_positions(
     ``position`` is a quantity, a parameter or a state of ``model``; ``joint`` limits it to one
     joint. Raises :class:`InputError` for unknown states, wrong units and broken limits.
     """
-    if isinstance(position, Name):
+    if isinstance(position, Word):
         given = (parameters or {}).get(position.text)
         states = {state.name: state for state in model.states}
         if given is None and position.text not in states:

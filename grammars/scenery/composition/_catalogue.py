@@ -36,6 +36,7 @@ class Catalogue:
     def __init__(self, layers: Sequence[SceneryLayer]) -> None:
         findings = Findings()
         self._layers = layers
+        self._expanded: dict[int, tuple[SubjectTarget, ...]] = {}
         self.models = _index((m for layer in layers for m in layer.models), "object", findings)
         instances = (i for layer in layers for i in layer.instances)
         self.instances = _index(instances, "object", findings)
@@ -128,7 +129,11 @@ class Catalogue:
             raise InputError.at(path.where, f'"{path.object}" may mean several groups', places)
         if group.name in trail:
             raise InputError.at(group.where, f'group "{group.name}" contains itself')
-        members = self.targets(home, group.members, (*trail, group.name))
+        # Each group once: groups of groups of groups would take twice as long with every level.
+        if id(group) not in self._expanded:
+            targets = self.targets(home, group.members, (*trail, group.name))
+            self._expanded[id(group)] = targets
+        members = self._expanded[id(group)]
         if not path.joint:
             return members
         self._check_joint(path, [t.object for t in members])

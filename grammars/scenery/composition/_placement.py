@@ -18,7 +18,7 @@ from grammars.model.kinematics import link_poses
 from grammars.model.movers import own_joints
 from grammars.model.scene import Doorway, Joint, Link, SceneObject
 from grammars.scenery.composition._amounts import closed_positions
-from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
+from grammars.scenery.model import At, FrameName, In, Instance, ObjectModel, Word
 from grammars.text.diagnostics import Findings, InputError, did_you_mean
 
 
@@ -121,7 +121,7 @@ def place_in_entryway(
     return ObjectPlacement(opening.frame @ Pose2(gap.middle, opening.depth / 2, how.yaw))
 
 
-def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
+def _towards(plan: FloorPlan, opening: Opening, side: str | Word) -> str:
     """Return ``in`` or ``out``; a space is looked for on both sides of the wall."""
     if isinstance(side, str):
         return side
@@ -261,7 +261,7 @@ def _extent(points: list[Point2] | Ring, along: Point2) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def _entryway(plan: FloorPlan, name: Name) -> Opening:
+def _entryway(plan: FloorPlan, name: Word) -> Opening:
     entryways = {o.name: o for o in plan.openings if o.kind == "entryway"}
     if name.text not in entryways:
         window = any(o.name == name.text for o in plan.openings)

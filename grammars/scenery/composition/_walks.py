@@ -13,7 +13,7 @@ from grammars.model.scene import SceneObject
 from grammars.scenery.composition._amounts import SentenceContext
 from grammars.scenery.composition._rings import rounded, rounded_point
 from grammars.scenery.measure import Measure
-from grammars.scenery.model import Name, RoutePoint, Walks
+from grammars.scenery.model import RoutePoint, Walks, Word
 from grammars.text.diagnostics import InputError, did_you_mean
 
 _SHORTEST = 0.01
@@ -65,7 +65,7 @@ def _positive(context: SentenceContext, said: Walks, field: str) -> float:
 
 
 def _facing(context: SentenceContext, said: Walks) -> tuple[Facing, float]:
-    if isinstance(said.facing, Name | Measure):
+    if isinstance(said.facing, Word | Measure):
         angle = context.value(said.facing, "angle")
         frame = frame_in(context.frames, said.route[-1])
         return "fixed", rounded((frame @ Pose2(yaw=angle)).yaw, 12)

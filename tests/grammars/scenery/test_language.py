@@ -7,7 +7,7 @@ import grammars.scenery
 from grammars.editor import literals
 from grammars.scenery import load_scenery, parse_scenery
 from grammars.scenery.measure import Measure
-from grammars.scenery.model import At, Goes, In, Moves, Name, Stays, Toggles
+from grammars.scenery.model import At, Goes, In, Moves, Stays, Toggles, Word
 from grammars.text.diagnostics import InputError, Where
 from tests.grammars.scenery.samples import BEHAVIOUR, DOOR, EVERYTHING, LIFT, PLACED, SLIDER
 
@@ -86,7 +86,7 @@ def test_sentences_say_what_joints_do():
     assert toggles.until.value == 720.0
     assert isinstance(goes, Goes)
     assert (goes.of, goes.to, goes.motion.kind) == ("doorway", "footprint", "spring")
-    assert isinstance(goes.distance, Name)
+    assert isinstance(goes.distance, Word)
     assert isinstance(moves, Moves)
     assert [str(position) for position, _ in moves.frames] == ["open", "closed"]
     assert isinstance(stays, Stays)

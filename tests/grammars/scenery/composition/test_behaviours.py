@@ -272,3 +272,9 @@ def test_a_servo_and_a_spring_may_take_parameters():
     assert isinstance(a, KeyFrames)
     assert isinstance(b, KeyFrames)
     assert (a.motion, b.motion) == (Spring(2.0, 1.0), Servo(1.0, 9.0))
+
+
+def test_groups_of_groups_are_read_once_each():
+    groups = "".join(f"group g{k}: every g{k - 1}, g{k - 1}\n" for k in range(1, 60))
+    text = f"group g0: every slider\n{groups}every g59 stays at 20 cm"
+    assert behaviours_of(DOORS, text) == (Hold("c.rail", 0.2),)
