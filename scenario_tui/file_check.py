@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.sources import is_folder, refuse_unreadable
+from grammars.text.sources import is_folder, is_jsonld, refuse_unreadable
 from grammars.text.words import count_noun
 
 if TYPE_CHECKING:
@@ -31,8 +31,6 @@ def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Diagnostic, ..
 
 def _checker(path: Path) -> Checker:
     if is_folder(path):
-        from grammars.jsonld import is_jsonld
-
         if is_jsonld(path):
             return _jsonld
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))

@@ -36,6 +36,7 @@ from grammars.model.mission_files import load_mission
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import InputError
+from grammars.text.sources import model_files
 from grammars.variation import load_variation, sample, write_variants
 from templates.jsonld import write_jsonld
 from templates.sdf import frames_text
@@ -45,7 +46,7 @@ from tests.grammars.plans import world_of
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "published-models.md"
 _BEGIN, _END = "<!-- table -->", "<!-- end of table -->"
-_NOT_PUBLISHED = {"goldens", "acceptance"}
+_NOT_PUBLISHED = {"goldens", "acceptance", "reports"}
 """Folders of the reference data that hold inputs made for tests."""
 _NEAR = 1e-6
 """What comes back lies this near to where it was [m]."""
@@ -94,7 +95,10 @@ _Look = Callable[[Path, Path], tuple[str, str, str]]
 def _trial(path):
     """Return what a file or folder is, and how it is tried; ``None`` for what is no model."""
     if path.is_dir():
-        return ("JSON-LD plan", _plan_folder) if _is_plan_folder(path) else None
+        if _is_plan_folder(path):
+            return "JSON-LD plan", _plan_folder
+        is_model = any("@graph" in _keys(file) for file in model_files(path))
+        return ("JSON-LD objects", _objects) if is_model else None
     endings = {
         ".fpm": ("plan", _plan),
         ".variation": ("variation", _variation),
@@ -108,10 +112,7 @@ def _trial(path):
             return "map", _map
         return ("task", _task) if "waypoints" in keys else None
     if path.suffix in (".json", ".jsonld"):
-        if "keyframes" in _keys(path):
-            return "key frames", _key_frames
-        if "@graph" in _keys(path) and not _is_plan_folder(path.parent):
-            return "JSON-LD object", _object
+        return ("key frames", _key_frames) if "keyframes" in _keys(path) else None
     return None
 
 
@@ -226,7 +227,7 @@ def _variation(path, scratch):
     return loads, tried(lambda: run_in(load_floorplan(files[0]), files[0], scratch)), returns
 
 
-def _object(path, scratch):
+def _objects(path, scratch):
     return tried(lambda: load_scenery_jsonld(path)), "-", "-"
 
 

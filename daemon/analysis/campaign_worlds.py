@@ -16,8 +16,8 @@ from daemon.campaign import (
     find_layer,
     load_campaign,
 )
-from grammars.jsonld import model_files
 from grammars.text.diagnostics import Diagnostic
+from grammars.text.sources import model_files
 from templates.naming import free_name
 from templates.world import ArtefactWorld, BehaviourDraw, named_states
 

@@ -17,7 +17,6 @@ from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import sut_kinds
 from grammars.floorplan import WALLS_ENDING, FloorPlan, ParsedFloorPlan, read_floorplan
-from grammars.jsonld import is_jsonld, load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
@@ -32,6 +31,7 @@ from grammars.text.overrides import Override, override_document, placed_at
 from grammars.text.sources import (
     is_file,
     is_folder,
+    is_jsonld,
     names_in,
     not_recording,
     read_text,
@@ -161,11 +161,17 @@ class GivenMap:
     grid: OccupancyGrid
 
 
+# What reads maps, drawings and JSON-LD is loaded by campaigns that have some.
 def _load_walls(path: Path) -> FloorPlan:
-    # What reads maps and drawings is loaded by campaigns that have one.
     from grammars.maps import load_walls
 
     return load_walls(path)
+
+
+def _load_plan_graph(path: Path) -> FloorPlan:
+    from grammars.jsonld import load_floorplan_jsonld
+
+    return load_floorplan_jsonld(path)
 
 
 _MOST_OVERRIDDEN: Final = 64
@@ -323,7 +329,7 @@ class LayerLibrary:
             message = f"{path.name} has no variables, and so none to give another value"
             raise InputError(Diagnostic(reference.where, message, "use a plan in .fpm"))
         else:
-            plan = _load_walls(path) if is_walls else load_floorplan_jsonld(path)
+            plan = _load_walls(path) if is_walls else _load_plan_graph(path)
         self.warnings.extend(plan.warnings)
         return plan
 
@@ -340,6 +346,8 @@ class LayerLibrary:
 
     def _load_scenery(self, path: Path) -> SceneryLayer:
         if is_jsonld(path):
+            from grammars.jsonld import load_scenery_jsonld
+
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 

@@ -20,7 +20,6 @@ from daemon.campaign._scenarios import LayerReference, ResolvedScenario, require
 from daemon.model.search import ParameterSlot
 from daemon.stacks.registry import stack_kind
 from grammars.floorplan import WALLS_ENDING
-from grammars.jsonld import is_jsonld
 from grammars.model.mission_files import MissionText
 from grammars.model.robot_files import RobotText
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
@@ -33,6 +32,7 @@ from grammars.text.documents import (
 )
 from grammars.text.overrides import Override, key_paths
 from grammars.text.quantity import QuantityField, read_quantity, unit_of
+from grammars.text.sources import is_jsonld
 
 _SLOT_WORDS: Final = ("mission", "robot", "sut", "floorplan", "vary")
 """Slots with one layer, which may be named in the place of that layer."""

@@ -6,21 +6,13 @@ have (:mod:`grammars.jsonld.rdf`).
 """
 
 from grammars.jsonld._layer_writer import objects_document, scene_document, scenery_document
-from grammars.jsonld._load import (
-    check_jsonld,
-    is_jsonld,
-    load_floorplan_jsonld,
-    load_scenery_jsonld,
-    model_files,
-)
+from grammars.jsonld._load import check_jsonld, load_floorplan_jsonld, load_scenery_jsonld
 from grammars.jsonld._plan_writer import plan_documents
 
 __all__ = [
     "check_jsonld",
-    "is_jsonld",
     "load_floorplan_jsonld",
     "load_scenery_jsonld",
-    "model_files",
     "objects_document",
     "plan_documents",
     "scene_document",

@@ -21,35 +21,14 @@ from grammars.jsonld._plan_reader import read_plan
 from grammars.jsonld.vocabulary import FP, KC, OBJ, SCN, ST
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, Findings, InputError, Where
-from grammars.text.sources import is_folder, read_text
+from grammars.text.sources import is_folder, model_files, read_text
 
-_ENDINGS: Final = (".jsonld", ".json")
 _OF_OBJECTS: Final = (
     *(OBJ[kind] for kind in ("Object", "ObjectInstance")),
     *(ST[kind] for kind in ("State", "JointState")),
     KC["Joint"],
     SCN["Layer"],
 )
-
-
-def is_jsonld(path: Path) -> bool:
-    """Return whether a path is a JSON-LD file by its ending, or a folder that holds some."""
-    return bool(model_files(path)) if is_folder(path) else path.suffix in _ENDINGS
-
-
-def model_files(path: Path) -> tuple[Path, ...]:
-    """Return the file that a path names, or the files of a folder in order.
-
-    Of a folder these are the ``.json`` files, otherwise the ``.jsonld`` files: an export of ours
-    has the same plan both ways.
-    """
-    if not is_folder(path):
-        return (path,)
-    for ending in reversed(_ENDINGS):
-        found = sorted(file for file in path.iterdir() if file.suffix == ending)
-        if found:
-            return tuple(found)
-    return ()
 
 
 def load_floorplan_jsonld(path: str | Path, base: str = "") -> FloorPlan:

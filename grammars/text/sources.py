@@ -19,6 +19,7 @@ from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 MAX_BYTES: Final = 8 * 1024 * 1024
 """A file written by a person is never larger than this; a larger one is refused."""
+_JSONLD: Final = (".jsonld", ".json")
 _MOST_NEIGHBOURS: Final = 2_000
 _REASONS: Final = {
     errno.ENAMETOOLONG: "its name is too long",
@@ -74,6 +75,26 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except (OSError, ValueError):
         return False
+
+
+def is_jsonld(path: Path) -> bool:
+    """Return whether a path is a JSON-LD file by its ending, or a folder that holds some."""
+    return bool(model_files(path)) if is_folder(path) else path.suffix in _JSONLD
+
+
+def model_files(path: Path) -> tuple[Path, ...]:
+    """Return the file that a path names, or the files of a folder in order.
+
+    Of a folder these are the ``.json`` files, otherwise the ``.jsonld`` files: an export of ours
+    has the same plan both ways.
+    """
+    if not is_folder(path):
+        return (path,)
+    for ending in reversed(_JSONLD):
+        found = sorted(file for file in path.iterdir() if file.suffix == ending)
+        if found:
+            return tuple(found)
+    return ()
 
 
 def names_in(folder: Path, wanted: Callable[[Path], bool] = is_file) -> list[str]:

@@ -35,9 +35,10 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diag
     Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
     """
     from grammars.floorplan import WALLS_ENDING, load_floorplan
-    from grammars.jsonld import is_jsonld, load_floorplan_jsonld, model_files
+    from grammars.jsonld import load_floorplan_jsonld
     from grammars.maps import load_walls
     from grammars.scenery.composition import compile_scene
+    from grammars.text.sources import is_jsonld, model_files
     from templates.world import ArtefactWorld
 
     if path.name.endswith(WALLS_ENDING):

@@ -32,8 +32,9 @@ from daemon.model.attachments import FILES_PARAMETER, stored_file
 from daemon.model.spec import RunSpec, SutReference
 from daemon.run_map import stored_map
 from daemon.stacks.registry import stack_kind
-from grammars.jsonld import is_jsonld, scene_document
+from grammars.jsonld import scene_document
 from grammars.model.map_files import write_map
+from grammars.text.sources import is_jsonld
 from grammars.text.yaml_text import yaml_text
 
 SCENARIO: Final = "minimal"
