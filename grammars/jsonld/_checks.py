@@ -12,7 +12,18 @@ from typing import Final
 
 from grammars.jsonld._kinematics import axis_vectors, is_moving, joint_position, limits
 from grammars.jsonld._nodes import NodeGraph, index_by
-from grammars.jsonld.vocabulary import COORD, FP, GEOM, ITEMS, KC, OBJ, REL, ST, local_name
+from grammars.jsonld.vocabulary import (
+    COORD,
+    FP,
+    GEOM,
+    ITEMS,
+    KC,
+    OBJ,
+    REL,
+    ST,
+    local_name,
+    namespace_of,
+)
 from grammars.text.diagnostics import InputError
 
 _MOST_SHOWN: Final = 4
@@ -36,6 +47,7 @@ def check_nodes(nodes: NodeGraph, *, partial: bool = False) -> None:
         return partial and (predicate in _OF_THE_PLAN or _home(target) not in homes)
 
     check_shapes(nodes, is_elsewhere)
+    _check_coordinates(nodes)
     _check_views(nodes)
     _check_pose_tree(nodes, partial)
     # Of joints that fit their shapes, which have both limits, two bodies and two lines.
@@ -58,7 +70,16 @@ def _home(id: str) -> str:
     """Return what belongs together: a namespace, or an object of ours with all its parts."""
     if id.startswith(ITEMS):
         return id.partition(".")[0]
-    return id[: len(id) - len(local_name(id))]
+    return namespace_of(id)
+
+
+def _check_coordinates(nodes: NodeGraph) -> None:
+    """Report coordinates that are words: of these many nodes, shapes would take a second more."""
+    for node in nodes.by_id.values():
+        for name in ("x", "y", "z", "alpha", "beta"):
+            for value in node.all(COORD[name]):
+                if isinstance(value, bool) or not isinstance(value, int | float):
+                    nodes.add_error(node.id, f"{name} of {local_name(node.id)} is not a number")
 
 
 def _check_views(nodes: NodeGraph) -> None:

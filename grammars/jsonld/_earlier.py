@@ -29,6 +29,7 @@ from grammars.jsonld.vocabulary import (
     UNIT,
     UNKNOWN,
     local_name,
+    namespace_of,
 )
 from grammars.model.geometry import Point2, Pose2
 
@@ -101,11 +102,12 @@ def _settle_limits(nodes: NodeGraph) -> None:
     """Positions that a state refers to are not limits, whatever their type says."""
     for state in nodes.of_type(ST["JointState"]):
         for pose in (nodes.get(id) for id in state.refs(ST["pose"])):
-            for kind in {OBJ["JointLowerLimit"], OBJ["JointUpperLimit"]} & set(pose.types):
-                pose.types.remove(kind)
-                message = f"{local_name(pose.id)} is the position of a state and typed "
-                hint = "it is not taken as a limit; remove the type"
-                nodes.add_warning(pose.id, f"{message}{local_name(kind)}", hint)
+            for kind in (OBJ["JointLowerLimit"], OBJ["JointUpperLimit"]):
+                if kind in pose.types:
+                    pose.types.remove(kind)
+                    message = f"{local_name(pose.id)} is the position of a state and typed "
+                    hint = "it is not taken as a limit; remove the type"
+                    nodes.add_warning(pose.id, f"{message}{local_name(kind)}", hint)
 
 
 def _settle_identifiers(nodes: NodeGraph) -> None:
@@ -118,19 +120,21 @@ def _settle_identifiers(nodes: NodeGraph) -> None:
     for id in described:
         named.setdefault(local_name(id), []).append(id)
     meant: dict[str, str] = {}
-    owners: dict[tuple[str, str], str] = {}
+    # By namespaces, the written and the meant one: who refers to what.
+    strays: dict[tuple[str, str], dict[str, str]] = {}
     for node in nodes.by_id.values():
         for predicate in node.values:
             for target in node.refs(predicate):
                 namesakes = named.get(local_name(target), ())
                 if target not in described and len(namesakes) == 1:
                     meant[target] = namesakes[0]
-                    owners.setdefault((_home(target), _home(namesakes[0])), node.id)
-    for (wrong, right), owner in owners.items():
-        targets = [t for t, to in meant.items() if (_home(t), _home(to)) == (wrong, right)]
-        more = f" and {len(targets) - 1} more" if len(targets) > 1 else ""
+                    homes = namespace_of(target), namespace_of(namesakes[0])
+                    strays.setdefault(homes, {}).setdefault(target, node.id)
+    for (_, right), owners in strays.items():
+        (stray, owner), *_ = owners.items()
+        more = f" and {len(owners) - 1} more" if len(owners) > 1 else ""
         # An identifier without a prefix is shown as it was written.
-        shown = local_name(targets[0]) if targets[0].startswith("file:") else targets[0]
+        shown = local_name(stray) if stray.startswith("file:") else stray
         hint = f"what has that name in <{right}> is taken: is a prefix missing, or not declared?"
         nodes.add_warning(owner, f'nothing is called "{shown}"{more}', hint)
 
@@ -144,21 +148,13 @@ def _settle_identifiers(nodes: NodeGraph) -> None:
             node.values[predicate] = [current(value) for value in values]
 
 
-def _home(id: str) -> str:
-    return id[: len(id) - len(local_name(id))]
-
-
 def _settle_origins(nodes: NodeGraph) -> None:
     """A position is with respect to a point: of a frame, its origin is meant."""
     settled = []
     for node in nodes.of_type(REL["Position"]):
         for id in node.refs(REL["with-respect-to"]):
             frame = nodes.by_id.get(id)
-            if (
-                frame is not None
-                and GEOM["Frame"] in frame.types
-                and GEOM["origin"] in frame.values
-            ):
+            if frame is not None and GEOM["origin"] in frame.values:
                 node.values[REL["with-respect-to"]] = list(frame.refs(GEOM["origin"]))
                 settled.append(node.id)
     if settled:

@@ -235,18 +235,19 @@ class _NodeReader:
         self._unknown.setdefault(iri.removeprefix(UNKNOWN), []).append(written)
 
     def _identify(self, data: dict[str, Any], written: str) -> str:
-        id = data.get("@id")
+        id: str | None = data.get("@id")
         if id is None:
             self._blanks += 1
-            return f"_:{self._source.file}#{self._blanks}"
-        if id.startswith("_:"):
-            return f"_:{self._source.file}#{id[2:]}"
+            # With a space: labels in a document have none.
+            id = f"_:{self._source.file}# {self._blanks}"
+        elif id.startswith("_:"):
+            id = f"_:{self._source.file}#{id[2:]}"
         # What a unit or kind without a context may have meant is known where those are read.
-        if not id.startswith(UNKNOWN):
+        elif not id.startswith(UNKNOWN):
             self._checked(id, written or id)
-        if len(data) > 2:
+        if len(data) > 2 or "@id" not in data:
             self._written.setdefault(id, written)
-        return str(id)
+        return id
 
     def _checked(self, iri: str, written: str) -> str:
         if _NO_IRI.search(iri):

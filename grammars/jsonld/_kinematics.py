@@ -139,14 +139,14 @@ class Positions:
             if origin is not None:
                 origins.setdefault(origin, frame.id)
         for position in nodes.of_type(REL["Position"]):
-            point = position.ref(REL["of"])
-            for coordinate in numbers.get(position.id, [])[:1] if point else []:
+            point = position.refs(REL["of"])[0]
+            for coordinate in numbers.get(position.id, [])[:1]:
                 # Layers of others may leave out who sees a point: then it is the frame with that
                 # origin.
                 seen = coordinate.ref(COORD["as-seen-by"]) or origins.get(
                     position.ref(REL["with-respect-to"]) or ""
                 )
-                if seen is None or point is None:
+                if seen is None:
                     continue
                 x, y, z = (
                     scaled(coordinate, COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z")

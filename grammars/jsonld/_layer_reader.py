@@ -15,7 +15,7 @@ from grammars.floorplan import WORLD_FRAME
 from grammars.jsonld._kinematics import PoseGraph
 from grammars.jsonld._nodes import Node, NodeGraph
 from grammars.jsonld._object_reader import ObjectReader, name_of, scenery_name
-from grammars.jsonld.vocabulary import GEOM, OBJ, SCN, ST, local_name
+from grammars.jsonld.vocabulary import GEOM, OBJ, SCN, ST, local_name, namespace_of
 from grammars.scenery import SceneryLayer, parse_scenery
 from grammars.scenery.model import At, FrameName, Instance, Word
 from grammars.text.diagnostics import InputError, Where
@@ -123,8 +123,7 @@ class _LayerReader:
     def _place(self, node: Node, where: Where) -> At:
         """Return the pose of an instance in the first frame of the floor plan it leads to."""
         frame = node.ref(OBJ["frame"])
-        plan = node.ref(OBJ["world"]) or ""
-        base = plan[: len(plan) - len(local_name(plan))]
+        base = namespace_of(node.ref(OBJ["world"]) or "")
         placed = self._poses.reach(frame) if frame is not None else {}
         for id, view in placed.items():
             node_there = self._nodes.by_id.get(id)

@@ -59,7 +59,8 @@ class LinkShapes:
         if POLY["CuboidWithSize"] in shape.types:
             sizes = [scaled(shape, POLY[f"{axis}-size"], LENGTHS) for axis in "xyz"]
             if any(size is None or not 1e-6 < size < 1e6 for size in sizes):
-                self._nodes.add_error(shape.id, f"cuboid {local_name(shape.id)} lacks a size")
+                message = f"a size of cuboid {local_name(shape.id)} is below 1 µm or above 1000 km"
+                self._nodes.add_error(shape.id, message)
                 return None
             x, y, z = (size / 2 for size in sizes if size is not None)
             ring = here.pose.apply_ring(((-x, -y), (x, -y), (x, y), (-x, y)))
@@ -142,11 +143,7 @@ class ObjectReader:
     def read(self, node: Node) -> ObjectModel | None:
         """Return the model an ``Object`` node describes, or ``None`` after noting why not."""
         before = len(self._nodes.diagnostics)
-        base = node.ref(OBJ["object-frame"])
-        if base is None:
-            self._nodes.add_error(node.id, f"object {local_name(node.id)} has no object-frame")
-            return None
-        placed = self._poses.reach(base)
+        placed = self._poses.reach(node.refs(OBJ["object-frame"])[0])
         order = {str(id): k for k, id in enumerate(node.refs(SCN["order"]))}
         bodies = self._bodies(node, order)
         links = {body: self._link(body, link, placed) for body, link in bodies.items()}
@@ -178,8 +175,6 @@ class ObjectReader:
                 self._nodes.add_error(id, f"link {local_name(id)} has no body")
             else:
                 bodies[body] = link
-        if not bodies:
-            self._nodes.add_error(node.id, f"object {local_name(node.id)} has no links")
         return bodies
 
     def _link(self, body: str, link: Node, placed: dict[str, PlacedFrame]) -> Link | None:
@@ -207,10 +202,8 @@ class ObjectReader:
     def _mass(self, body: str, name: str) -> float:
         for inertia in self._inertias.get(body, []):
             mass = inertia.number(DYN["mass"])
-            if mass is not None and 0.0 < mass < 1e6:
+            if mass is not None:
                 return mass
-            self._nodes.add_error(inertia.id, f"the mass of link {name} is not greater than 0 kg")
-            return 1.0
         self._nodes.add_warning(body, f"link {name} has no mass", "1 kg is taken")
         return 1.0
 
@@ -250,11 +243,8 @@ class ObjectReader:
         """Return how a joint moves in the object frame, or ``None`` after noting why not."""
         frame, slot = self._axis_frame(joint, parent)
         here = placed.get(frame)
-        bounds = self._limits.get(joint.id, ([], []))
-        lower, upper = (joint_position(side[0], joint) if side else None for side in bounds)
-        if here is None or not is_level(here) or lower is None or upper is None:
-            message = f"joint {name} has no axis in its object, or no limits"
-            self._nodes.add_error(joint.id, message)
+        if here is None or not is_level(here):
+            self._nodes.add_error(joint.id, f"joint {name} has no axis in its object")
             return None
         if is_turning(joint) != (slot == "z"):
             what = "turns about a lying axis" if is_turning(joint) else "slides up and down"
@@ -266,6 +256,7 @@ class ObjectReader:
             angle = here.pose.yaw + _AXES[slot]
             axis = (trim_rounding(math.cos(angle)), trim_rounding(math.sin(angle)))
         anchor = (trim_rounding(here.pose.x), trim_rounding(here.pose.y))
+        lower, upper = (joint_position(side[0], joint) for side in self._limits[joint.id])
         return anchor, axis, (lower, upper)
 
     def _ends(
@@ -316,10 +307,9 @@ class ObjectReader:
         positions: dict[str, dict[str, float]] = {}
         for id, joint in joints.items():
             for entry in self._states.get(id, []):
-                state = entry.ref(ST["state"])
-                pose = self._nodes.by_id.get(entry.ref(ST["pose"]) or "")
-                value = joint_position(pose, self._nodes.get(id)) if pose is not None else None
-                if state is not None and value is not None and joint is not None:
+                state, pose = (entry.refs(ST[word])[0] for word in ("state", "pose"))
+                if joint is not None and pose in self._nodes.by_id:
+                    value = joint_position(self._nodes.get(pose), self._nodes.get(id))
                     positions.setdefault(state, {})[joint.name] = value
         ids = sorted(positions, key=lambda id: order.get(id, len(order)))
         return tuple(

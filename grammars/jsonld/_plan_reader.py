@@ -23,7 +23,7 @@ from grammars.floorplan import (
 from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref
 from grammars.jsonld._plan_writer import flat, implied_space, is_polygon
-from grammars.jsonld.vocabulary import FP, GEOM, OBJ, POLY, SCN, local_name
+from grammars.jsonld.vocabulary import FP, GEOM, OBJ, POLY, SCN, local_name, namespace_of
 from grammars.model.geometry import Ring
 from grammars.text.diagnostics import (
     Diagnostic,
@@ -64,9 +64,7 @@ class _PlanReader:
     def read(self) -> FloorPlan:
         root = self._root()
         self.placed = PoseGraph(self.nodes).reach(self._world(root))
-        spaces = [self._space(node) for node in self._listed(root, FP["spaces"], "Space")]
-        if not root.refs(FP["spaces"]):
-            self.nodes.add_error(root.id, f"plan {local_name(root.id)} has no spaces")
+        spaces = [self._space(node) for node in self._listed(root, FP["spaces"])]
         if "" in self.outlines or not _name(root):
             self.nodes.add_error(root.id, "the plan or a space has no name: its IRI ends with /")
         if len(self.outlines) < sum(space is not None for space in spaces):
@@ -116,7 +114,7 @@ class _PlanReader:
             if frame is not None:
                 self.names[frame] = WORLD_FRAME
                 return frame
-        world = root.id[: len(root.id) - len(local_name(root.id))] + WORLD_FRAME
+        world = namespace_of(root.id) + WORLD_FRAME
         frames = [node.id for node in self.nodes.of_type(GEOM["Frame"])]
         if world not in self.nodes.by_id:
             # Plans of 2023 have their frames and their elements in namespaces of their own.
@@ -131,20 +129,8 @@ class _PlanReader:
         self.names[world] = WORLD_FRAME
         return world
 
-    def _listed(self, owner: Node, predicate: str, kind: str) -> list[Node]:
-        """Return what ``owner`` lists, each checked to be of its type."""
-        nodes = []
-        for id in owner.refs(predicate):
-            node = self.nodes.by_id.get(id)
-            if node is None or FP[kind] not in node.types:
-                self.nodes.add_error(
-                    id if node else owner.id,
-                    f"{local_name(owner.id)} lists {local_name(id)}, which is no {kind}",
-                    did_you_mean(local_name(id), _names_of(self.nodes, kind)),
-                )
-            else:
-                nodes.append(node)
-        return nodes
+    def _listed(self, owner: Node, predicate: str) -> list[Node]:
+        return [self.nodes.by_id[id] for id in owner.refs(predicate)]
 
     def _outline(self, node: Node, predicate: str) -> tuple[str, tuple[Point3, ...]] | None:
         """Return the frame an element's shape is drawn in, and its corners."""
@@ -181,21 +167,17 @@ class _PlanReader:
         name = _name(node)
         outline = self._outline(node, FP["shape"])
         placed = self._frame(node, outline[0], f"{name}-frame") if outline else None
-        walls = self._listed(node, FP["walls"], "Wall")
+        walls = self._listed(node, FP["walls"])
         bodies = [self._wall(wall, name, k) for k, wall in enumerate(walls)]
         solid = [body for body in bodies if body is not None]
         if outline is None or placed is None or len(solid) < len(bodies):
-            return None
-        is_area = SCN["Area"] in node.types
-        if not solid and not is_area:
-            self.nodes.add_error(node.id, f"{local_name(node.id)} has no walls")
             return None
         ring: Ring = flat(outline[1])
         if not is_polygon(ring):
             self.nodes.add_error(node.id, f"the shape of {local_name(node.id)} has no area")
             return None
         space = self._made(node, name, placed, ring, solid)
-        if is_area:
+        if SCN["Area"] in node.types:
             space = replace(space, holes=self._holes(node, placed))
         for wall_node, wall in zip(walls, space.walls, strict=True):
             self.walls[wall_node.id] = wall
@@ -217,14 +199,11 @@ class _PlanReader:
 
     def _wall(self, node: Node, space: str, index: int) -> Wall | None:
         outline = self._outline(node, FP["shape"])
+        placed = self._frame(node, outline[0], f"{space}-wall-{index}-frame") if outline else None
         thickness = scaled(node, FP["thickness"], LENGTHS)
         height = scaled(node, FP["height"], LENGTHS)
-        if thickness is None or height is None:
-            self.nodes.add_error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
-        if outline is None or thickness is None or height is None:
-            return None
-        placed = self._frame(node, outline[0], f"{space}-wall-{index}-frame")
-        if placed is None:
+        # The shapes make sure of both numbers.
+        if outline is None or placed is None or thickness is None or height is None:
             return None
         if len(outline[1]) != 4:
             self.nodes.add_error(
@@ -258,7 +237,7 @@ class _PlanReader:
         return Placement(names[0], names[1], placed.offset, outline)
 
     def _features(self, root: Node) -> tuple[Feature, ...]:
-        owners = [(node, _name(node)) for node in self._spaces(root)]
+        owners = [(node, _name(node)) for node in self._listed(root, FP["spaces"])]
         features: dict[str, Feature] = {}
         for owner, space in (*owners, (root, "")):
             for id in owner.refs(FP["features"]):
@@ -273,9 +252,6 @@ class _PlanReader:
         ids = sorted(features, key=lambda id: order.get(id, len(order)))
         return tuple(features[id] for id in ids)
 
-    def _spaces(self, root: Node) -> list[Node]:
-        return [self.nodes.by_id[id] for id in root.refs(FP["spaces"])]
-
     def _feature(
         self, id: Ref | str, owner: Node, space: str, features: dict[str, Feature]
     ) -> None:
@@ -286,10 +262,7 @@ class _PlanReader:
             message = f"{local_name(owner.id)} lists {local_name(id)}, no column or divider"
             self.nodes.add_error(owner.id, message)
             return
-        height = scaled(node, FP["height"], LENGTHS)
-        if height is None:
-            self.nodes.add_error(node.id, f"{kind} {local_name(id)} has no height")
-        outline = self._outline(node, FP["shape"])
+        height, outline = scaled(node, FP["height"], LENGTHS), self._outline(node, FP["shape"])
         if node.id in features:
             message = (
                 f'{kind} {local_name(id)} is listed by "{features[node.id].space}" and "{space}"'
@@ -324,16 +297,12 @@ class _PlanReader:
             "entryway" if FP["Entryway"] in node.types else "window"
         )
         near, body = self._outline(node, FP["shape"]), self._outline(node, FP["3d-shape"])
-        voids = [(id, self.walls.get(id)) for id in node.refs(FP["voids"])]
+        voids = [(id, self.walls.get(id)) for id in dict.fromkeys(node.refs(FP["voids"]))]
         for id, wall in voids:
             if wall is None:
                 message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
                 hint = did_you_mean(local_name(id), map(local_name, self.walls))
                 self.nodes.add_error(node.id, message, hint)
-        if not 1 <= len(voids) <= 2 and (voids or SCN["Gap"] not in node.types):
-            message = f"{kind} {local_name(node.id)} voids {len(voids)} walls, one or two are cut"
-            self.nodes.add_error(node.id, message)
-            return None
         name = _name(node)
         placed = self._frame(node, near[0], f"{kind}-{name}-frame") if near else None
         walls = tuple(wall.id for _, wall in voids if wall is not None)
@@ -360,7 +329,3 @@ class _PlanReader:
 def _name(node: Node) -> str:
     """Return what an element is called, where its identifier had to be another one."""
     return node.text(SCN["name"]) or local_name(node.id)
-
-
-def _names_of(nodes: NodeGraph, kind: str) -> list[str]:
-    return [local_name(node.id) for node in nodes.of_type(FP[kind])]

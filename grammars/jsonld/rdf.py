@@ -92,7 +92,7 @@ class _GraphFiller:
     def _term(self, id: str) -> URIRef | BNode:
         term = self._terms.get(id)
         if term is None:
-            term = self._terms[id] = BNode() if id.startswith("_:") else URIRef(id)
+            term = self._terms[id] = BNode(id[2:]) if id.startswith("_:") else URIRef(id)
         return term
 
     def _value(self, value: Value) -> Term:
@@ -182,7 +182,8 @@ class _Explanation:
         for result in self._report.subjects(RDF.type, SH.ValidationResult):
             explained = self._explained(result)
             if explained is not None:
-                focus = str(self._report.value(result, SH.focusNode))
+                term = self._report.value(result, SH.focusNode)
+                focus = f"_:{term}" if isinstance(term, BNode) else str(term)
                 found.append((order.get(focus, -1), focus, *explained))
         for _, focus, message, hint, severity in sorted(found):
             note = self._nodes.add_error
@@ -223,7 +224,9 @@ class _Explanation:
         if kinds or isinstance(value, Literal):
             what = with_article(", ".join(kinds) or "value")
             return f"{words}, {what}", f"expected {with_article(local_name(str(kind)))}"
-        if self._is_elsewhere(predicate, str(value)):
+        # A list, which an empty one is too, is of this model.
+        is_named = isinstance(value, URIRef) and value != RDF.nil
+        if is_named and self._is_elsewhere(predicate, str(value)):
             return None
         self._hints += 1
         hint = ""

@@ -91,6 +91,11 @@ def local_name(iri: str) -> str:
     return iri.rsplit("/", 1)[-1].rsplit("#", 1)[-1].rsplit(":", 1)[-1]
 
 
+def namespace_of(iri: str) -> str:
+    """Return what is in front of the local name."""
+    return iri[: len(iri) - len(local_name(iri))]
+
+
 _FOLDER: Final = Path(__file__).with_name("contexts")
 
 

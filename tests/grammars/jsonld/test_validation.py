@@ -77,12 +77,15 @@ def test_one_divider_in_several_rooms_is_found(tmp_path):
     ("id", "key", "value", "message"),
     [
         ("hall", "shape", None, "hall: the shape, a polygon, is missing"),
-        ("hall-wall-0", "height", None, "hall-wall-0: the height is missing"),
+        ("hall-wall-0", "height", None, "hall-wall-0: there is no height greater than 0"),
         ("hall-wall-0", "height", [3.5, 2.5], "hall-wall-0 has 2 values of height: 2.5, 3.5"),
         ("hall-wall-0", "unit", "feet", "the unit is none of M, CentiM and MilliM, found feet"),
+        ("hall-wall-0", "height", 0.0, "there is no height greater than 0, found 0.0"),
+        ("hall-wall-0", "thickness", -0.2, "wall has no thickness greater than 0, found -0.2"),
+        ("coord-pose-hall-frame-wrt-world-frame", "x", True, "x of coord-pose-hall-frame-wrt-wor"),
         ("kitchen_doorway", "voids", None, "kitchen_doorway: this opening voids no wall"),
         ("hall", "walls", ["hall-wall-0"], "hall: this space has less than three walls"),
-        ("hall", "@type", ["Space", "Wall"], "hall: the thickness of this wall is missing"),
+        ("hall", "@type", ["Space", "Wall"], "hall: this wall has no thickness greater"),
         ("hall-polygon", "points", None, "hall-polygon: this shape has no list of points"),
         ("hall-wall-2-frame", "@type", "Point", '-frame is hall-wall-2-frame, a Point (expected'),
         ("pose-hall-frame-wrt-world-frame", "with-respect-to", None, "is with respect to"),
@@ -106,6 +109,26 @@ def test_faults_are_found(tmp_path, id, key, value, message):
 
 def test_a_scene_without_faults_has_none(tmp_path):
     assert messages(tmp_path, *scene()) == []
+
+
+def test_a_fault_of_a_node_without_a_name_is_in_its_file(tmp_path):
+    nodes, context = scene()
+    wall = {
+        key: value for key, value in nodes["hall-wall-0"].items() if key not in ("@id", "height")
+    }
+    file = tmp_path / "scene.jsonld"
+    file.write_text(json.dumps({"@context": context, "@graph": [*nodes.values(), wall]}))
+    (found,) = check_jsonld(file)
+    assert str(found).startswith(f"{file}:1:1: a node without @id: there is no height")
+
+
+def test_an_empty_list_leads_to_nothing_of_another_model(tmp_path):
+    document = scenery_document(layer(DOORS), two_rooms())
+    pose = next(node for node in document["@graph"] if node["@type"] == "Pose")
+    pose["of"] = {"@list": []}
+    file = tmp_path / "doors.jsonld"
+    file.write_text(json.dumps(document))
+    assert any('"of" of' in found.message for found in check_jsonld(file))
 
 
 def test_frames_of_nowhere_are_found(tmp_path):
