@@ -13,7 +13,6 @@ import struct
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatch
-from itertools import count
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -57,6 +56,8 @@ _CELL, _MOST_CELLS, _MARGIN = 0.02, 4e6, 3.0
 _LARGEST_FILE, _MOST_ENTITIES = 256 * 1024 * 1024, 500_000
 _SIZES, _FAR = (1.0, 2000.0), 1000.0
 """Extents of a building [m]; one farther from the origin than ``_FAR`` is moved there."""
+_MOST_JAMBS: Final = 8
+"""Nearest ends of lines with which an end is joined."""
 _THICKEST: Final = 0.6
 """Two lines farther apart [m] are two walls."""
 _GATES: Final = (1.3, 2.5, 5.0)
@@ -136,12 +137,9 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
     if b"EOF" not in data[-64:]:
         problem = "is cut off: the mark EOF at its end is missing"
         raise InputError.at(where, problem, "save or convert the drawing again")
-    hidden, absent, passed = Counter[str](), Counter[str](), count(1)
+    hidden, absent = Counter[str](), Counter[str]()
 
     def choose(entity: Any, properties: Any) -> None:
-        if next(passed) > _MOST_ENTITIES:
-            problem = f"holds more than {_MOST_ENTITIES:,} entities, blocks in blocks counted"
-            raise InputError.at(where, problem, "save the plan of one storey alone")
         kind, layer = entity.dxftype(), properties.layer
         block = entity.block() if kind == "INSERT" else None
         if not _REMARKS.search(kind):
@@ -161,6 +159,9 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
             document = readfile(path)
         except DXFError:
             document, _ = recover.readfile(path)
+        if _count(document.modelspace(), {}) > _MOST_ENTITIES:
+            problem = f"holds more than {_MOST_ENTITIES:,} entities, blocks in blocks counted"
+            raise InputError.at(where, problem, "save the plan of one storey alone")
         frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
         frontend = Frontend(RenderContext(document), recorder, style)
         frontend.push_property_override_function(choose)
@@ -174,6 +175,23 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
         message = f"blocks that the file does not hold were left out: {_listed(absent)}"
         findings.warning(where, message, "bind external references to the drawing in your CAD")
     return document.units, recorder.player()
+
+
+def _count(layout: Any, blocks: dict[str, int]) -> int:
+    """Return the number of entities of a layout with those of its blocks, as often as they stand.
+
+    ``blocks`` collects the numbers of blocks by name; one that holds itself has too many.
+    """
+    total = 0
+    for entity in layout:
+        total += 1
+        block = entity.block() if entity.dxftype() == "INSERT" else None
+        if block is not None:
+            if block.name not in blocks:
+                blocks[block.name] = _MOST_ENTITIES
+                blocks[block.name] = _count(block, blocks)
+            total += entity.mcount * blocks[block.name]
+    return total
 
 
 def _lines_by_layer(player: Player, scale: float) -> dict[str, list[Line]]:
@@ -217,7 +235,11 @@ def _caps(lines: Sequence[Line], cell: float) -> Iterator[Line]:
     ends = np.concatenate([line[[0, -1]] for line in lines])
     _, place, uses = np.unique(np.round(ends), axis=0, return_inverse=True, return_counts=True)
     loose = ends[uses[place.ravel()] == 1]
-    yield from (loose[list(pair)] for pair in KDTree(loose).query_pairs(_THICKEST / cell))
+    if len(loose):
+        # Around a jamb few lines end; hatching has thousands of ends side by side.
+        _, near = KDTree(loose).query(loose, _MOST_JAMBS, distance_upper_bound=_THICKEST / cell)
+        for one, other in np.argwhere(near < len(loose)).tolist():
+            yield loose[[one, near[one, other]]]
 
 
 def _walls(painted: Cells, cell: float, thickness: float) -> Cells:

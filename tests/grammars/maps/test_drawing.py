@@ -5,6 +5,7 @@ import os
 from importlib.util import find_spec
 from itertools import pairwise
 
+import numpy as np
 import pytest
 import shapely
 
@@ -332,3 +333,28 @@ def test_the_largest_area_is_named_where_it_is_open(tmp_path):
     assert rooms(vectorise(grid).building) == [(0.05, 0.05, 3, 2.95)]
     whole = lines_of(tmp_path / "whole.dxf", *walls, (9, 0, 9, 2), (9, 5, 9, 6))
     assert "is open" not in drawn(whole)[1]
+
+
+def test_ends_of_hatching_are_joined_with_the_nearest_alone():
+    from grammars.maps.drawing import _caps
+
+    strokes = [np.array([(k, row), (k, row + 2.0)]) for k in range(100) for row in (0, 4, 8)]
+    assert sum(1 for _ in _caps(strokes, cell=0.02)) <= 8 * 2 * len(strokes)
+
+
+@pytest.mark.parametrize(("rows", "depth"), [(30_000, 1), (2, 60)])
+def test_blocks_without_end_are_counted_before_they_are_drawn(tmp_path, rows, depth):
+    import ezdxf
+
+    drawing = ezdxf.new("R2010")
+    inner = drawing.blocks.new("B0")
+    inner.add_line((0, 0), (1, 0))
+    for level in range(1, depth):
+        below, inner = inner, drawing.blocks.new(f"B{level}")
+        inner.add_blockref(below.name, (0, 0))
+        inner.add_blockref(below.name, (0, 1))
+    array = {"row_count": rows, "column_count": rows, "row_spacing": 1, "column_spacing": 1}
+    drawing.modelspace().add_blockref(inner.name, (0, 0), dxfattribs=array)
+    drawing.saveas(tmp_path / "array.dxf")
+    with pytest.raises(InputError, match="holds more than 500,000 entities"):
+        drawn(tmp_path / "array.dxf")
