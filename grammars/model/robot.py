@@ -183,10 +183,7 @@ class OdometryNoise:
     origin: Literal["start", "map"] = "start"
     """Where the odom frame lies: where the robot starts, or on the frame of the map."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(
-        extra="forbid",
-        json_schema_extra={"oneOf": [{"required": ["rate"]}, {"required": ["period"]}]},
-    )
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True, slots=True)

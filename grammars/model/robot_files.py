@@ -147,7 +147,11 @@ class RobotText(StrictModel):
         default=None, min_length=1, max_length=_MOST_LASERS
     )
     """Instead of "laser": several, by name. Maps are drawn at the height of the first."""
-    odometry: Annotated[OdometryNoise, AfterValidator(_timed)]
+    odometry: Annotated[
+        OdometryNoise,
+        AfterValidator(_timed),
+        Field(json_schema_extra={"oneOf": [{"required": ["rate"]}, {"required": ["period"]}]}),
+    ]
 
     @model_validator(mode="after")
     def _seeing(self) -> RobotText:

@@ -17,6 +17,7 @@ from scenario_tui._own_packages import OWN_PACKAGES
 
 ROOT = Path(__file__).parents[2]
 EXTRAS = {
+    "PIL": "import",
     "distributed": "dask",
     "ezdxf": "import",
     "foxglove": "foxglove",
