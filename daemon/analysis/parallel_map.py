@@ -24,22 +24,28 @@ FEW_ITEMS: Final = 8
 
 
 def parallel_map(
-    task: Callable[[T], R], items: Sequence[T], *, doing: str, processes: int | None = None
+    task: Callable[[T], R],
+    items: Sequence[T],
+    *,
+    doing: str,
+    processes: int | None = None,
+    always_forked: bool = False,
 ) -> Iterator[R]:
     """Return ``task`` of each item, in order, by forked children where there are many items.
 
-    ``processes`` defaults to one per core. What must be loaded or compiled should be before:
-    children have it in memory then. Raises :class:`daemon.batch.errors.DaemonError`, saying what it
-    was ``doing``, when a child dies.
+    ``processes`` defaults to one per core. With ``always_forked`` no task runs in this process,
+    however few there are: one that starts threads would leave it unable to fork. What must be
+    loaded or compiled should be before: children have it in memory then. Raises
+    :class:`daemon.batch.errors.DaemonError`, saying what it was ``doing``, when a child dies.
     """
     count = min(processes or available_cores(), len(items))
-    if count < 2 or len(items) <= FEW_ITEMS:
+    if not always_forked and (count < 2 or len(items) <= FEW_ITEMS):
         yield from map(task, items)
         return
     # Forked: children start with oracles loaded and kernels compiled, not each by itself.
     context = multiprocessing.get_context("fork")
     executor = ProcessPoolExecutor(
-        count, mp_context=context, initializer=_prepare_child, initargs=(os.getpid(),)
+        max(count, 1), mp_context=context, initializer=_prepare_child, initargs=(os.getpid(),)
     )
     try:
         yield from executor.map(task, items, chunksize=min(_CHUNK, 1 + len(items) // (4 * count)))
