@@ -6,35 +6,27 @@ live in the simulation leave the same bytes; of those outside only the spread ca
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from daemon.analysis.forked_child import prepare_child
+from daemon.analysis.child_runs import ExecuteRun, run_in_children, trace_in
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging import oracles
 from daemon.model.attachments import FILES_VARIABLE, user_files_folder
-from daemon.model.deadline import spare_time, stopped_after, wall_clock_limit
-from daemon.model.execution import RunLimits
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.run import execute, load_kernels
-from daemon.supervision.guardian import end_guarded
+from daemon.run import execute
 from daemon.trace import Trace, TraceDifference, TraceError, first_difference, read_trace
 from grammars.model.scene import Scene
-from grammars.text import codec
-from grammars.text.files import write_atomically
 
-_TRACE: Final = "trace.mcap"
-_EXECUTION: Final = "execution.json"
 DURATION: Final = "duration"
 PATH: Final = "path driven"
 
@@ -81,9 +73,9 @@ class Verification:
     digest: str
     repeatable: bool
     recorded: ExecutedRun
-    executions: tuple[ExecutedRun, ...]
-    units: Mapping[str, str]
-    versions: Mapping[str, tuple[str, str]]
+    executions: tuple[ExecutedRun, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    versions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def all_executed(self) -> bool:
@@ -127,7 +119,6 @@ class Verification:
         return tuple(one for one in (self.recorded, *self.executions) if not one.problem)
 
 
-ExecuteRun: TypeAlias = Callable[..., RunResult]
 WatchExecutions: TypeAlias = Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]]
 
 
@@ -144,7 +135,7 @@ def verify(
 
     Each in a process of its own, for ``wall`` seconds of wall clock at most (0: as always).
     ``watch`` gets the executions as they come and returns them all. Files of a system under test
-    are those of this user, else of the state directory ``places``.
+    are those of this user, otherwise of the state directory ``places``.
     Raises :class:`~daemon.trace.TraceError` for a trace that cannot be read or was made by another
     engine.
     """
@@ -155,20 +146,15 @@ def verify(
         hint = "install the version that recorded it, or run its campaign again"
         raise TraceError(path, message, hint)
     oracles.warm_up()
-    recorded, units = _measure(trace)
-    load_kernels(spec, trace.scene)
-    task = _Task(spec, trace.scene, wall, _files_folder(spec, places), execute_run, path)
-    found = _executions(task, repeats)
-    executions = tuple(found) if watch is None else tuple(watch(found, repeats))
+    verdicts = oracles.judge(trace, spec.oracles)
+    units = {DURATION: "s", PATH: "m", **{one.oracle: one.unit for one in verdicts}}
+    executions = _executions(path, trace, repeats, wall, _with_files(execute_run, spec, places))
+    watched = executions if watch is None else watch(executions, repeats)
     now = package_versions()
-    return Verification(
+    return replace(
+        _unverified(spec, _measure(trace, verdicts)),
         trace=str(path),
-        run=spec.label,
-        sut=spec.sut.name,
-        digest=spec.digest,
-        repeatable=spec.sut.repeatable,
-        recorded=recorded,
-        executions=executions,
+        executions=tuple(watched),
         units=units,
         versions={
             name: (then, now[name])
@@ -187,129 +173,63 @@ def verify_spec(
     wall: float = 0.0,
     execute_run: ExecuteRun = execute,
 ) -> Verification:
-    """Execute a specification nobody has recorded, ``repeats`` times; the first is the recording.
+    """Execute a specification without a recording ``repeats`` times; the first takes its place.
 
-    Otherwise as :func:`verify`. A first execution that leaves no trace is the only one. With one
-    of ``repeats`` there are no executions beside the recording.
+    Otherwise as :func:`verify`. A first execution that leaves no trace is the only one.
     """
-    load_kernels(spec, scene)
-    task = _Task(spec, scene, wall, _files_folder(spec, places), execute_run)
     with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
-        first = _execute_in_child(task, Path(name))
-        if repeats > 1 and not first.problem:
-            found = verify(
-                Path(name) / _TRACE,
-                repeats - 1,
-                places=places,
-                wall=wall,
-                execute_run=execute_run,
-            )
-            return replace(found, trace="")
-    return Verification(
-        trace="",
-        run=spec.label,
-        sut=spec.sut.name,
-        digest=spec.digest,
-        repeatable=spec.sut.repeatable,
-        recorded=first,
-        executions=(),
-        units={},
-        versions={},
-    )
+        run = _with_files(execute_run, spec, places)
+        (first,) = run_in_children([(spec, scene)], Path(name), wall=wall, execute_run=run)
+        if first.result is None:
+            return _unverified(spec, ExecutedRun(problem=first.problem))
+        trace = trace_in(Path(name), 0)
+        found = verify(trace, repeats - 1, places=places, wall=wall, execute_run=execute_run)
+        return replace(found, trace="")
 
 
-def _measure(trace: Trace) -> tuple[ExecutedRun, dict[str, str]]:
-    """Return what a trace says, and the units of its values."""
-    verdicts = oracles.judge(trace, trace.spec.oracles)
-    values = {DURATION: trace.valid_until, PATH: _path_length(trace)}
-    units = {DURATION: "s", PATH: "m"}
-    for verdict in verdicts:
-        units[verdict.oracle] = verdict.unit
-        value = _value(verdict)
-        if value is not None:
-            values[verdict.oracle] = value
-    outcome = oracles.overall_outcome(trace, verdicts)
-    sha256 = file_sha256(trace.path)
-    return ExecutedRun(outcome, trace.ended or "", trace.note, sha256, values), units
+def _unverified(spec: RunSpec, recorded: ExecutedRun) -> Verification:
+    repeatable = spec.sut.repeatable
+    return Verification("", spec.label, spec.sut.name, spec.digest, repeatable, recorded)
 
 
-def _value(verdict: Verdict) -> float | None:
-    measure = verdict.outcome is Outcome.MEASURE
-    value = verdict.evidence.value if measure else verdict.margin
-    return value if value is not None and np.isfinite(value) else None
-
-
-def _path_length(trace: Trace) -> float:
-    x, y = trace.ground_truth.x, trace.ground_truth.y
-    return float(np.hypot(np.diff(x), np.diff(y)).sum())
-
-
-def _files_folder(spec: RunSpec, places: StatePaths) -> Path | None:
-    """Return where the files of the run are when this user has not got them."""
-    digests = spec.files
-    if all((user_files_folder() / digest).is_file() for digest in digests):
-        return None
-    return places.files if all((places.files / digest).is_file() for digest in digests) else None
-
-
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """What a child executes, and the trace that its own is held against, if there is one."""
-
-    spec: RunSpec
-    scene: Scene
-    wall: float
-    files: Path | None
-    execute_run: ExecuteRun
-    against: Path | None = None
-
-    @property
-    def limit(self) -> float:
-        """Wall clock limit [s]."""
-        return self.wall or RunLimits().wall_of(self.spec.limit)
-
-
-def _executions(task: _Task, repeats: int) -> Iterator[ExecutedRun]:
+def _executions(
+    recording: Path, trace: Trace, repeats: int, wall: float, execute_run: ExecuteRun
+) -> Iterator[ExecutedRun]:
+    run = (trace.spec, trace.scene)
     for _ in range(repeats):
         with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
-            yield _execute_in_child(task, Path(name))
+            (ended,) = run_in_children([run], Path(name), wall=wall, execute_run=execute_run)
+            if ended.result is None:
+                yield ExecutedRun(problem=ended.problem)
+                continue
+            path = trace_in(Path(name), 0)
+            execution = _measure(read_trace(path), ended.result.verdicts)
+            yield replace(execution, difference=first_difference(recording, path))
 
 
-def _execute_in_child(task: _Task, folder: Path) -> ExecutedRun:
-    process = multiprocessing.get_context("fork").Process(
-        target=_execute, args=(task, folder), daemon=True
-    )
-    process.start()
-    try:
-        process.join(task.limit + spare_time(task.limit))
-        late = process.is_alive()
-    finally:
-        end_guarded(process)
-    file = folder / _EXECUTION
-    if file.is_file():
-        return codec.from_json(ExecutedRun, file.read_bytes())
-    if late:
-        return ExecutedRun(problem=stopped_after(task.limit))
-    return ExecutedRun(problem=f"its process died with code {process.exitcode}")
+def _measure(trace: Trace, verdicts: Sequence[Verdict]) -> ExecutedRun:
+    """Return what a trace and the verdicts on it say."""
+    truth = trace.ground_truth
+    way = float(np.hypot(np.diff(truth.x), np.diff(truth.y)).sum())
+    values = {DURATION: trace.valid_until, PATH: way}
+    for verdict in verdicts:
+        is_measure = verdict.outcome is Outcome.MEASURE
+        value = verdict.evidence.value if is_measure else verdict.margin
+        if value is not None and np.isfinite(value):
+            values[verdict.oracle] = value
+    outcome = oracles.overall_outcome(trace, verdicts)
+    return ExecutedRun(outcome, trace.ended or "", trace.note, file_sha256(trace.path), values)
 
 
-def _execute(task: _Task, folder: Path) -> None:
-    prepare_child()
-    if task.files is not None:
-        os.environ[FILES_VARIABLE] = str(task.files)
-    trace = folder / _TRACE
-    try:
-        with wall_clock_limit(task.limit):
-            result = task.execute_run(task.spec, task.scene, trace_path=trace)
-    except Exception as error:
-        problem = ExecutedRun(problem=f"{type(error).__name__}: {error}")
-        write_atomically(folder / _EXECUTION, codec.to_json(problem))
-        return
-    if result.stopped:
-        # When the clock stops a run differs every time: there is nothing to compare.
-        execution = ExecutedRun(problem=result.note)
-    else:
-        execution, _ = _measure(read_trace(trace))
-        if task.against is not None:
-            execution = replace(execution, difference=first_difference(task.against, trace))
-    write_atomically(folder / _EXECUTION, codec.to_json(execution))
+def _with_files(execute_run: ExecuteRun, spec: RunSpec, places: StatePaths) -> ExecuteRun:
+    """Return an executor that finds files of the run in ``places`` if this user lacks them."""
+    if all((user_files_folder() / digest).is_file() for digest in spec.files):
+        return execute_run
+    if not all((places.files / digest).is_file() for digest in spec.files):
+        return execute_run
+
+    def execute_with_files(*arguments: Any, **rest: Any) -> RunResult:
+        os.environ[FILES_VARIABLE] = str(places.files)  # of the child alone
+        return execute_run(*arguments, **rest)
+
+    return execute_with_files

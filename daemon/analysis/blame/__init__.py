@@ -22,7 +22,6 @@ from daemon.analysis.blame._runner import (
     CandidateRunner,
     execute_candidates,
     judge_verdict,
-    run_forked,
     unresolved_candidate,
 )
 from daemon.analysis.blame._save import save_campaign
@@ -59,7 +58,6 @@ __all__ = [
     "find_run",
     "judge_verdict",
     "load_case",
-    "run_forked",
     "save_campaign",
     "split_evenly",
     "story_lines",

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import wait
-from multiprocessing.context import ForkProcess
 from pathlib import Path
 from typing import Final, TypeAlias
 
 from daemon.analysis.blame._case import Candidate
 from daemon.analysis.blame._elements import TestOutcome
-from daemon.analysis.forked_child import prepare_child
-from daemon.model.execution import RunLimits
-from daemon.model.spec import RunResult
+from daemon.analysis.child_runs import ExecuteRun, run_in_children
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from daemon.run import execute, load_kernels
-from daemon.supervision.guardian import end_guarded
-from grammars.text import codec
-from grammars.text.files import write_atomically
+from daemon.run import execute
 
 SLOTS: Final = 2
 """Candidates that run at the same time; what is found depends on it, not on who is faster.
@@ -123,94 +115,38 @@ class CandidateRunner:
 
 
 def execute_candidates(
-    candidates: Sequence[Candidate], execute_run: Callable[..., RunResult] = execute
+    candidates: Sequence[Candidate], execute_run: ExecuteRun = execute
 ) -> list[tuple[CandidateResult, ...]]:
-    """Execute runs at the same time, each in a forked process, and judge each by its oracles.
+    """Execute runs at the same time, each in a child, and judge each by its oracles.
 
-    A process that dies, is killed or takes too long leaves its run unresolved. Whatever is
-    raised here, Ctrl-C included, no process survives it, and none that a run has started.
+    A process that dies, is killed or takes too long leaves its run unresolved.
     """
+    with tempfile.TemporaryDirectory(prefix="scenario-blame-") as folder:
+        runs = [(one.spec, one.scene) for one in candidates]
+        ended = run_in_children(runs, Path(folder), execute_run=execute_run)
     return [
-        judge_candidate(candidate, result)
-        for candidate, result in zip(candidates, run_forked(candidates, execute_run), strict=True)
+        unresolved_candidate(candidate, one.problem)
+        if one.result is None
+        else tuple(judge_verdict(verdict, one.result.ended) for verdict in one.result.verdicts)
+        for candidate, one in zip(candidates, ended, strict=True)
     ]
 
 
-def run_forked(
-    candidates: Sequence[Candidate], execute_run: Callable[..., RunResult] = execute
-) -> list[RunResult | None]:
-    """Execute runs at the same time, each in a forked process.
-
-    Of a process that does not end well there is no result. Whatever is raised here, no process
-    survives it.
-    """
-    # Forked from here and not from a worker's zygote: this process is warm already, has no
-    # Zenoh session, and the candidate need not be written to a file and read again.
-    for candidate in candidates:
-        load_kernels(candidate.spec, candidate.scene)
-    with tempfile.TemporaryDirectory(prefix="scenario-blame-") as parent:
-        folders = [Path(parent) / str(index) for index in range(len(candidates))]
-        context = multiprocessing.get_context("fork")
-        processes = [
-            context.Process(target=_run_candidate, args=(one, folder, execute_run), daemon=True)
-            for one, folder in zip(candidates, folders, strict=True)
-        ]
-        try:
-            for process in processes:
-                process.start()
-            _await(processes, max(RunLimits().wall_of(c.spec.limit) for c in candidates))
-        finally:
-            for process in processes:
-                if process.pid is not None:
-                    end_guarded(process)
-        return [_read_result(folder) for folder in folders]
-
-
-def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
-    end = time.monotonic() + seconds
-    waiting = {process.sentinel for process in processes}
-    while waiting and (left := end - time.monotonic()) > 0.0:
-        waiting -= set(wait(list(waiting), left))
-
-
-def _run_candidate(
-    candidate: Candidate, folder: Path, execute_run: Callable[..., RunResult]
-) -> None:
-    prepare_child()
-    folder.mkdir()
-    result = execute_run(candidate.spec, candidate.scene, trace_path=folder / "trace.mcap")
-    write_atomically(folder / "result.json", codec.to_json(result))
-
-
-def _read_result(folder: Path) -> RunResult | None:
-    file = folder / "result.json"
-    return codec.from_json(RunResult, file.read_bytes()) if file.is_file() else None
-
-
-def judge_candidate(candidate: Candidate, result: RunResult | None) -> tuple[CandidateResult, ...]:
-    """Return how a run ended by each of its oracles; without a result, nobody knows."""
-    if result is None:
-        return unresolved_candidate(candidate, "its process did not end well")
-    return tuple(judge_verdict(verdict, result.ended) for verdict in result.verdicts)
-
-
 def unresolved_candidate(candidate: Candidate, note: str) -> tuple[CandidateResult, ...]:
-    """Return what there is to say of a run without a result: ``note``."""
+    """Return the end of a run without a result by each of its oracles; ``note`` says why."""
     evidence = Evidence(note=note)
-    return tuple(
-        CandidateResult(
-            "unresolved", Verdict(o.name, o.text, Outcome.ERROR, None, None, "", evidence)
-        )
-        for o in candidate.spec.oracles
+    verdicts = (
+        Verdict(oracle.name, oracle.text, Outcome.ERROR, None, None, "", evidence)
+        for oracle in candidate.spec.oracles
     )
+    return tuple(CandidateResult("unresolved", verdict) for verdict in verdicts)
 
 
 def judge_verdict(verdict: Verdict, ended: str) -> CandidateResult:
     """Return how a run ended by one oracle; a run that cannot be trusted is unresolved.
 
-    A crash of the system under test is one too: another failure than the one that is looked for.
+    A crash of the system under test is another failure than the one to explain, so it is too.
     """
-    trusted = ended != "crashed" and verdict.outcome in (Outcome.PASS, Outcome.FAIL)
-    if not trusted:
-        return CandidateResult("unresolved", verdict)
-    return CandidateResult("fail" if verdict.outcome is Outcome.FAIL else "pass", verdict)
+    words: dict[Outcome, TestOutcome] = {Outcome.PASS: "pass", Outcome.FAIL: "fail"}
+    word = "unresolved" if ended == "crashed" else words.get(verdict.outcome, "unresolved")
+    return CandidateResult(word, verdict)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 
-from daemon.analysis.blame import SLOTS, Candidate, run_forked
+from daemon.analysis.blame import SLOTS, Candidate
+from daemon.analysis.child_runs import run_in_children
 from daemon.model.proposals import Phase, Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer
@@ -23,7 +26,10 @@ ReportCallback = Callable[[Phase, str, SearchAnswer], None]
 
 def execute_with_leads(candidates):
     """Execute runs at the same time, each in a forked process, with leading margins."""
-    return run_forked(candidates, partial(execute, leads=True))
+    runs = [(one.spec, one.scene) for one in candidates]
+    with tempfile.TemporaryDirectory() as folder:
+        ended = run_in_children(runs, Path(folder), execute_run=partial(execute, leads=True))
+    return [one.result for one in ended]
 
 
 @dataclass(slots=True)
