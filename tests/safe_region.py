@@ -28,6 +28,7 @@ from daemon.analysis.report._svg import text_element
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
+from daemon.search.answers.sentences import headline
 from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
 
@@ -229,7 +230,7 @@ def nearest_table(searches):
         repeated = nearest.confirmed
         often = count_text(repeated.failed, repeated.runs) if repeated is not None else NOTHING
         spent = str(nearest.runs) if nearest.complete else f"{nearest.runs}, all there were"
-        yield f"| {name} | {nearest.sentence} | {spent} | {often} |"
+        yield f"| {name} | {headline(search.row)} | {spent} | {often} |"
 
 
 def cost_table(searches):

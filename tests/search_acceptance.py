@@ -182,7 +182,7 @@ def show_methods(seeds, runs):
 
 def _summary(answer):
     first = "–" if answer.first is None else answer.first.number
-    nearest = "" if answer.nearest is None else answer.nearest.sentence
+    nearest = "" if answer.nearest is None else answer.sentences[0]
     return first, answer.failed, _margin(answer), nearest
 
 
@@ -213,7 +213,7 @@ def show_found(runs):
         spec, scene = again.runs[0], again.scenes[0]
         result = execute(spec, scene, trace_path=campaigns / "found.mcap")
         said = {verdict.oracle: verdict for verdict in result.verdicts}[task.minimise]
-        print(f"  {answer.nearest.sentence if answer.nearest else answer.told_failure.label}")
+        print(f"  {answer.sentences[0]}")
         same = _check(
             f"its digest is {answer.told_failure.digest[:12]}",
             spec.digest == answer.told_failure.digest,

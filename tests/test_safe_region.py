@@ -21,6 +21,7 @@ from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.search.answers.sentences import headline
 from daemon.search.methods import make_method
 from daemon.search.space import SearchSpace
 from tests.run_rows import run_result, run_row
@@ -146,7 +147,7 @@ def test_the_nearest_failure_and_the_cost_are_told(searches):
     search = searches["door-17-a2s"]
     proposal = Proposal(1, 1, 0, "nearest", "nearest", True, (0.7, 0.1))
     failure = Trial(proposal, "s.1", outcome=Outcome.FAIL)
-    nearest = NearestFailure(failure, (), None, 30, False, "a", Confirmation(2, 5, 0.05, 0.85))
+    nearest = NearestFailure(failure, (), None, 30, False, Confirmation(2, 5, 0.05, 0.85))
     answer = SearchAnswer("budget", 4, 4, 0, 1, 0, 0, 3, 1, nearest=nearest)
     told = {
         "door-17-a2s": replace(
@@ -154,7 +155,8 @@ def test_the_nearest_failure_and_the_cost_are_told(searches):
         )
     }
     assert columns(list(nearest_table(told))[-1]) == [
-        "door-17-a2s", "a", "30, all there were", "2 of 5 (5 to 85 %)",
+        "door-17-a2s", headline(told["door-17-a2s"].row),
+        "30, all there were", "2 of 5 (5 to 85 %)",
     ]  # fmt: skip
     assert columns(list(cost_table(told))[-1]) == [
         "door-17-a2s", "halton", "4", "1", "1 of 3", "4", "8", "2.0", "2.0", "1.5, 2.0",

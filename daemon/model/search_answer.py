@@ -54,8 +54,7 @@ class NearestFailure:
     """The failure with the smallest change from the scenario as written.
 
     ``complete`` is false when runs were spent before nothing else could be taken back. ``passes``
-    is the last point on the way to the written values that passes. ``sentence`` tells it all:
-    "kitchen_opens 8.54 s instead of 8 s and keeps-clear fails by 0.018 m".
+    is the last point on the way to the written values that passes.
     Where it ``holds`` it fails with most noises; else no failure that was tried does, and one noise
     decided.
     """
@@ -65,7 +64,6 @@ class NearestFailure:
     passes: Trial | None
     runs: int
     complete: bool
-    sentence: str
     confirmed: Confirmation | None = None
     holds: bool = True
 
@@ -134,7 +132,8 @@ class SearchAnswer:
     looking at results (the scenario as written was not drawn), ``space_filling_failed`` fail. Of
     the failures that were explored, ``repeated`` were run with other noise as well, of which
     ``holding`` fail with most noises. ``unsought`` are failures of other oracles. ``sentences``
-    tell all of it; ``found`` is the text of ``NAME.found.yaml``, empty when nothing fails.
+    tell all of it, how often the failure holds first. ``found`` is the text of ``NAME.found.yaml``,
+    empty when nothing fails.
     """
 
     ended: str
@@ -171,6 +170,14 @@ class SearchAnswer:
         if self.confirmed is not None and self.confirmed.holds:
             return self.first
         return self.best if self.best is not None and self.best.fails else self.first
+
+    @property
+    def told_confirmation(self) -> Confirmation | None:
+        """How often the failure that is handed on holds; ``None`` where it was not repeated."""
+        if self.nearest is not None:
+            return self.nearest.confirmed
+        told = self.told_failure
+        return self.confirmed if told is not None and told == self.first else None
 
     @property
     def shown(self) -> Trial | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.model.search import Point, PointValue, SearchTask
@@ -19,7 +19,6 @@ from daemon.model.search_answer import NearestFailure, ParameterChange
 from daemon.model.trials import Trial, first_failure, smallest_margin
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.facts import distinct_failures
-from daemon.search.answers.wording import nearest_sentence
 from daemon.search.execution.point_runner import PointRunner
 from daemon.search.points import (
     change_size,
@@ -296,13 +295,11 @@ def _answer(descent: _Descent, runs: int, *, complete: bool) -> NearestFailure:
         )
         for i in ordered
     )
-    nearest = NearestFailure(
+    return NearestFailure(
         result=failing,
         changes=changes,
         passes=descent.passes,
         runs=runs,
         complete=complete,
-        sentence="",
         holds=not descent.budget.one_noise,
     )
-    return replace(nearest, sentence=nearest_sentence(task, nearest))

@@ -31,7 +31,7 @@ from daemon.search.answers.facts import (
     make_answer,
     parameter_influence,
 )
-from daemon.search.answers.wording import failure_words, margin_words, nearest_sentence
+from daemon.search.answers.sentences import headline_of, margin_words
 from daemon.search.execution.daemon_runs import DaemonRuns, SearchStoppedError
 from daemon.search.execution.point_runner import MEDIAN_OF, PointRunner
 from daemon.search.methods import SearchMethod, make_method
@@ -227,8 +227,7 @@ class _SearchProgram:
         return self._repeated.get(number)
 
     def _bring_near(self, failures: Sequence[Trial]) -> None:
-        task = self.task
-        influence = parameter_influence(task, self.explored)
+        influence = parameter_influence(self.task, self.explored)
         self._report("nearest", f"at most {NEAREST_POINTS} points for the smallest change")
         nearest = find_nearest(
             self.points, failures, {one.parameter: one.correlation for one in influence}
@@ -239,16 +238,14 @@ class _SearchProgram:
         # Where one noise decided it is not known yet what the others say of this very point.
         repeats = self._confirm(nearest.result, 0 if nearest.holds else self.points.others)
         holds = self.points.holds(nearest.result) is not False
-        nearest = replace(nearest, confirmed=repeats, holds=holds)
-        self.nearest = replace(nearest, sentence=nearest_sentence(task, nearest))
+        self.nearest = replace(nearest, confirmed=repeats, holds=holds)
 
     def with_found(self, answer: SearchAnswer) -> SearchAnswer:
         """Return an answer with the campaign file of its failure, if it has one."""
         failure = answer.told_failure
         if failure is None:
             return answer
-        # The nearest failure's own words, where it was looked for.
-        about = answer.nearest.sentence if answer.nearest is not None else failure_words(failure)
+        about = headline_of(self.task, answer)
         words = f"Found by the search {self.task.name}: {about}."
         comment = "\n".join(textwrap.wrap(words, _WIDTH, break_long_words=False))
         text = self.case.found_text(failure, comment=comment, why=about)

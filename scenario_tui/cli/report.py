@@ -137,7 +137,7 @@ def _report_search(
 
     Tables are left to campaigns: nothing is expected of what a search tries.
     """
-    from daemon.search.answers.sentences import headline_sentence, verdict_words
+    from daemon.search.answers.sentences import headline
     from scenario_tui.cli.search import search_code
     from scenario_tui.cli.search_report import choose_search, write_search_page
 
@@ -154,7 +154,7 @@ def _report_search(
     write_search_page(material, page)
     code = search_code(row)
     written = {"page": str(page)}
-    answer = f"{verdict_words(row)}. {headline_sentence(row)}"
+    answer = headline(row)
     if as_json:
         ReportOutput(row.name, len(material.proposals), answer, int(code), written).emit()
     else:

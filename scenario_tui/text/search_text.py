@@ -12,12 +12,13 @@ from rich.text import Text
 
 from daemon.search.answers.sentences import (
     PHASES,
+    finding_words,
+    headline,
     is_by_chance,
+    minus,
     phase_words,
     search_word,
-    verdict_words,
 )
-from daemon.search.answers.wording import finding_words, minus
 from daemon.search.points import position_in_range
 from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
@@ -173,13 +174,13 @@ def search_line(row: SearchRow) -> str:
     return f"{row.task.name}: {', '.join(parts)}"
 
 
-def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
-    """Return what was searched, and what came of it in a word."""
+def headline_text(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
+    """Return the headline of a search, and below it the question that it answers."""
     task, word = row.task, search_word(row)
     text = Text.assemble((task.name, "bold"), "  ")
-    text.append(f"{GLYPHS[word]} {verdict_words(row)}", style=styles[word])
+    text.append(f"{GLYPHS[word]} {headline(row)}", style=styles[word])
     if task.about:
-        text.append(f"  {task.about}", style=quiet_style(styles))
+        text.append(f"\n{task.about}", style=quiet_style(styles))
     what = f"any of {len(task.scales)} oracles" if len(task.scales) > 1 else task.minimise
     counts = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario} ({task.sut})"
     text.append(f"\n{what} over {counts}, method {task.method}, seed {task.seed}")
@@ -188,20 +189,21 @@ def headline(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
 
 def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
     """Return a search and its answer, the sentences first, then findings and influence."""
-    found = row.answer
-    lines = list(headline(row, styles).split("\n"))
-    if row.note:
-        style = styles[_STATES.get(row.state, "inconclusive")]
-        lines.extend(Text(line, style=style) for line in row.note.strip().splitlines())
-    if found is None:
+    answer = row.answer
+    lines = list(headline_text(row, styles).split("\n"))
+    notes = row.note.strip().splitlines()
+    # Of a search that failed, the last line is the headline.
+    style = styles[_STATES.get(row.state, "inconclusive")]
+    lines.extend(Text(note, style=style) for note in notes[: -1 if row.state == "failed" else None])
+    if answer is None:
         lines.append(Text(search_line(row)))
         return lines
-    lines.append(Text(_runs_text(row, found), style=quiet_style(styles)))
+    lines.append(Text(_runs_text(row, answer), style=quiet_style(styles)))
     lines.append(Text())
-    lines.extend(Text(f"- {sentence}") for sentence in found.sentences)
+    lines.extend(Text(f"- {sentence}") for sentence in answer.sentences[1:])
     for title, block in (
-        ("findings", finding_lines(found, styles)),
-        (_influence_title(found), influence_lines(row.task, found, styles)),
+        ("findings", finding_lines(answer, styles)),
+        (_influence_title(answer), influence_lines(row.task, answer, styles)),
     ):
         if block:
             lines.extend((Text(), Text(f"{title}:", style="bold"), *block))

@@ -1,1 +1,1 @@
-"""What a search has found: values, findings, sentences, and the files it leaves."""
+"""The answer of a search: its facts, its sentences, and the files it leaves."""

@@ -145,17 +145,12 @@ def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]
 
     Equal values share the mean of their ranks: plateaus of the margin are common.
     """
-    left, right = _ranks(values), _ranks(margins)
-    left, right = left - left.mean(), right - right.mean()
-    spread = math.sqrt(float(left @ left) * float(right @ right))
-    return float(left @ right) / spread if spread > 0.0 else 0.0
+    # It takes a moment to load: only the end of a search needs it.
+    from scipy.stats import spearmanr
 
-
-def _ranks(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
-    last = np.cumsum(counts)
-    means: np.ndarray[Any, Any] = (last - 0.5 * (counts - 1))[inverse]
-    return means
+    if min(np.ptp(values), np.ptp(margins)) <= 0.0:
+        return 0.0
+    return float(spearmanr(values, margins).statistic)
 
 
 def correlation_ratio(values: Sequence[PointValue], margins: np.ndarray[Any, Any]) -> float:

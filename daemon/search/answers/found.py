@@ -1,4 +1,4 @@
-"""What a search leaves for others: the failing scenario as a campaign, and its world for Gazebo."""
+"""Files that a search leaves: the failing scenario as a campaign, and its world for Gazebo."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from templates.naming import file_name
 
 _FOUND_ENDING: Final = ".found.yaml"
 GAZEBO_KINDS: Final = ("map", "sdf", "keyframes", "tasks", "launch")
-"""What a world in Gazebo is made of: models and world, doors that move, waypoints, launch files
-and the map that these give to the map server."""
+"""Parts of a world in Gazebo: models and world, doors that move, waypoints, launch files and the
+map that these give to the map server."""
 
 
 def found_name(task: str) -> str:
@@ -66,7 +66,7 @@ def copy_campaign(path: Path, folder: Path) -> Path:
 
 
 def export_found(file: Path, folder: Path) -> ExportResult:
-    """Make of a found scenario what runs it in Gazebo: map, world, doors, tasks, launch files.
+    """Export a found scenario for Gazebo: map, world, doors, tasks, launch files.
 
     Same file, same bytes. Raises :class:`grammars.text.diagnostics.InputError` for a file that
     cannot be used, and ``OSError``.

@@ -1,7 +1,11 @@
-"""A search in sentences: how it stands, and its answer in the order in which people ask."""
+"""Sentences about a search: its headline, how it stands, and its answer, for every reader alike.
+
+The page, the command line and the dashboard print these sentences and add none of their own.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -12,28 +16,30 @@ from daemon.judging.statistics import (
     proportion_interval,
 )
 from daemon.model.proposals import Phase
-from daemon.model.search import SearchTask
-from daemon.model.search_answer import Influence, SearchAnswer, SearchRow
-from daemon.search.answers.wording import (
-    AS_WRITTEN,
-    confirmation_words,
-    failure_words,
-    finding_words,
-    margin_words,
-    percentage,
-    point_words,
-    rounded,
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import (
+    Confirmation,
+    Finding,
+    Influence,
+    NearestFailure,
+    SearchAnswer,
+    SearchRow,
 )
+from daemon.model.trials import Trial
+from daemon.search.points import change_size, is_as_written
 from grammars.text.words import count_noun, enumerate_words
 
+AS_WRITTEN: Final = "as written"
+"""Words for a point that has every value as the scenario has it."""
 PHASES: Final[dict[Phase, str]] = {
     "explore": "looking for failures",
     "confirm": "repeating a failure with other noise",
     "nearest": "looking for the nearest failure",
     "shrink": "taking away what the failure does not need",
 }
-_MOST_TOLD: Final = 3
-"""Findings and parameters that are named in a sentence."""
+_MOST_NAMED: Final = 3
+"""Values and parameters that a sentence names at most."""
+_DIGITS: Final = 3
 
 
 def search_word(row: SearchRow) -> str:
@@ -52,17 +58,8 @@ def search_word(row: SearchRow) -> str:
     return "pass" if answer.best is not None else "inconclusive"
 
 
-def verdict_words(row: SearchRow) -> str:
-    """Return whether the scenario can fail, as far as it is known."""
-    # Of one oracle that does not fail: others, which it was not about, may.
-    about = "nothing fails" if len(row.task.scales) > 1 else f"{row.task.minimise} does not fail"
-    words = {"fail": "it can fail", "pass": about}
-    words |= dict.fromkeys(("running", "queued"), "nothing fails so far")
-    return words.get(search_word(row), "not known")
-
-
 def phase_words(row: SearchRow) -> str:
-    """Return what a search is doing, or why it does nothing any more."""
+    """Return what a search is doing, or why it stopped."""
     if row.state == "running":
         return PHASES[row.phase]
     if row.state == "waiting":
@@ -74,120 +71,160 @@ def phase_words(row: SearchRow) -> str:
     return ending_words(row.task, row.answer.ended if row.answer else "") or "ended"
 
 
-def headline_sentence(row: SearchRow) -> str:
-    """Return what stands beside the verdict: the nearest failure, or how much was tried."""
-    answer = row.answer
+def headline(row: SearchRow) -> str:
+    """Return the one sentence about a search: how often its failure holds, or what was tried."""
     if row.state == "failed":
-        return (row.note.strip().splitlines() or ["It could not go on."])[-1]
-    if answer is None:
-        return "No run has a margin."
-    if answer.nearest is not None:
-        return f"Nearest failure: {answer.nearest.sentence}."
-    runs = count_noun(answer.explored - answer.refused, "run")
-    if answer.failed:
-        return f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}."
-    return f"{runs}, {_nothing_below(answer)}."
+        return (row.note.strip().splitlines() or ["it could not go on"])[-1]
+    return "no run has a result yet" if row.answer is None else headline_of(row.task, row.answer)
+
+
+def headline_of(task: SearchTask, answer: SearchAnswer) -> str:
+    """Return the one sentence of an answer, the first of its sentences."""
+    failure = answer.told_failure
+    if failure is not None:
+        return failure_sentence(task, failure, answer.told_confirmation)
+    if answer.best is None:
+        return "no run has a margin"
+    about = "nothing fails" if len(task.scales) > 1 else f"{task.minimise} does not fail"
+    of = f" of {answer.best.value.oracle}" if len(task.scales) > 1 and answer.best.value else ""
+    margin = _margin_and_place(answer.best)
+    return f"{about} in {_runs(answer)}, the smallest margin{of} is {margin}"
+
+
+def failure_sentence(task: SearchTask, failure: Trial, confirmed: Confirmation | None) -> str:
+    """Return how often a failure holds, with which changes, and by how much it fails.
+
+    ``keeps-clear fails in 5 of 5 repeats with opens 8.54 s instead of 8 s (margin −0.018 m)``.
+    """
+    oracle = failure.verdict.oracle if failure.verdict is not None else task.minimise
+    often, end = "", ""
+    if confirmed is None:
+        end = ", not repeated"
+    elif confirmed.failed:
+        often = f" in {confirmed.failed} of {count_noun(confirmed.runs, 'repeat')}"
+    else:
+        often = f" once and in none of {count_noun(confirmed.runs, 'repeat')}"
+        end = ": not reproduced"
+    how = changes_text(task, failure.point)
+    how = f" {how}" if how == AS_WRITTEN else f" with {how}"
+    return f"{oracle} fails{often}{how}{_in_brackets(failure)}{end}"
+
+
+def changes_text(task: SearchTask, point: Point) -> str:
+    """Return the values that are not as written beside the written ones, the largest change first.
+
+    ``kitchen_opens 8.54 s instead of 8 s``; of many only some are named.
+    """
+    changes = [
+        (-change_size(parameter, value), index)
+        for index, (parameter, value) in enumerate(zip(task.parameters, point, strict=True))
+        if parameter.written is None or not is_as_written(parameter, value)
+    ]
+    words = [_change_text(task, point, index) for _, index in sorted(changes)]
+    if len(words) > _MOST_NAMED + 1:
+        words = [*words[:_MOST_NAMED], f"{len(words) - _MOST_NAMED} more"]
+    return enumerate_words(words) if words else AS_WRITTEN
+
+
+def _change_text(task: SearchTask, point: Point, index: int) -> str:
+    parameter = task.parameters[index]
+    words = f"{task.short_name(parameter.name)} {parameter.shown(point[index])}"
+    if parameter.written is None:
+        return words
+    return f"{words} instead of {parameter.shown(parameter.written)}"
+
+
+def point_words(task: SearchTask, point: Point, most: int = 4) -> str:
+    """Return the values of a point that are not as written, at most so many of them."""
+    words = [
+        f"{task.short_name(parameter.name)} {parameter.shown(value)}"
+        for parameter, value in zip(task.parameters, point, strict=True)
+        if parameter.written is None or not is_as_written(parameter, value)
+    ]
+    more = len(words) - most
+    told = ", ".join(words[:most]) or AS_WRITTEN
+    return f"{told} and {more} more" if more > 0 else told
 
 
 def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
-    """Return what was found, or was not, sentence by sentence."""
-    return tuple(_sentences(task, answer))
+    """Return an answer sentence by sentence, the headline first; empty before the first result."""
+    return tuple(_sentences(task, answer)) if answer.explored else ()
 
 
 def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
-    yield from _first(task, answer)
-    yield from _best(task, answer)
-    if answer.confirmed is not None and answer.first is not None:
-        yield f"run {answer.first.number} {confirmation_words(answer.confirmed)}"
-    yield from _holding(answer)
-    yield from _nearest(task, answer)
+    yield headline_of(task, answer)
+    yield from _repeats(answer)
+    if answer.nearest is not None:
+        yield from _nearest(task, answer.nearest)
     if answer.shrunk is not None:
         runs = count_noun(answer.shrunk.runs, "run")
         yield f"shrunk in {runs}: {answer.shrunk.left or answer.shrunk.story[0].strip()}"
-    yield from _distinct(answer)
+    yield from _examples(task, answer)
     yield from _unsought(answer)
     yield from _frequency(task, answer)
     yield from _influence(task, answer)
     yield from _ending(task, answer)
 
 
-def _first(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
-    if answer.first is None:
-        return
-    where = point_words(task, answer.first.point)
-    runs = count_noun(answer.explored - answer.refused, "run")
-    failed = f"{answer.failed} of {runs} {'fails' if answer.failed == 1 else 'fail'}"
-    yield f"{failed}, the first is run {answer.first.number}: {failure_words(answer.first)}"
-    if where == AS_WRITTEN:
-        yield f"run {answer.first.number} is the scenario as written"
-    else:
-        yield f"run {answer.first.number} has {where}"
-
-
-def _best(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
-    best = answer.best
-    if best is None or best.value is None:
-        return
-    value = best.value
-    near = f" near {value.object}" if value.object else ""
-    yield (
-        f"the smallest margin is {margin_words(best)} ({value.oracle}{near}), "
-        f"in run {best.number}: {point_words(task, best.point)}"
-    )
-
-
-def _holding(answer: SearchAnswer) -> Iterator[str]:
-    """Say how many of the failures are more than luck, as far as that is known."""
+def _repeats(answer: SearchAnswer) -> Iterator[str]:
+    """Tell what the repeats are worth: the bounds of the rate, and how many failures hold."""
+    if answer.told_confirmation is not None:
+        yield f"with other noise it {_rate_words(answer.told_confirmation)}"
+    first, told = answer.first, answer.told_failure
+    if answer.confirmed is not None and first is not None and first.point != (told or first).point:
+        often = f"in {answer.confirmed.failed} of {count_noun(answer.confirmed.runs, 'repeat')}"
+        yield f"the first failure, run {first.number}, fails {often}"
     if answer.repeated > 1:
-        hold = "holds" if answer.holding == 1 else "hold"
-        told = answer.holding or "none"
-        yield f"of {answer.repeated} failures that were repeated {told} {hold} with most noises"
+        verb = "holds" if answer.holding == 1 else "hold"
+        holding = answer.holding or "none"
+        yield f"of {answer.repeated} failures that were repeated {holding} {verb} with most noises"
 
 
-def _nearest(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
-    nearest = answer.nearest
-    if nearest is None:
-        return
-    first = answer.first
-    # The first failure may be the nearest one: its repeats have been told then.
-    same = first is not None and first.point == nearest.result.point
-    which = f", run {first.number}" if same and first is not None else ""
-    yield f"nearest failure{which}: {nearest.sentence}"
-    if nearest.confirmed is not None and not (same and nearest.confirmed == answer.confirmed):
-        yield f"the nearest failure {confirmation_words(nearest.confirmed)}"
+def _rate_words(confirmed: Confirmation) -> str:
+    """Return ``fails in 47.8 % to 100 % of runs, with 95 % certainty``."""
+    low, high = cut_percentage(confirmed.low), percentage(confirmed.high)
+    return f"fails in {low} to {high} of runs, with 95 % certainty"
+
+
+def _nearest(task: SearchTask, nearest: NearestFailure) -> Iterator[str]:
+    passes = nearest.passes
+    if passes is not None:
+        how = changes_text(task, passes.point)
+        yield f"it passes {how if how == AS_WRITTEN else f'with {how}'}{_in_brackets(passes)}"
     if not nearest.complete:
         runs = count_noun(nearest.runs, "run")
         yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
 
 
-def _distinct(answer: SearchAnswer) -> Iterator[str]:
-    if not answer.findings:
-        return
-    told = [finding_words(one) for one in answer.findings[:_MOST_TOLD]]
-    more = len(answer.findings) - len(told)
-    words = enumerate_words([*told, f"{more} more"] if more else told)
-    yield f"{count_noun(len(answer.findings), 'distinct failure')}: {words}"
+def _examples(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
+    """Tell how many runs fail, which is the first and which has the smallest margin."""
+    first, best = answer.first, answer.best
+    if first is not None:
+        verb = "fails" if answer.failed == 1 else "fail"
+        point = point_words(task, first.point)
+        which = f"{answer.failed} of {_runs(answer)} {verb}, the first is run {first.number}"
+        yield f"{which}{_in_brackets(first)}: {point}"
+    if best is not None and (first is None or best.number != first.number):
+        margin, point = _margin_and_place(best), point_words(task, best.point)
+        yield f"run {best.number} has the smallest margin, {margin}: {point}"
 
 
 def _unsought(answer: SearchAnswer) -> Iterator[str]:
     if not answer.unsought:
         return
-    runs = count_noun(answer.explored - answer.refused, "run")
-    told = [
-        f"{one.oracle} in {one.runs:,} of {runs}{', as written too' if one.as_written else ''}"
+    others = [
+        f"{one.oracle} in {one.runs:,} of {_runs(answer)}"
+        f"{', as written too' if one.as_written else ''}"
         for one in answer.unsought
     ]
-    yield f"fails as well, which this search is not about: {'; '.join(told)}"
+    yield f"fails as well, which this search is not about: {'; '.join(others)}"
 
 
 def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
     drawn, failed = answer.space_filling, answer.space_filling_failed
-    if answer.failed == 0 and answer.explored:
-        yield f"{count_noun(answer.explored - answer.refused, 'run')}, {_nothing_below(answer)}"
     if drawn == 0:
-        if answer.explored:
-            yield "no run was drawn without looking at results: how much fails is not known"
+        yield "no run was drawn without looking at results: how much fails is not known"
     elif failed == 0:
         yield (
             f"{drawn} of the runs {'is' if drawn == 1 else 'are'} {task.drawn_word}: with 95 % "
@@ -201,10 +238,6 @@ def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         )
 
 
-def _nothing_below(answer: SearchAnswer) -> str:
-    return f"nothing below {margin_words(answer.best)}" if answer.best else "none with a margin"
-
-
 def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if not answer.influence:
         return
@@ -215,11 +248,11 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     count = answer.influence[0].runs
     runs = count_noun(count, f"{task.drawn_word} run")
     if strong:
-        told = [
+        names = [
             f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"
-            for one in strong[:_MOST_TOLD]
+            for one in strong[:_MOST_NAMED]
         ]
-        yield f"what decides most, by rank correlation in {runs}: {enumerate_words(told)}"
+        yield f"what decides most, by rank correlation in {runs}: {enumerate_words(names)}"
     else:
         bound = rounded(chance_correlation(count))
         yield f"nothing decides clearly: in {runs} chance gives rank correlations up to {bound}"
@@ -244,15 +277,10 @@ def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
         verb = "is" if answer.inconclusive == 1 else "are"
         yield f"{count_noun(answer.inconclusive, 'run')} {verb} inconclusive"
     if words := ending_words(task, answer.ended):
-        yield words + _late_failures(task, answer)
-
-
-def _late_failures(task: SearchTask, answer: SearchAnswer) -> str:
-    """Say why there are more failures than were asked for: their runs were out already."""
-    more = answer.failed - task.failures
-    if answer.ended != "failures" or more <= 0:
-        return ""
-    return f"; {count_noun(more, 'other')} came of runs that were out by then"
+        more = answer.failed - task.failures
+        if answer.ended == "failures" and more > 0:
+            words += f"; {count_noun(more, 'other')} came of runs that were out by then"
+        yield words
 
 
 def ending_words(task: SearchTask, ended: str) -> str:
@@ -266,3 +294,63 @@ def ending_words(task: SearchTask, ended: str) -> str:
         "errors": "it ends because of errors in a row",
         "exhausted": "it ends because every point of the space was run",
     }.get(ended, "")
+
+
+def finding_words(finding: Finding) -> str:
+    """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
+    # A mission's failure is about a waypoint, the one that it is on its way to.
+    has_place = finding.object and finding.object != finding.waypoint
+    near = f" near {finding.object}" if has_place else ""
+    way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
+    return f"{finding.oracle}{near}{way} ({count_noun(finding.count, 'run')})"
+
+
+def _runs(answer: SearchAnswer) -> str:
+    return count_noun(answer.explored - answer.refused, "run")
+
+
+def _in_brackets(trial: Trial) -> str:
+    """Return `` (margin −0.018 m near kitchen_door)``, empty for a trial without a margin."""
+    margin = _margin_and_place(trial)
+    return f" (margin {margin})" if margin else ""
+
+
+def _margin_and_place(trial: Trial) -> str:
+    margin = margin_words(trial)
+    return f"{margin} near {trial.about}" if margin and trial.about else margin
+
+
+def margin_words(trial: Trial) -> str:
+    """Return the margin of a run: ``0.105 m``; empty when it has none.
+
+    Of a failure it is that of the oracle that fails, though another one may be nearer to failing.
+    """
+    margin, unit, verdict = None, "", trial.verdict
+    if trial.value is not None:
+        margin, unit = trial.value.margin, trial.value.unit
+    if trial.fails and verdict and (not trial.value or trial.value.oracle != verdict.oracle):
+        margin, unit = verdict.margin, verdict.unit
+    if margin is None:
+        return ""
+    return f"{rounded(margin)} {unit}" if unit else rounded(margin)
+
+
+def rounded(value: float) -> str:
+    """Return three significant digits, without an exponent where people write none."""
+    if value == 0.0 or not math.isfinite(value):
+        return minus(f"{value:g}")
+    if not 1e-5 <= abs(value) < 1e7:
+        return minus(f"{value:.3g}")
+    decimals = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
+    text = minus(f"{value:.{decimals}f}")
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def minus(number: str) -> str:
+    """Return a number with the sign that is as wide as a plus: U+2212."""
+    return number.replace("-", "−")
+
+
+def percentage(share: float) -> str:
+    """Return a bound such as ``18.2 %``, rounded up: no less than was shown."""
+    return f"{math.ceil(share * 1000 - 1e-9) / 10:g} %"

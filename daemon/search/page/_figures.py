@@ -15,8 +15,7 @@ from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials, smallest_so_far
-from daemon.search.answers.sentences import is_by_chance
-from daemon.search.answers.wording import minus
+from daemon.search.answers.sentences import is_by_chance, minus
 from daemon.search.page._spaces import FULL, margin_title, plot_pair, plot_parallel, plot_range
 
 MOST_PAIRED: Final = 4

@@ -15,13 +15,7 @@ from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials
-from daemon.search.answers.sentences import (
-    headline_sentence,
-    phase_words,
-    search_word,
-    verdict_words,
-)
-from daemon.search.answers.wording import point_words
+from daemon.search.answers.sentences import headline, phase_words, point_words, search_word
 from daemon.search.page._figures import NO_TRACES, search_figures
 from daemon.search.page._spaces import MOST_LINES
 from daemon.search.points import is_as_written, range_text
@@ -67,8 +61,7 @@ def search_page(
         task=task,
         answer=answer,
         tone={"pass": "good", "fail": "bad"}.get(search_word(row), "open"),
-        verdict=verdict_words(row),
-        sentence=headline_sentence(row),
+        headline=headline(row),
         facts=_facts(row, proposals),
         figures={name: figures.get(name, "") for name in _FIGURES},
         pairs={name: svg for name, svg in figures.items() if name not in _FIGURES},

@@ -11,7 +11,7 @@ import numpy as np
 from daemon.analysis.report import Axes, Sheet
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.trials import Trial
-from daemon.search.answers.wording import minus
+from daemon.search.answers.sentences import minus
 from daemon.search.points import position_in_range, written_point
 from grammars.model.geometry import Floats
 

@@ -70,10 +70,6 @@ def test_twelve_changes_come_down_to_the_one_that_matters():
     assert found.passes is not None
     assert found.passes.point == (*(5.0,) * 7, 5.36, *(5.0,) * 4)
     assert len(searched.tried()) <= 20
-    assert found.sentence == (
-        "time7 5.37 s instead of 5 s and keeps-clear fails by 0.02 m near door; "
-        "at 5.36 s it passes with 0.1 m"
-    )
 
 
 def test_changes_that_are_only_enough_together_stay_together():
@@ -142,7 +138,6 @@ def test_what_fails_by_chance_is_what_passes_beside_a_failure_that_holds():
     found, _ = nearest(task, margin, (7.0,), chance=lambda point: 6.0 <= float(point[0]) < 6.5)
     (change,) = found.changes
     assert (change.value, change.passing) == (6.5, 6.49)
-    assert found.sentence.endswith("at 6.49 s it passes with 0.05 m")
 
 
 def test_where_no_failure_holds_one_noise_decides():
@@ -237,7 +232,6 @@ def test_what_neither_passes_nor_fails_is_no_step_on_the_way():
     assert found.result.point == (6.0,)
     assert found.passes is not None
     assert found.passes.point == (5.0,)
-    assert found.sentence.endswith("; as written it passes with 0.1 m")
 
 
 def test_a_choice_goes_back_or_stays():
@@ -248,10 +242,7 @@ def test_a_choice_goes_back_or_stays():
         return -0.02 if point[0] == "kitchen" else 0.1
 
     found, _ = nearest(task, margin, ("kitchen", 8.0))
-    assert found.sentence == (
-        "leading kitchen instead of bedroom and keeps-clear fails by 0.02 m near door; "
-        "as written it passes with 0.1 m"
-    )
+    assert found.result.point == ("kitchen", 5.0)
 
 
 def test_without_a_failure_there_is_no_nearest_one():

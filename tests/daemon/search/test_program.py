@@ -58,7 +58,7 @@ def test_what_was_found_is_confirmed_brought_near_and_handed_on():
         ("doors.kitchen_opens", 6.01, 6.0)
     ]
     assert nearest.confirmed is not None
-    assert nearest.sentence in comment_of(answer)
+    assert answer.sentences[0] in comment_of(answer)
     assert nearest.result.digest == runs.digests[nearest.result.proposal.position]
     phases = list(dict.fromkeys(proposal.phase for proposal in runs.proposals))
     assert phases == ["explore", "confirm", "nearest"]
@@ -128,8 +128,8 @@ def test_a_scenario_that_fails_as_written_is_its_own_nearest_failure():
     answer = run_search(case, case.runs())
     assert answer.nearest is not None
     assert answer.nearest.changes == ()
-    assert answer.nearest.sentence == (
-        "the scenario as written: keeps-clear fails by 0.25 m near door"
+    assert answer.sentences[0] == (
+        "keeps-clear fails in 5 of 5 repeats as written (margin −0.25 m near door)"
     )
     assert answer.nearest.confirmed == answer.confirmed
 
@@ -287,12 +287,12 @@ def test_where_no_failure_holds_the_sentence_says_that_it_hangs_on_the_noise(con
     nearest = answer.nearest
     assert nearest is not None
     assert not nearest.holds
-    assert nearest.sentence == (
-        "kitchen_opens 6.01 s instead of 5 s and keeps-clear fails by 0.01 m near door, "
-        f"with this noise alone: none of {of} repeats; at 6 s it passes with 0 m"
+    assert answer.sentences[0] == (
+        f"keeps-clear fails once and in none of {of} repeats with kitchen_opens 6.01 s instead of "
+        "5 s (margin −0.01 m near door): not reproduced"
     )
     assert answer.holding == 0
-    assert nearest.sentence in comment_of(answer)
+    assert answer.sentences[0] in comment_of(answer)
 
 
 def test_of_a_system_that_is_not_repeatable_the_median_says_what_holds():

@@ -61,7 +61,7 @@ def test_a_search_that_is_over_is_told_with_its_files_and_commands(scenario, fak
     found.touch()
     said = scenario("search", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
-    assert said.out.startswith("doors-in-time  ✗ it can fail")
+    assert said.out.startswith("doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats")
     assert (folder / "smallest" / "campaign.yaml").read_text() == "campaign: shrunk\n"
     assert "can it fail?" in (folder / "report.html").read_text()
     assert str(folder / "report.html") in said.out
@@ -379,7 +379,7 @@ def test_results_of_a_search_are_its_answer(scenario, fake):
     _have(fake, make_search())
     said = scenario("results", SEARCH)
     assert (said.code, said.err) == (0, "")
-    assert said.out.startswith("doors-in-time  ✗ it can fail")
+    assert said.out.startswith("doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats")
     assert scenario("results", "doors-in-time").out == said.out
     assert scenario("results", SEARCH, "--exit-status").code == ExitCode.UNEXPECTED
     assert "doors-in-time.4/pilot" in scenario("results", SEARCH, "--runs").out
