@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, Final, TypeAlias
 
 from markupsafe import Markup, escape
@@ -90,6 +90,7 @@ def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> lis
     return list(parallel_map(_draw, charts, doing=doing, processes=processes, always_forked=True))
 
 
+@cache
 def page_script() -> str:
     """Return Vega, Vega-Lite and Vega-Embed as one script for a page that needs no network."""
     (script,) = parallel_map(_bundle, ("",), doing="that bundles Vega", always_forked=True)

@@ -1,35 +1,46 @@
-"""The reports of a campaign and of a search as HTML files: their templates and their style."""
+"""Reports as HTML files: their templates, their style and what makes them answer a reader."""
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable, Mapping
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
 import jinja2
+from markupsafe import Markup
 
 from templates.rendering import strict_environment
 
 OURS: Final = Path(__file__).parent
 
 
-def render_report(filters: Mapping[str, Callable[..., Any]], **values: Any) -> str:
-    """Return the page of a campaign filled with ``values``, whatever is put in escaped.
+def render_report(
+    filters: Mapping[str, Callable[..., Any]],
+    *,
+    template: str = "report.html.j2",
+    library: str = "",
+    **values: Any,
+) -> str:
+    """Return a page filled with ``values``, each of them escaped.
 
-    Only what is :class:`markupsafe.Markup` (figures drawn here) goes in as it is. Names missing in
-    the template are errors; characters no document can hold are replaced.
+    Only :class:`markupsafe.Markup` (figures drawn here) goes in as it is. Names missing in the
+    template are errors; characters no document can hold are replaced. ``library`` is the script
+    that ours use; the page executes nothing beyond them, and fetches nothing. A template puts
+    ``script`` at its end and ``policy`` into its head. Without a library it has no script at all.
     """
-    return _render("report.html.j2", filters, values)
+    ours = [file.read_text(encoding="utf-8") for file in sorted(OURS.glob("*.js"))]
+    script = "\n".join((library, *ours)) if library else ""
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    allowed = f"script-src 'sha256-{digest}'; " if script else ""
+    policy = f"default-src 'none'; {allowed}style-src 'unsafe-inline'; img-src data:"
+    environment = strict_environment(jinja2.FileSystemLoader(OURS), autoescape=True)
+    environment.filters.update(filters)
+    page = environment.get_template(template)
+    return page.render(values, script=Markup(script), policy=Markup(policy))
 
 
 def render_search_report(filters: Mapping[str, Callable[..., Any]], **values: Any) -> str:
     """Return the page of a search, as :func:`render_report` does that of a campaign."""
-    return _render("search.html.j2", filters, values)
-
-
-def _render(
-    template: str, filters: Mapping[str, Callable[..., Any]], values: Mapping[str, Any]
-) -> str:
-    environment = strict_environment(jinja2.FileSystemLoader(OURS), autoescape=True)
-    environment.filters.update(filters)
-    return environment.get_template(template).render(values)
+    return render_report(filters, template="search.html.j2", **values)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import shlex
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
-from markupsafe import Markup
-
+from daemon.analysis.charts import SERIES, page_script
 from daemon.analysis.report._building import draw_building
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._figures import (
     MOST_CELLS,
-    MOST_MOMENTS,
     ReportFigure,
     draw_figures,
     notable_verdicts,
@@ -34,27 +32,25 @@ from daemon.analysis.report._formatting import (
 from daemon.analysis.report._input import ReportInput
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
-from daemon.analysis.report._svg import SERIES
-from daemon.analysis.report._tracks import MEASURES, RunMeasure
+from daemon.analysis.report._tracks import MEASURES
+from daemon.judging.assessment import severity
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
     MISSING_STATES,
     Assessment,
-    CellAssessment,
     CellVerdict,
     ExpectationStatus,
-    ReferenceComparison,
     group_errors,
     state_of,
 )
 from daemon.model.run_state import UNFINISHED_STATES
-from daemon.model.verdicts import Outcome
+from daemon.model.status import RunRow
+from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.words import count_noun
 from templates.report import render_report
 
-_FIGURE_KINDS: Final = (
-    "localisation", "way", "distance", "inside", "returns", "run-pair", "trigger",
-)  # fmt: skip
+_FEW: Final = 5
+"""Repeats of a finding that are shown at once: the gravest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,46 +60,6 @@ class Headline:
     tone: Literal["good", "bad", "open"]
     word: str
     sentence: str
-
-
-@dataclass(frozen=True, slots=True)
-class ReportFinding:
-    """An oracle of a cell worth a closer look: its repeats, what to type, the deciding moment.
-
-    ``names`` are those of all oracles that an error left without a verdict, this one among them.
-    """
-
-    oracle: CellVerdict
-    names: str
-    text: str
-    runs: tuple[tuple[str, str, str], ...]
-    commands: tuple[tuple[str, str], ...]
-    moment: tuple[str, Markup] | None
-
-
-@dataclass(frozen=True, slots=True)
-class MeasureRow:
-    """One measure of one cell: mean, deviation, and the range as words."""
-
-    mean: str
-    deviation: str
-    range: str
-
-
-@dataclass(frozen=True, slots=True)
-class ReferenceRow:
-    """A reference value beside what was found, in words; ``interval`` is the 95 % one."""
-
-    scenario: str
-    sut: str
-    quantity: str
-    reference: str
-    runs: str
-    here: str
-    interval: str
-    n: int
-    difference: str
-    source: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,23 +80,27 @@ def write_page(
 ) -> str:
     """Return the report as HTML; ``commands`` are what people can type about a run."""
     figures = draw_figures(data, processes=processes)
-    assessment = data.assessment
+    assessment, chosen = data.assessment, data.input
     scenarios = tuple(dict.fromkeys(cell.scenario for cell in assessment.cells))
     suts = tuple(dict.fromkeys(cell.sut for cell in assessment.cells))
-    used = tuple(m for m in MEASURES if any(m.name in r.tracks.measures for r in data.runs))
-    filters = {
+    filters: dict[str, Callable[..., Any]] = {
         "quantity": format_quantity,
         "share": percentage,
         "cut": cut_percentage,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
-        "said": verdict_details,
+        "details": verdict_details,
         # Verdict texts align columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
-        "place": lambda file: _place(file, data.input),
+        "place": lambda file: _place(file, chosen),
+        "spread": _spread,
+        "counts": _counts,
+        "judged": _judged,
+        "commands": lambda run, oracle: _typed(run, oracle, commands, chosen),
     }
     return render_report(
         filters,
-        chosen=data.input,
+        library=page_script(),
+        chosen=chosen,
         assessment=assessment,
         answer=headline(assessment, data.runs),
         facts=_facts(data, scenarios, suts),
@@ -150,23 +110,22 @@ def write_page(
         suts=suts,
         not_repeatable=_not_repeatable(data),
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
-        findings=_findings(data, commands, figures),
-        compared=[(group, _compared(data, group)) for group in _grouped(used)],
-        declared_measures=_declared(assessment),
-        boxes=[_as_markup(f) for f in figures if f.kind == "boxes"],
-        comparison_figures=[_as_markup(f) for f in figures if f.kind == "comparison"],
-        references=reference_rows(data),
-        reference_names=reference_names(data.input.declared.references),
-        worst=_by_run([f for f in figures if f.kind == "worst-localisation"]),
-        by_kind={k: _by_scenario([f for f in figures if f.kind == k]) for k in _FIGURE_KINDS},
+        repeats=_repeats(data),
+        findings=group_errors(notable_verdicts(data)),
+        measures=[m for m in MEASURES if any(m.name in run.tracks.measures for run in data.runs)],
+        measured=_measured(data.runs),
+        figures=_by_kind(figures),
+        moments={(f.scenario, f.sut, f.subject): f for f in figures if f.subject and f.svg},
+        references=compared_references(chosen, assessment),
+        reference_names=reference_names(chosen.declared.references),
         sut_colours=_colours(suts),
         trigger_colours=_colours(scenarios_with_triggers(data)),
         runs=data.runs,
         buffer=data.buffer,
+        few=_FEW,
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
         honest=_strongest_claim(assessment),
-        unseen=_unseen(data),
         coverage=data.coverage if data.coverage.runs else None,
     )
 
@@ -210,13 +169,6 @@ def _strongest_claim(assessment: Assessment) -> str:
     return clean[0].statement if clean else ""
 
 
-def _unseen(data: ReportData) -> tuple[str, ...]:
-    """Return the findings beyond those whose moment is drawn."""
-    return tuple(
-        f"{o.scenario} with {o.sut}: {o.oracle}" for o in notable_verdicts(data)[MOST_MOMENTS:]
-    )
-
-
 def _facts(
     data: ReportData, scenarios: Sequence[str], suts: Sequence[str]
 ) -> tuple[tuple[str, str], ...]:
@@ -257,148 +209,72 @@ def _not_repeatable(data: ReportData) -> tuple[str, ...]:
     return tuple(dict.fromkeys(r.record.sut for r in data.runs if not r.record.repeatable))
 
 
-def _findings(
-    data: ReportData, commands: Sequence[SuggestedCommand], figures: Sequence[ReportFigure]
-) -> tuple[ReportFinding, ...]:
-    moments = {(f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment" and f.svg}
-    return tuple(
-        _finding(group, data, commands, moments.get((o.scenario, o.sut, o.oracle)))
-        for group in group_errors(notable_verdicts(data))
-        for o in group[:1]
-    )
+def _repeats(data: ReportData) -> dict[tuple[str, str], list[tuple[int, RunRow]]]:
+    """Return the runs of each cell, (scenario, SUT), with their places among all runs."""
+    cells: dict[tuple[str, str], list[tuple[int, RunRow]]] = {}
+    for number, run in enumerate(data.runs, start=1):
+        cells.setdefault((run.record.scenario, run.record.sut), []).append((number, run.record))
+    return cells
 
 
-def _finding(
-    oracles: Sequence[CellVerdict],
-    data: ReportData,
-    commands: Sequence[SuggestedCommand],
-    moment: ReportFigure | None,
-) -> ReportFinding:
-    oracle, names = oracles[0], ", ".join(one.oracle for one in oracles)
-    here = [
-        run.record
-        for run in data.runs
-        if (run.record.scenario, run.record.sut) == (oracle.scenario, oracle.sut)
-    ]
-    judged = [(r, v) for r in here if (v := r.verdict(oracle.oracle)) is not None]
-    runs = tuple((f"repeat {r.repeat}", str(v.outcome), verdict_details(v)) for r, v in judged)
-    text = judged[0][1].text if judged else ""
-    shown = next((r for r in here if oracle.worst and r.id == oracle.worst.run), None)
-    picture = None if moment is None else _as_markup(moment)
-    if shown is None:
-        return ReportFinding(oracle, names, text, runs, (), picture)
+def _judged(
+    repeats: Sequence[tuple[int, RunRow]], oracle: str
+) -> list[tuple[int, RunRow, Verdict | None]]:
+    """Return what an oracle says of each repeat, the gravest first; runs without a verdict last."""
+    found = [(number, run, run.verdict(oracle)) for number, run in repeats]
+    last = (math.inf, False, 0.0)
+    return sorted(found, key=lambda one: last if one[2] is None else severity(one[2]))
+
+
+def _typed(
+    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], chosen: ReportInput
+) -> list[tuple[str, str]]:
+    """Return what can be typed about a run that ``oracle`` judged, with the purpose of each."""
+    if not run.trace:
+        return []
     # A folder of traces has no ids that commands would know, but the names of its files.
-    name = shown.trace and _place(shown.trace, data.input)
-    name = shown.id if data.input.id else name or shown.id
-    failed = shown.outcome is Outcome.FAIL
-    typed = tuple(
-        (c.text.format(run=shlex.quote(name), oracle=shlex.quote(oracle.oracle)), c.purpose)
-        for c in commands
-        if failed or not c.failing
+    name = run.id if chosen.id else _place(run.trace, chosen)
+    names = {"run": shlex.quote(name), "oracle": shlex.quote(oracle)}
+    failed = run.outcome is Outcome.FAIL
+    return [(c.text.format(**names), c.purpose) for c in commands if failed or not c.failing]
+
+
+def _counts(oracle: CellVerdict) -> str:
+    """Return how many repeats do not pass, in words: ``fails in 3 of 5 repeats``."""
+    kinds = (
+        ("fails", oracle.failed),
+        ("is undecided", oracle.inconclusive),
+        ("is broken", oracle.errors),
+        ("waits", oracle.missing),
     )
-    return ReportFinding(oracle, names, text, runs, typed, picture)
+    counts = [(words, count) for words, count in kinds if count] or [("passes", oracle.passed)]
+    whole = count_noun(oracle.n, "repeat")
+    return ", ".join(f"{words} in {count} of {whole}" for words, count in counts)
 
 
-def _grouped(measures: Sequence[RunMeasure]) -> list[tuple[RunMeasure, ...]]:
-    """Return the measures in tables that fit on paper: those of localisation by themselves."""
-    groups = ([m for m in measures if m.localisation is wanted] for wanted in (False, True))
-    return [tuple(group) for group in groups if group]
+def _measured(runs: Sequence[ReportRun]) -> dict[tuple[str, str], dict[str, list[float]]]:
+    """Return the values of each cell, (scenario, SUT), by measure."""
+    cells: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for run in runs:
+        values = cells.setdefault((run.record.scenario, run.record.sut), {})
+        for name, value in run.tracks.measures.items():
+            values.setdefault(name, []).append(value)
+    return cells
 
 
-def _compared(
-    data: ReportData, measures: Sequence[RunMeasure]
-) -> tuple[tuple[CellAssessment, tuple[MeasureRow | None, ...]], ...]:
-    """Return the measures of every cell, in the order of ``measures``; a scenario's together."""
-    # Traces may lie in a folder for each system: then those of a scenario are not side by side.
-    together: dict[str, list[CellAssessment]] = {}
-    for cell in data.assessment.cells:
-        together.setdefault(cell.scenario, []).append(cell)
-    found = []
-    for cell in chain.from_iterable(together.values()):
-        of = set(cell.runs)
-        runs = [run.tracks.measures for run in data.runs if run.record.id in of]
-        rows = []
-        for measure in measures:
-            values = [run[measure.name] for run in runs if measure.name in run]
-            rows.append(_row(values, measure.unit) if values else None)
-        found.append((cell, tuple(rows)))
-    return tuple(found)
+def _spread(values: Sequence[float]) -> str:
+    """Return mean and standard deviation: ``0.124 ± 0.003``, or ``–`` for no values."""
+    return " ± ".join(part for part in mean_and_deviation(values) if part) if values else NOTHING
 
 
-def _row(values: Sequence[float], unit: str) -> MeasureRow:
-    mean, deviation = mean_and_deviation(values)
-    least, most = format_quantity(min(values), unit), format_quantity(max(values), unit)
-    return MeasureRow(mean, deviation, f"{least} to {most}, n={len(values)}")
-
-
-def _declared(
-    assessment: Assessment,
-) -> tuple[tuple[str, str, tuple[tuple[CellAssessment, MeasureRow], ...]], ...]:
-    """Return the measures the campaign names itself: name, unit, and the cells that have it."""
-    found: dict[tuple[str, str], list[tuple[CellAssessment, MeasureRow]]] = {}
-    for cell in assessment.cells:
-        for measure in cell.measures:
-            row = _row(measure.values, measure.unit)
-            found.setdefault((measure.oracle, measure.unit), []).append((cell, row))
-    return tuple((name, unit, tuple(rows)) for (name, unit), rows in found.items())
-
-
-def reference_rows(data: ReportData) -> tuple[ReferenceRow, ...]:
-    """Return the reference values of the campaign, each beside what was found here."""
-    return tuple(map(_reference_row, compared_references(data.input, data.assessment)))
-
-
-def _lower_bound(rate: float | None) -> str:
-    return percentage(None) if rate is None else cut_percentage(rate)
-
-
-def _reference_row(compared: ReferenceComparison) -> ReferenceRow:
-    reference, unit = compared.reference, compared.reference.unit
-    if reference.statistic == "rate":
-        passed = round((compared.value or 0.0) * compared.n)
-        here, difference = f"{passed} of {compared.n}", ""
-        bounds: tuple[str, ...] = (_lower_bound(compared.low), percentage(compared.high))
-    else:
-        here = format_quantity(compared.value, unit, digits=4)
-        if compared.deviation is not None and reference.statistic == "mean":
-            here += f" ± {format_quantity(compared.deviation, unit)}"
-        difference = format_quantity(compared.difference, unit, signed=True)
-        bounds = tuple(format_quantity(b, unit, digits=4) for b in (compared.low, compared.high))
-    known = compared.low is not None and compared.high is not None
-    return ReferenceRow(
-        scenario=compared.scenario,
-        sut=compared.sut,
-        quantity=reference.oracle
-        + ("" if reference.statistic in ("mean", "rate") else f", {reference.statistic}"),
-        reference=f"{reference.name} {reference.text}",
-        runs="" if reference.runs is None else str(reference.runs),
-        here=here,
-        interval=" to ".join(bounds) if known else "",
-        n=compared.n,
-        difference=difference,
-        source=", ".join(part for part in (reference.source, reference.note) if part),
-    )
-
-
-def _by_run(figures: Sequence[ReportFigure]) -> dict[str, list[tuple[str, Markup]]]:
-    found: dict[str, list[tuple[str, Markup]]] = {}
+def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, dict[str, list[ReportFigure]]]:
+    """Return figures by kind and scenario, in order; a kind without figures is empty."""
+    kinds: dict[str, dict[str, list[ReportFigure]]] = defaultdict(dict)
     for figure in figures:
-        found.setdefault(figure.sut, []).append(_as_markup(figure))
-    return found
+        kinds[figure.kind].setdefault(figure.scenario, []).append(figure)
+    return kinds
 
 
 def _colours(names: Sequence[str]) -> list[tuple[str, str]]:
     """Return names with the variable of the page that holds their colour in figures."""
     return [(name, f"--s{number % len(SERIES)}") for number, name in enumerate(names)]
-
-
-def _as_markup(figure: ReportFigure) -> tuple[str, Markup]:
-    # Figures are drawn here, from numbers and escaped names, never taken from a file.
-    return figure.caption, Markup(figure.svg)
-
-
-def _by_scenario(figures: Sequence[ReportFigure]) -> dict[str, list[tuple[str, Markup]]]:
-    found: dict[str, list[tuple[str, Markup]]] = {}
-    for figure in figures:
-        found.setdefault(figure.scenario, []).append(_as_markup(figure))
-    return found

@@ -17,6 +17,7 @@ from daemon.judging.assessment._cell_verdicts import (
     base_name,
     expectation_matches,
     measured_value,
+    severity,
 )
 from daemon.judging.assessment._references import reference_comparisons
 
@@ -33,5 +34,6 @@ __all__ = [
     "measured_value",
     "mission_completed",
     "reference_comparisons",
+    "severity",
     "undecided_cells",
 ]

@@ -280,10 +280,11 @@ def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: i
 def _worst_run(pairs: Sequence[tuple[RunRow, Verdict]]) -> WorstRun | None:
     if not pairs:
         return None
-    record, verdict = min(pairs, key=lambda pair: _severity(pair[1]))
+    record, verdict = min(pairs, key=lambda pair: severity(pair[1]))
     return WorstRun(record.id, record.repeat, verdict)
 
 
-def _severity(verdict: Verdict) -> tuple[int, bool, float]:
+def severity(verdict: Verdict) -> tuple[int, bool, float]:
+    """Return a key that sorts the gravest verdict first, those of an outcome by margin."""
     margin = verdict.margin
     return BY_GRAVITY.index(verdict.outcome), margin is None, margin or 0.0
