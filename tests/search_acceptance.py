@@ -32,7 +32,7 @@ from daemon.run import execute
 from daemon.search import program
 from daemon.search.answers.found import write_found
 from daemon.search.client import SearchClient
-from daemon.search.methods import SearchMethod, make_method
+from daemon.search.methods import SearchMethod
 from daemon.search.preparation.submission import prepare_search
 from daemon.search.program import run_search
 from grammars.text.diagnostics import InputError
@@ -71,17 +71,13 @@ class TimedMethod:
     method: SearchMethod
     cpu: float = 0.0
 
-    def propose(self, number):
+    def propose(self):
         """Propose, and count the time."""
-        return self._timed(lambda: self.method.propose(number))
+        return self._timed(self.method.propose)
 
-    def learn(self, number, point, value):
+    def learn(self, value):
         """Learn, and count the time."""
-        self._timed(lambda: self.method.learn(number, point, value))
-
-    def best(self):
-        """Return the best number."""
-        return self.method.best()
+        self._timed(lambda: self.method.learn(value))
 
     def _timed(self, act):
         began = time.process_time()
@@ -110,16 +106,16 @@ def measure(case, results):
     timed = []
 
     def make(task, space):
-        timed.append(TimedMethod(make_method(task, space)))
+        timed.append(TimedMethod(SearchMethod(task, space)))
         return timed[-1]
 
-    before = program.make_method
-    program.make_method = make
+    before = program.SearchMethod
+    program.SearchMethod = make
     own, children = time.process_time(), _children()
     try:
         answer = run_search(case, LocalRuns(slots=_SLOTS, results=results))
     finally:
-        program.make_method = before
+        program.SearchMethod = before
     proposing = sum(one.cpu for one in timed)
     return Measured(
         answer, proposing, time.process_time() - own - proposing, _children() - children

@@ -22,7 +22,7 @@ from daemon.model.status import RunRow
 from daemon.model.trials import Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.answers.sentences import headline
-from daemon.search.methods import make_method
+from daemon.search.methods import SearchMethod
 from daemon.search.space import SearchSpace
 from tests.run_rows import run_result, run_row
 from tests.safe_region import (
@@ -109,8 +109,8 @@ def test_both_systems_run_the_same_points(campaign):
         assert [task.sut for task in pair] == list(SYSTEMS)
         drawn = []
         for task in pair:
-            method = make_method(task, SearchSpace(task))
-            drawn.append([method.propose(number) for number in range(20)])
+            method = SearchMethod(task, SearchSpace(task))
+            drawn.append([method.propose() for _ in range(20)])
         assert drawn[0] == drawn[1]
 
 

@@ -34,7 +34,7 @@ from daemon.search.answers.facts import (
 from daemon.search.answers.sentences import headline_of, margin_words
 from daemon.search.execution.daemon_runs import DaemonRuns, SearchStoppedError
 from daemon.search.execution.point_runner import MEDIAN_OF, PointRunner
-from daemon.search.methods import SearchMethod, make_method
+from daemon.search.methods import SearchMethod
 from daemon.search.nearest import NEAREST_POINTS, find_nearest
 from daemon.search.preparation.composition import SearchCase
 from daemon.search.shrinking import shrink_failure
@@ -152,7 +152,7 @@ class _SearchProgram:
 
     def run(self) -> SearchAnswer:
         """Go through all phases."""
-        ended = self._explore(make_method(self.task, self.space))
+        ended = self._explore(SearchMethod(self.task, self.space))
         failures = self._failures()
         first = first_failure(failures)
         if first is not None:
@@ -176,7 +176,7 @@ class _SearchProgram:
             ended = rules.ended() or self._spent(number)
             if ended:
                 break
-            proposal = method.propose(number)
+            proposal = method.propose()
             if proposal is None:
                 ended = "exhausted"
                 break
@@ -202,7 +202,7 @@ class _SearchProgram:
     def _learn(self, begun: Proposal, method: SearchMethod, rules: _StopRules) -> None:
         trial = self.points.finish(begun)
         value = None if trial.value is None else trial.value.value
-        method.learn(trial.number, trial.point, value)
+        method.learn(value)
         self.explored.append(trial)
         # Not after every run: an answer so far is large, and most change nothing.
         if rules.learn(trial) or trial.number % self.task.window == 0:

@@ -9,7 +9,7 @@ import statistics
 import time
 
 from daemon.model.search import ANY, SearchParameter, SearchTask
-from daemon.search.methods import make_method
+from daemon.search.methods import SearchMethod
 from daemon.search.space import SearchSpace
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 
@@ -37,15 +37,14 @@ def margin(point):
 def milliseconds(method, runs):
     """Return the time of one of the last proposals [ms], and of all together [s]."""
     asked = task(method, runs)
-    made = make_method(asked, SearchSpace(asked))
+    made = SearchMethod(asked, SearchSpace(asked))
     points = []
     took = []
     for n in range(runs):
         if n >= asked.window:
-            learnt = n - asked.window
-            made.learn(learnt, points[learnt], margin(points[learnt]))
+            made.learn(margin(points[n - asked.window]))
         start = time.process_time()
-        proposal = made.propose(n)
+        proposal = made.propose()
         took.append(time.process_time() - start)
         assert proposal is not None, "the space is large"
         points.append(proposal.values)

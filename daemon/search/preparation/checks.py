@@ -13,7 +13,7 @@ import numpy as np
 
 from daemon.campaign import CampaignCell
 from daemon.model.search import Point, PointValue, SearchParameter
-from daemon.search.methods import method_misfit, missing_library
+from daemon.search.methods import method_problem
 from daemon.search.points import with_value
 from daemon.search.preparation.composition import SearchCase
 from daemon.search.space import SearchSpace
@@ -38,7 +38,10 @@ def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
     """
     task = case.task
     places = _Places(parse_yaml(case.campaign.source, case.campaign.file), task.name)
-    findings = list(_check_method(case, places))
+    problem, findings = method_problem(task), list[Diagnostic]()
+    if problem is not None:
+        message = f"{task.name}: {problem.message}"
+        findings.append(Diagnostic(places.at("method"), message, problem.hint))
     try:
         space = SearchSpace(task)
     except ValueError as error:
@@ -59,14 +62,6 @@ class _Places:
 
     def of(self, parameter: SearchParameter) -> Where:
         return self.at("over", parameter.name)
-
-
-def _check_method(case: SearchCase, places: _Places) -> Iterator[Diagnostic]:
-    misfit, missing = method_misfit(case.task), missing_library(case.task)
-    for problem, severity in ((misfit, Severity.ERROR), (missing, Severity.WARNING)):
-        if problem:
-            message = f"{case.task.name}: {problem.message}"
-            yield Diagnostic(places.at("method"), message, problem.hint, severity)
 
 
 def _check_constraints(

@@ -1,7 +1,7 @@
 """Searches without a scenario: parameters, and functions instead of runs."""
 
 from daemon.model.search import ANY, SearchParameter, SearchTask
-from daemon.search.methods import make_method
+from daemon.search.methods import SearchMethod
 from daemon.search.space import SearchSpace
 
 
@@ -17,15 +17,15 @@ def search_task(*parameters, **more):
     return SearchTask("s", "scenario", "", ANY, (), parameters, **more)
 
 
-def searched(task, worth, runs, method=None):
+def searched(task, worth, runs):
     """Search without a simulator; results are learnt as late as the window allows."""
-    method = method or make_method(task, SearchSpace(task))
+    method = SearchMethod(task, SearchSpace(task))
     done = []
     for n in range(runs):
         ready = n - task.window
         if ready >= 0:
-            method.learn(ready, done[ready][0].values, done[ready][1])
-        proposal = method.propose(n)
+            method.learn(done[ready][1])
+        proposal = method.propose()
         if proposal is None:
             break
         done.append((proposal, worth(proposal.values)))

@@ -8,7 +8,7 @@ import pytest
 from daemon.model.search import SPACE_FILLING
 from daemon.search import nearest, program, shrinking
 from daemon.search.execution import point_runner
-from daemon.search.methods import COVARIANCE_FROM, _history
+from daemon.search.methods import COVARIANCE_FROM
 
 PAGE = " ".join((Path(__file__).parents[3] / "docs" / "search.md").read_text("utf-8").split())
 WORDS = {"two": 2, "three": 3, "five": 5, "twenty": 20}
@@ -39,7 +39,6 @@ def numbers(pattern):
         (r"at least and (\w+) at most", point_runner._MOST_OTHERS),
         (r"`auto` \| (\d+) runs that fill", SPACE_FILLING),
         (r"from run (\d+) on `cma`", COVARIANCE_FROM),
-        (r"the nearest of the next (\d+) points", _history._NEAREST_OF),
     ],
 )
 def test_a_number_of_the_page_is_the_programs(pattern, value):

@@ -117,15 +117,6 @@ def test_a_method_that_does_not_fit_is_told(folder):
     assert found.startswith(f"tiny.yaml:{LINE - 2}:5: s: the method boundary takes one or two")
 
 
-def test_a_library_that_is_missing_here_is_a_warning(folder, monkeypatch):
-    campaign = load(folder, OVER.format("4 .. 10 s", "12 .. 20 s"))
-    (task,) = campaign.searches
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    (found,) = told(folder, check_search(search_case(campaign, replace(task, method="auto"))))
-    assert "warning: s: the method auto takes the library optuna" in found
-    assert "write method: halton" in found
-
-
 def test_checking_a_campaign_file_tries_its_searches(folder):
     load(folder, OVER.format("4 .. 15 s", "13 .. 20 s"))
     title, found = check_file(folder / "tiny.yaml")

@@ -2,10 +2,7 @@
 
 import math
 
-import pytest
-
-from daemon.search.methods import method_problem
-from tests.daemon.search.spaces import chosen, ranged, search_task, searched
+from tests.daemon.search.spaces import ranged, search_task, searched
 
 
 def circle(point):
@@ -62,16 +59,3 @@ def test_what_is_not_allowed_is_left_out_of_the_mesh():
     done = searched(task, circle, 80)
     assert all(float(p.values[0]) < float(p.values[1]) for p, _ in done[1:])
     assert sum(p.guided for p, _ in done) > 20
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ([ranged(), ranged("b"), ranged("c")], "takes one or two parameters, not 3"),
-        ([ranged(), chosen("b", "x", "y")], "takes ranges, b is a list"),
-    ],
-)
-def test_what_it_cannot_draw_is_told(parameters, words):
-    problem = str(method_problem(search_task(*parameters, method="boundary")))
-    assert words in problem
-    assert "write method: auto" in problem
