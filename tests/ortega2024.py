@@ -131,7 +131,9 @@ def cell_table(cells):
             mean_text(cell.measured("duration", finished=True), 1),
             mean_text(cell.measured("error mean"), 3),
             _extreme(cell.measured("error max"), max, 3),
-            mean_text(cell.measured("inside 2 sigma"), 1).partition(" ")[0],
+            mean_text([100 * share for share in cell.measured("inside 2 sigma")], 1).partition(" ")[
+                0
+            ],
             _extreme(cell.measured("min clearance"), min, 3),
             mean_text(cell.measured("time in buffer", finished=True), 1),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import SourceText, Where
@@ -81,12 +81,12 @@ class Amount:
 
 @dataclass(frozen=True, slots=True)
 class Statistic:
-    """A number that sums up a signal; ``mean`` and ``p95`` weigh by time.
+    """A number that sums up a signal; ``mean``, ``median`` and ``p95`` weigh by time.
 
     Without a limit: a measure.
     """
 
-    operator: Literal["max", "min", "mean", "final", "p95"]
+    operator: Literal["max", "min", "mean", "median", "final", "p95"]
     signal: Expression
     limit: Limit | None = None
 
@@ -118,7 +118,7 @@ class Leg:
 
     number: int
     waypoint: str
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
     def __str__(self) -> str:
         return f"leg {self.waypoint or self.number}"

@@ -45,7 +45,7 @@ from grammars.text.parsing import SyntaxFault
 
 _OPERATORS: Final = (
     *("always", "never", "eventually", "fraction", "time", "longest", "count"),
-    *("max", "min", "mean", "final", "p95", "reached"),
+    *("max", "min", "mean", "median", "final", "p95", "reached"),
 )
 _MAX_LENGTH: Final = 1000
 """Longer oracles are refused: nobody could read them."""

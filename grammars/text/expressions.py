@@ -1,7 +1,8 @@
 """Sums, comparisons and logic of named values, as every language reads them.
 
 The grammar is ``expressions.tx``; what a name means is the business of the language. Every
-expression carries ``column``, the offset of its first character in the text it was read from.
+expression carries ``column``, the offset of its first character in the text it was read from;
+equal expressions mean the same, wherever and however they were written.
 Nothing here recurses through an expression: a sum of a thousand terms is nested a thousand deep.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias, TypeVar
 
 from grammars.text.diagnostics import (
@@ -34,8 +35,8 @@ class Number:
 
     value: float
     dimension: Dimension
-    text: str
-    column: int = 0
+    text: str = field(compare=False)
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Name:
 
     name: str
     arguments: tuple[Expression, ...] = ()
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Arithmetic:
     operator: Literal["+", "-", "*", "/"]
     left: Expression
     right: Expression
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ class Function:
 
     name: Literal["-", "abs", "min", "max"]
     operands: tuple[Expression, ...]
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class Comparison:
     operator: ComparisonOperator
     left: Expression
     right: Expression
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,7 @@ class Not:
     """True where the operand is false."""
 
     operand: Expression
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class Logic:
 
     operator: Literal["and", "or"]
     operands: tuple[Expression, ...]
-    column: int = 0
+    column: int = field(default=0, compare=False)
 
 
 Expression: TypeAlias = Number | Name | Arithmetic | Function | Comparison | Not | Logic

@@ -29,12 +29,13 @@ if TYPE_CHECKING:
         verdict_details,
     )
     from daemon.analysis.report._junit import write_junit
+    from daemon.analysis.report._measures import MEASURES
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
     from daemon.analysis.report._recorded_run import plot_recorded_way
     from daemon.analysis.report._run_picture import draw_moment, draw_run
     from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
     from daemon.analysis.report._svg import PagePicture
-    from daemon.analysis.report._tracks import MEASURES, thinned_indices
+    from daemon.analysis.report._tracks import thinned_indices
 
 __all__ = [
     "COLUMNS",
@@ -91,7 +92,8 @@ _MODULES: Final = {
     "_run_picture": ("draw_moment", "draw_run"),
     "_safety_buffer": ("oracle_limit", "safety_buffer"),
     "_svg": ("PagePicture",),
-    "_tracks": ("MEASURES", "thinned_indices"),
+    "_measures": ("MEASURES",),
+    "_tracks": ("thinned_indices",),
 }
 
 

@@ -50,6 +50,11 @@ class ReportData:
     buffer: SafetyBuffer
     coverage: Coverage
 
+    @property
+    def oracle_texts(self) -> dict[str, str]:
+        """The oracles that judged the runs, by name."""
+        return {v.oracle: v.text for run in self.runs for v in run.record.verdicts}
+
 
 def read_report_data(
     chosen: ReportInput, *, processes: int | None = None, watched: ProgressWrapper | None = None

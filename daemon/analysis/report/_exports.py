@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Final
 
 from daemon.analysis.report._data import ReportData
+from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._references import compared_references
-from daemon.analysis.report._tracks import MEASURES, RunTracks
+from daemon.analysis.report._tracks import RunTracks
 from daemon.model.assessments import ReferenceValue
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome

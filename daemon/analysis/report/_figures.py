@@ -15,6 +15,7 @@ from daemon.analysis.parallel_map import parallel_map
 from daemon.analysis.report import _plots
 from daemon.analysis.report._axes import Sheet
 from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._measures import MEASURES, RunMeasure
 from daemon.analysis.report._plot_campaign import (
     plot_boxes,
     plot_error_overview,
@@ -31,15 +32,9 @@ from daemon.analysis.report._references import (
     comparison_marks,
 )
 from daemon.analysis.report._run_picture import draw_moment
-from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, oracle_limit
+from daemon.analysis.report._safety_buffer import SafetyBuffer, oracle_limit
 from daemon.analysis.report._svg import PagePicture
-from daemon.analysis.report._tracks import (
-    MEASURES,
-    RunMeasure,
-    RunTracks,
-    TriggerEncounter,
-    extract_tracks,
-)
+from daemon.analysis.report._tracks import RunTracks, TriggerEncounter, extract_tracks
 from daemon.judging.assessment import base_name
 from daemon.model.assessments import DELAY, CellVerdict, ExpectationStatus
 from daemon.model.status import RunRow
@@ -53,7 +48,6 @@ FigureKind: TypeAlias = Literal[
     "localisation",
     "distance",
     "way",
-    "inside",
     "returns",
     "worst-localisation",
     "boxes",
@@ -218,17 +212,12 @@ def _of_cells(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask]:
                     f"Clearance along the way on the map, {of}",
                     partial(_plots.plot_way, runs=runs, frame=frame, scene=scene),
                 )  # fmt: skip
-            seen_inside: tuple[tuple[FigureKind, str, list[ThinnedSamples]], ...] = (
-                ("returns", "Laser returns", [run.returns for run in runs]),
-                ("inside", "Obstacles", [run.inside for run in runs]),
-            )
-            for kind, seen, points in seen_inside:
-                if any(map(len, points)):
-                    yield _FigureTask(
-                        ReportFigure(kind, scenario, sut, f"{scenario}, {sut}"),
-                        f"{seen} inside the safety buffer as seen from the robot, {of}",
-                        partial(_plots.plot_buffer, runs=runs, returns=kind == "returns"),
-                    )  # fmt: skip
+            if any(len(run.returns) for run in runs):
+                yield _FigureTask(
+                    ReportFigure("returns", scenario, sut, f"{scenario}, {sut}"),
+                    f"Laser returns inside the safety buffer as seen from the robot, {of}",
+                    partial(_plots.plot_buffer, runs=runs),
+                )
 
 
 def _limits(data: ReportData, marks: _CellMarks) -> _plots.PlotLimits:
@@ -257,9 +246,7 @@ def _of_campaign(data: ReportData, shared: _SharedParts) -> Iterator[_FigureTask
 
 
 def _marks(data: ReportData) -> _CellMarks:
-    verdicts = (verdict for run in data.runs for verdict in run.record.verdicts)
-    texts = {verdict.oracle: verdict.text for verdict in verdicts}
-    return cell_marks(data.input, data.assessment, data.buffer, texts)
+    return cell_marks(data.input, data.assessment, data.buffer, data.oracle_texts)
 
 
 def _worst_localisation(data: ReportData, scenes: dict[str, Scene]) -> Iterator[_FigureTask]:

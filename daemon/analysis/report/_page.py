@@ -30,9 +30,9 @@ from daemon.analysis.report._formatting import (
     verdict_details,
 )
 from daemon.analysis.report._input import ReportInput
+from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
-from daemon.analysis.report._tracks import MEASURES
 from daemon.judging.assessment import severity
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (

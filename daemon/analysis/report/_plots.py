@@ -253,18 +253,14 @@ def _touches(ring: Any, frame: PlotLimits) -> bool:
     )
 
 
-def plot_buffer(runs: Sequence[RunTracks], *, returns: bool) -> Sheet:
-    """Return what was inside the buffer, seen from the robot (figure 11).
-
-    That are laser ``returns``, as in the paper, or else points on the outlines of obstacles.
-    """
+def plot_buffer(runs: Sequence[RunTracks]) -> Sheet:
+    """Return the laser returns inside the buffer, seen from the robot (figure 11)."""
     first = runs[0]
     sheet = Sheet(2.3, 1.9)
     (axes,) = sheet.axes
     hx, hy = first.buffer
     reach = 1.12 * max(hx, hy)
-    found = [run.returns if returns else run.inside for run in runs[:REPEATS]]
-    points = np.concatenate(found)
+    points = np.concatenate([run.returns for run in runs[:REPEATS]])
     if len(points):
         counts, _, _ = np.histogram2d(
             points[:, 0], points[:, 1], bins=_BINS, range=((-reach, reach), (-reach, reach))

@@ -6,12 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from daemon.analysis.report._input import ReportInput
+from daemon.analysis.report._measures import standard_names
 from daemon.analysis.report._safety_buffer import SafetyBuffer
 from daemon.judging.assessment import reference_comparisons
-from daemon.model.assessments import DURATION, Assessment, ReferenceComparison, ReferenceValue
-from grammars.oracle import Amount, Oracle, Signal, Statistic, parse_oracle
-from grammars.text.diagnostics import InputError, Where
-from grammars.text.expressions import Comparison, Number
+from daemon.model.assessments import Assessment, ReferenceComparison, ReferenceValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,17 +27,17 @@ class ReferenceMark:
     source: str
 
 
-def mark(reference: ReferenceValue, factor: float = 1.0) -> ReferenceMark:
-    """Return the mark of a reference value, whose unit is ``factor`` times that of the figure."""
+def mark(reference: ReferenceValue) -> ReferenceMark:
+    """Return the mark of a reference value."""
     low, high = reference.low, reference.high
     if reference.deviation is not None:
         low, high = reference.value - reference.deviation, reference.value + reference.deviation
     words = "" if reference.statistic in ("mean", "rate") else f" {reference.statistic}"
     return ReferenceMark(
         label=f"{reference.name}{words} {reference.text}",
-        value=factor * reference.value,
-        low=None if low is None else factor * low,
-        high=None if high is None else factor * high,
+        value=reference.value,
+        low=low,
+        high=high,
         source=", ".join(part for part in (reference.source, reference.note) if part),
     )
 
@@ -49,19 +47,17 @@ def cell_marks(
 ) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
     """Return the marks of each cell, (scenario, SUT), by the measure of the report they are of.
 
-    ``texts`` are the oracles of the campaign by name: what a measure is called is the business of
-    whoever wrote the campaign, what it measures stands in its text.
+    ``texts`` are the oracles of the campaign by name. A reference belongs to the measure that means
+    the same as its oracle, whatever the campaign calls it.
     """
+    standard = standard_names(texts, buffer)
     found: dict[tuple[str, str], dict[str, list[ReferenceMark]]] = {}
     for compared in compared_references(chosen, assessment):
         reference = compared.reference
-        if not compared.scenario or reference.statistic == "rate":
-            continue
-        measured = _report_measure(reference.oracle, texts, buffer)
-        if measured is not None:
-            name, factor = measured
+        name = standard.get(reference.oracle)
+        if name and compared.scenario and reference.statistic != "rate":
             marks = found.setdefault((compared.scenario, compared.sut), {})
-            marks.setdefault(name, []).append(mark(reference, factor))
+            marks.setdefault(name, []).append(mark(reference))
     return found
 
 
@@ -75,54 +71,6 @@ def compared_references(
 def reference_names(references: Iterable[ReferenceValue]) -> tuple[tuple[str, str], ...]:
     """Return the short names of references with their sources, each once."""
     return tuple(dict.fromkeys((r.name, r.source) for r in references))
-
-
-def _report_measure(
-    name: str, texts: Mapping[str, str], buffer: SafetyBuffer
-) -> tuple[str, float] | None:
-    """Return which measure of the report a measure of the campaign is, and the factor of units."""
-    text = texts.get(name)
-    if text is None:
-        return ("duration", 1.0) if name == DURATION else None
-    try:
-        oracle = parse_oracle(name, text, Where("report"))
-    except InputError:
-        return None
-    if oracle.guard is not None or oracle.leg is not None:
-        return None
-    return _measure_of(oracle, buffer)
-
-
-def _measure_of(oracle: Oracle, buffer: SafetyBuffer) -> tuple[str, float] | None:
-    match oracle.judgement:
-        case Statistic("final", Signal("elapsed", ()), None):
-            return "duration", 1.0
-        case Statistic("final", Signal("path.length", ()), None):
-            return "path length", 1.0
-        case Statistic("min", Signal("clearance", ()), None):
-            return "min clearance", 1.0
-        case Statistic("mean" | "max" | "p95" as operator, Signal("loc.error", ()), None):
-            return f"error {operator}", 1.0
-        case Amount("fraction", Signal("loc.inside_2sigma", ()), None):
-            return "inside 2 sigma", 100.0
-        case Amount("time" | "longest" as operator, Comparison() as within, None):
-            words = {"time": "time in buffer", "longest": "longest in buffer"}
-            return (words[operator], 1.0) if _is_in_buffer(within, buffer) else None
-        case _:
-            return None
-
-
-def _is_in_buffer(within: Comparison, buffer: SafetyBuffer) -> bool:
-    """Whether a predicate says that something is inside the buffer the report looks at."""
-    if within.operator not in ("<", "<=") or not isinstance(within.right, Number):
-        return False
-    match within.left:
-        case Signal("clearance", (Number() as hx, Number() as hy)):
-            return within.right.value == 0.0 and (hx.value, hy.value) == buffer.half
-        case Signal("clearance", ()):
-            return buffer.half is None and within.right.value == buffer.margin
-        case _:
-            return False
 
 
 def comparison_marks(

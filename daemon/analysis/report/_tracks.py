@@ -1,4 +1,4 @@
-"""What one trace says: tracks for the figures and numbers for the tables, by the oracles' signals.
+"""Tracks of one trace for the figures and its measures, by the oracles' signals.
 
 Nothing here computes a signal of its own: the same samples that were judged are drawn. Also how
 the robot drove around doors that shut in its face, and around the same doors when they do not.
@@ -8,24 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from statistics import fmean
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from daemon.analysis.report._measures import (
+    SPEED_AT_TRIGGER,
+    measured_values,
+    standard_oracles,
+)
 from daemon.analysis.report._safety_buffer import (
     SafetyBuffer,
     ThinnedSamples,
-    points_inside,
     returns_inside,
 )
-from daemon.judging.oracles import SignalSampler, quantile_index
+from daemon.judging.oracles import SignalSampler, footprint_box, judge
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Joint, SceneObject
 from grammars.oracle import Signal, object_signals
-from grammars.text.expressions import Number
-from grammars.text.units import Dimension
 
 if TYPE_CHECKING:
     from daemon.trace import Trace
@@ -36,7 +39,6 @@ AFTER: Final = 15.0
 _RATE: Final = 5.0
 """Samples a second that are kept of it."""
 _ROBOT: Final = "robot"
-_METRE: Final = Dimension((1, 0, 0, 0))
 
 Indices: TypeAlias = npt.NDArray[np.int64]
 
@@ -60,15 +62,14 @@ class TriggerEncounter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTracks:
-    """What the trace of one run says. Tracks have the shape (n,), all on ``time`` [s].
+    """Tracks and measures of one run. Tracks have the shape (n,), all on ``time`` [s].
 
     ``x``, ``y`` [m]: true position. ``clearance`` [m]: distance from the box around the footprint
     to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
-    NaN where unknown. ``inside`` and ``returns`` (k, 2) [m]: points of obstacles and laser returns
-    that were inside the buffer, base frame. ``contacts`` (time, object, x, y). ``measures`` by
-    name, in the units of :data:`daemon.analysis.report.MEASURES`. ``top_speed`` [m/s] and
-    ``top_turning`` [rad/s] are the largest, either way round. ``problem`` says why there is
-    nothing, if so.
+    NaN where unknown. ``returns`` (k, 2) [m]: laser returns inside the buffer, base frame.
+    ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
+    :data:`daemon.analysis.report._measures.MEASURES`. ``top_speed`` [m/s] and ``top_turning``
+    [rad/s] are the largest, either way round. ``problem`` says why there is nothing, if so.
     """
 
     run: str
@@ -84,7 +85,6 @@ class RunTracks:
     error: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
     sigma_x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
     sigma_y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    inside: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
     returns: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
     contacts: tuple[tuple[float, str, float, float], ...] = ()
     encounters: tuple[TriggerEncounter, ...] = ()
@@ -178,42 +178,6 @@ def _encounter(sampler: SignalSampler, joint: str, time: float, *, fired: bool) 
     )
 
 
-@dataclass(frozen=True, slots=True)
-class RunMeasure:
-    """A number every run has: what it is called, its unit, what it is in words.
-
-    Those of ``localisation`` are about where the robot believed to be.
-    """
-
-    name: str
-    unit: str
-    about: str
-    localisation: bool = False
-
-
-MEASURES: Final = (
-    RunMeasure("duration", "s", "simulated time from the start of the run to its end"),
-    RunMeasure("path length", "m", "length of the way the robot really went"),
-    RunMeasure("min clearance", "m", "nearest an obstacle came to the box around the footprint"),
-    RunMeasure("time in buffer", "s", "time with an obstacle inside the safety buffer"),
-    RunMeasure("longest in buffer", "s", "longest such time without a break"),
-    RunMeasure("error mean", "m", "localisation error, mean over time", True),
-    RunMeasure("error median", "m", "localisation error, half of the time below", True),
-    RunMeasure("error p95", "m", "localisation error, 95 % of the time below", True),
-    RunMeasure("error max", "m", "largest localisation error", True),
-    RunMeasure(
-        "inside 2 sigma", "%", "share of time with the true position within two deviations", True
-    ),
-    RunMeasure(
-        "speed at trigger", "m/s", "speed when a door was triggered, mean over the triggers"
-    ),
-    RunMeasure("max speed in buffer", "m/s", "highest speed with an obstacle inside the buffer"),
-    RunMeasure("recoveries", "1", "recoveries of Nav2, if its behaviour tree is recorded"),
-)
-"""The measures of every run; one that says nothing about a run (no estimate, no door) is left out
-of it."""
-
-
 def extract_tracks(
     run: str,
     trace: Trace,
@@ -222,132 +186,46 @@ def extract_tracks(
     watches: Sequence[Trigger],
     points: int,
 ) -> RunTracks:
-    """Return what ``trace`` says, thinned to about ``points`` samples for drawing."""
-    timeline = sampler.time_base
-    if not len(timeline.time):
+    """Return tracks and measures of ``trace``, thinned to about ``points`` samples for drawing."""
+    if not len(sampler.time_base.time):
         return RunTracks(run, problem="nothing was recorded")
-    centre, body, half, limit = _boxes(trace, buffer)
-    clearance = _signal(sampler, "clearance")
-    inside = clearance - limit
-    # The clearance of a box that is wider by the same on all sides is the one of the footprint's
-    # box less that, and need not be sampled anew.
-    if buffer.half is not None and not _is_even_buffer(body, half, centre):
-        inside = _signal(sampler, "clearance", *half)
-    error, sigma_x, sigma_y = (
-        _signal(sampler, name) for name in ("loc.error", "loc.sigma.x", "loc.sigma.y")
-    )
-    middle = centre if buffer.half is None else (0.0, 0.0)
-    # Numbers are from all samples; only what is drawn is thinned, below.
+    footprint, truth = trace.spec.robot.footprint, trace.ground_truth
+    _, body = footprint_box(footprint)
+    centre, half = buffer.box(footprint)
+    names = ("clearance", "loc.error", "loc.sigma.x", "loc.sigma.y")
+    clearance, error, sigma_x, sigma_y = (sampler.sample(Signal(name)).values for name in names)
     kept = thinned_indices(clearance, error, points)
     encounters = find_encounters(trace, sampler, watches)
-    speeds = [e.speed_then for e in encounters if e.fired]
-    measures = {
-        "duration": timeline.end - timeline.start,
-        "path length": float(_signal(sampler, "path.length")[-1]),
-        **_clearance_measures(sampler, clearance, inside),
-        **_localisation_measures(sampler, error),
-        "recoveries": float(_signal(sampler, "bt.recoveries")[-1]),
-        **({"speed at trigger": float(np.mean(speeds))} if speeds else {}),
-    }
+    measures = measured_values(judge(trace, standard_oracles(buffer), sampler=sampler))
+    if speeds := [encounter.speed_then for encounter in encounters if encounter.fired]:
+        measures[SPEED_AT_TRIGGER] = fmean(speeds)
     return RunTracks(
         run=run,
-        footprint=trace.spec.robot.footprint,
+        footprint=footprint,
         body=body,
         buffer=half,
-        limit=limit,
-        time=_pick_samples(timeline.time, kept),
+        limit=min(half[0] - body[0], half[1] - body[1]),
+        time=_pick_samples(sampler.time_base.time, kept),
         x=_pick_samples(sampler.x, kept),
         y=_pick_samples(sampler.y, kept),
         clearance=_pick_samples(clearance, kept),
         error=_pick_samples(error, kept),
         sigma_x=_pick_samples(sigma_x, kept),
         sigma_y=_pick_samples(sigma_y, kept),
-        inside=points_inside(sampler, inside, middle, half),
-        returns=returns_inside(trace, middle, half),
+        returns=returns_inside(trace, centre, half),
         contacts=_contacts(trace),
         encounters=encounters,
-        measures={name: value for name, value in measures.items() if np.isfinite(value)},
+        measures=measures,
         scene=trace.spec.scene,
-        top_speed=_largest(np.hypot(trace.ground_truth.vx, trace.ground_truth.vy)),
-        top_turning=_largest(np.abs(trace.ground_truth.wz)),
+        top_speed=float(np.fmax.reduce(np.hypot(truth.vx, truth.vy), initial=0.0)),
+        top_turning=float(np.fmax.reduce(np.abs(truth.wz), initial=0.0)),
     )
-
-
-def _largest(values: npt.NDArray[np.floating]) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else 0.0
-
-
-def _boxes(trace: Trace, buffer: SafetyBuffer) -> tuple[Point2, Point2, Point2, float]:
-    """Return centre and half extents of the footprint's box, the buffer's, and their distance."""
-    xs, ys = zip(*trace.spec.robot.footprint, strict=True)
-    centre = ((max(xs) + min(xs)) / 2.0, (max(ys) + min(ys)) / 2.0)
-    body = ((max(xs) - min(xs)) / 2.0, (max(ys) - min(ys)) / 2.0)
-    if buffer.half is None:
-        return centre, body, (body[0] + buffer.margin, body[1] + buffer.margin), buffer.margin
-    limit = min(buffer.half[0] - body[0], buffer.half[1] - body[1])
-    return centre, body, buffer.half, limit
-
-
-def _is_even_buffer(body: Point2, half: Point2, centre: Point2) -> bool:
-    """Whether the buffer is equally wide on all sides: then one clearance gives the other."""
-    along, across = half[0] - body[0], half[1] - body[1]
-    return abs(along - across) < 1e-9 and max(map(abs, centre)) < 1e-9
-
-
-def _signal(sampler: SignalSampler, name: str, *arguments: float) -> Floats:
-    numbers = tuple(Number(value, _METRE, f"{value} m") for value in arguments)
-    return sampler.sample(Signal(name, numbers)).values
-
-
-def _clearance_measures(
-    sampler: SignalSampler, clearance: Floats, inside: Floats
-) -> dict[str, float]:
-    if np.isnan(clearance).all():
-        return {}
-    weight = sampler.time_base.weight
-    within = inside < 0.0
-    found = {
-        "min clearance": float(np.nanmin(clearance)),
-        "time in buffer": float(weight[within].sum()),
-        "longest in buffer": _longest_time(within, weight),
-    }
-    if within.any():
-        found["max speed in buffer"] = float(_signal(sampler, "speed")[within].max())
-    return found
-
-
-def _longest_time(held: npt.NDArray[np.bool_], weight: Floats) -> float:
-    total = np.concatenate(([0.0], np.cumsum(weight)))
-    starts, ends = unbroken_runs(held)
-    return float((total[ends] - total[starts]).max()) if len(starts) else 0.0
 
 
 def unbroken_runs(held: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
     """Return where ``held`` begins to be true, and where it is not any more."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
     return edges[::2], edges[1::2]
-
-
-def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, float]:
-    """Return the distribution of the error, every value weighed by how long it held."""
-    known = ~np.isnan(error)
-    weight = sampler.time_base.weight * known
-    if not weight.sum() > 0.0:
-        return {}
-    values, share = error[known], weight[known]
-    found = {
-        f"error {name}": float(values[quantile_index(values, share, quantile)])
-        for name, quantile in (("median", 0.5), ("p95", 0.95))
-    }
-    found |= {"error mean": float(np.average(values, weights=share))}
-    found |= {"error max": float(values.max())}
-    inside = _signal(sampler, "loc.inside_2sigma")
-    known = ~np.isnan(inside)
-    if (sampler.time_base.weight * known).sum() > 0.0:
-        covered = np.average(inside[known], weights=sampler.time_base.weight[known])
-        found["inside 2 sigma"] = 100.0 * float(covered)
-    return found
 
 
 def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:

@@ -10,7 +10,7 @@ and goes on where that stops. No verdict and no trace contains any of it.
   to it.
 - ``time``, ``longest``, ``fraction``, ``count``: the verdict's margin, and while the amount is 0
   also the smallest distance to the condition; likewise while it holds all the time.
-- ``max``, ``min``, ``final``, ``p95``: of the signal that leads; ``mean`` the verdict's.
+- ``max``, ``min``, ``median``, ``final``, ``p95``: of the signal that leads; ``mean``: as judged.
 - ``reached``: what was missing to the first waypoint that was not reached, and the legs behind it.
 - Oracles that plug in: the verdict's.
 """

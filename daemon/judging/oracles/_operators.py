@@ -18,6 +18,7 @@ give a heading are judged on position only: the paper's requirement is to reach 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -44,6 +45,8 @@ from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal,
 from grammars.text.expressions import render
 
 _RELEASED = "what it waits for held from the start"
+_SHARES: Final = {"median": 0.5, "p95": 0.95}
+"""Statistics that are quantiles of time, by the share of it that they cover."""
 
 
 def judge_temporal(
@@ -106,7 +109,7 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
 def judge_statistic(
     oracle: Oracle, judgement: Statistic, sampler: SignalSampler, lead: SignalSeries | None = None
 ) -> MarginInterval:
-    """Judge or measure ``max``, ``min``, ``mean``, ``final`` or ``p95`` of a signal.
+    """Judge or measure a statistic of a signal, ``max(speed)`` say.
 
     With ``lead`` it is that of this signal, which goes on where the written one is flat.
     """
@@ -164,8 +167,8 @@ def _statistic(
         weight = np.ones(len(judged))
     if operator == "mean":
         return float(np.average(judged, weights=weight)), None
-    if operator == "p95":
-        chosen = quantile_index(judged, weight, 0.95)
+    if operator in _SHARES:
+        chosen = quantile_index(judged, weight, _SHARES[operator])
     elif operator == "final":
         chosen = len(indices) - 1
     else:

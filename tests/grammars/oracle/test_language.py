@@ -79,7 +79,7 @@ def test_an_amount_without_a_limit_is_a_measure(operator):
     assert parse(f"{operator}(contact)").is_measure
 
 
-@pytest.mark.parametrize("operator", ["max", "min", "mean", "final", "p95"])
+@pytest.mark.parametrize("operator", ["max", "min", "mean", "median", "final", "p95"])
 def test_a_statistic_is_a_measure_until_it_has_a_limit(operator):
     assert parse(f"{operator}(speed)").is_measure
     assert not parse(f"{operator}(speed) <= 1 m/s").is_measure

@@ -1,42 +1,89 @@
-"""Numbers of a run: those that an oracle measures as well are the same on one page."""
+"""Measures of a run: each is what the oracle in its text says, by the same engine."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from daemon.analysis.report._measures import (
+    measure_columns,
+    measured_values,
+    standard_measures,
+    standard_names,
+    standard_oracles,
+)
 from daemon.analysis.report._safety_buffer import SafetyBuffer
-from daemon.analysis.report._tracks import extract_tracks
-from daemon.judging.oracles import SignalSampler, judge
-from daemon.model.spec import OracleText
+from daemon.judging.oracles import judge
+from daemon.trace import read_trace
+from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS
 from tests.daemon.judging.oracles.traces import along, make_trace, track, with_tree
 
-MEASURED = {
-    "error mean": "mean(loc.error)",
-    "error p95": "p95(loc.error)",
-    "error max": "max(loc.error)",
-    "min clearance": "min(clearance)",
-    "time in buffer": "time(clearance < 0.7 m)",
-    "longest in buffer": "longest(clearance < 0.7 m)",
-    "path length": "final(path.length)",
-    "duration": "final(elapsed)",
-    "recoveries": "final(bt.recoveries)",
-}
-BUFFER = SafetyBuffer(None, 0.7, "0.7 m")
+BOX = SafetyBuffer((0.55, 0.433), 0.0, "")
+MARGIN = SafetyBuffer(None, 0.7, "")
 
 
-@pytest.mark.parametrize("count", [21, 41, 61, 81, 101, 181, 401])
-def test_a_measure_and_an_oracle_that_measures_the_same_agree(count):
-    time = np.arange(count) / 20
-    # Each sample has an error of its own, the largest in the middle.
-    off = 0.001 * ((np.arange(count) * 7) % count)
-    motion = along(time, y=np.linspace(0.0, 0.3, count))
-    trace = make_trace(motion, estimate=track(time, motion.x + off, motion.y))
-    assert "recoveries" not in measures_of(trace)
+def test_every_number_of_the_table_is_what_judge_says(data):
+    verdicts = {
+        run.record.id: judge(read_trace(Path(run.record.trace)), standard_oracles(data.buffer))
+        for run in data.runs
+    }
+    columns = {column.measure.name: column for column in measure_columns(data)}
+    compared = 0
+    for measure in standard_measures(data.buffer):
+        for cell in data.assessment.cells:
+            judged = [measured_values(verdicts[run]) for run in cell.runs]
+            expected = tuple(found[measure.name] for found in judged if measure.name in found)
+            if measure.text and measure.name in columns:
+                shown = columns[measure.name].values.get((cell.scenario, cell.sut), ())
+                assert (measure.name, shown) == (measure.name, expected)
+                compared += len(shown)
+    assert compared > 80
+    assert set(columns) == {m.name for m in standard_measures(data.buffer)} - {"recoveries"}
+
+
+def test_a_declared_measure_shares_the_column_of_the_standard_one_that_means_the_same(data):
+    columns = {column.measure.name: column for column in measure_columns(data)}
+    assert columns["time in buffer"].measure.declared == ("buffer-time",)
+    assert "buffer-time" not in columns
+    # The same name and another text is another measure.
+    runs = tuple(with_text(run, "time(clearance < 0.1 m)") for run in data.runs)
+    columns = {column.measure.name: column for column in measure_columns(replace(data, runs=runs))}
+    assert columns["buffer-time"].measure.text == "time(clearance < 0.1 m)"
+    assert columns["buffer-time"].values[OPEN, SUTS[0]] == pytest.approx((20.0, 20.0))
+    assert columns["buffer-time"].values[SHUT, SUTS[1]] == (0.0, 0.0)
+
+
+def with_text(run, text):
+    verdicts = tuple(
+        replace(v, text=text) if v.oracle == "buffer-time" else v for v in run.record.verdicts
+    )
+    result = replace(run.record.result, verdicts=verdicts)
+    return replace(run, record=replace(run.record, result=result))
+
+
+@pytest.mark.parametrize(
+    ("text", "buffer", "name"),
+    [
+        ("final( elapsed )", BOX, "duration"),
+        ("time(clearance(55 cm, 0.4330 m) < 0 m)", BOX, "time in buffer"),
+        ("time(clearance < 70 cm)", MARGIN, "time in buffer"),
+        ("time(clearance < 70 cm)", BOX, None),
+        ("max(speed) when clearance < 0.7 m", MARGIN, "max speed in buffer"),
+        ("max(speed)", MARGIN, None),
+        ("max(loc.error) <= 1 m", BOX, None),
+        ("max(loc.error) on leg 2", BOX, None),
+        ("no oracle", BOX, None),
+    ],
+)
+def test_a_measure_is_known_by_its_meaning(text, buffer, name):
+    assert standard_names({"any": text}, buffer).get("any") == name
+
+
+def test_recoveries_count_where_a_behaviour_tree_is_recorded():
+    time = np.arange(21) / 20
+    motion = along(time)
+    trace = make_trace(motion, estimate=track(time, motion.x, motion.y))
+    assert "recoveries" not in measured_values(judge(trace, standard_oracles(BOX)))
     trace = with_tree(trace, (0.1, "Spin 1 IDLE>RUNNING"), (0.5, "Wait 2 IDLE>RUNNING"))
-    measures = measures_of(trace)
-    verdicts = judge(trace, [OracleText(name, text) for name, text in MEASURED.items()])
-    measured = {verdict.oracle: verdict.evidence.value for verdict in verdicts}
-    assert {name: measures[name] for name in MEASURED} == pytest.approx(measured)
-
-
-def measures_of(trace):
-    return extract_tracks("run", trace, SignalSampler(trace), BUFFER, (), 200).measures
+    assert measured_values(judge(trace, standard_oracles(BOX)))["recoveries"] == 2.0

@@ -258,7 +258,6 @@ def test_every_figure_of_the_paper_is_there_and_has_a_name(tree):
         "The largest localisation error on the map",
         "Clearance over time",
         "Clearance along the way",
-        "Obstacles inside the safety buffer",
         "Laser returns inside the safety buffer",
         "The largest localisation error in a whole run",
         "Boxplots of time in buffer",

@@ -160,6 +160,7 @@ def replace_limit(trace, limit):
         ("max(loc.error)", 0.5),
         ("min(loc.error)", 0.05),
         ("mean(loc.error)", 0.0725),
+        ("median(loc.error)", 0.05),
         ("final(loc.error)", 0.05),
         ("p95(loc.error)", 0.05),
         ("max(abs(-loc.error.y) * 2 - loc.error / 2)", 0.75),

@@ -1,0 +1,151 @@
+"""Standard measures: oracles without a limit that judge every run of a report beside its own.
+
+The same engine computes a measure of the report and one that a campaign declares. A declared
+measure that means the same as a standard one shares its column and its figures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from daemon.analysis.report._safety_buffer import SafetyBuffer
+from daemon.judging.oracles import written_oracle
+from daemon.model.assessments import DURATION
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from daemon.analysis.report._data import ReportData
+
+SPEED_AT_TRIGGER: Final = "speed at trigger"
+"""The one measure that no oracle can state: it averages over events of the log."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunMeasure:
+    """A number of a run: its name, unit and meaning, and the ``text`` of the oracle it is from.
+
+    In :data:`MEASURES` the text names the predicate of the safety buffer ``{in_buffer}``. Measures
+    with ``localisation`` are about the estimated pose. ``declared`` has the campaign's own names.
+    """
+
+    name: str
+    unit: str
+    about: str
+    text: str = ""
+    localisation: bool = False
+    declared: tuple[str, ...] = ()
+
+
+MEASURES: Final = (
+    RunMeasure("duration", "s", "simulated time from start to end of the run", "final(elapsed)"),
+    RunMeasure("path length", "m", "length of the true path", "final(path.length)"),
+    RunMeasure(
+        "min clearance", "m", "smallest distance of an obstacle to the box around the footprint",
+        "min(clearance)",
+    ),
+    RunMeasure(
+        "time in buffer", "s", "time with an obstacle inside the safety buffer",
+        "time({in_buffer})",
+    ),
+    RunMeasure(
+        "longest in buffer", "s", "longest such time without a break", "longest({in_buffer})"
+    ),
+    RunMeasure(
+        "error mean", "m", "localisation error, mean over time", "mean(loc.error)", True
+    ),
+    RunMeasure(
+        "error median", "m", "localisation error, half of the time below", "median(loc.error)", True
+    ),
+    RunMeasure(
+        "error p95", "m", "localisation error, 95 % of the time below", "p95(loc.error)", True
+    ),
+    RunMeasure("error max", "m", "largest localisation error", "max(loc.error)", True),
+    RunMeasure(
+        "inside 2 sigma", "1", "share of time with the true position within two deviations",
+        "fraction(loc.inside_2sigma)", True,
+    ),
+    RunMeasure(
+        SPEED_AT_TRIGGER, "m/s", "speed when a door was triggered, mean over the triggers"
+    ),
+    RunMeasure(
+        "max speed in buffer", "m/s", "highest speed with an obstacle inside the buffer",
+        "max(speed) when {in_buffer}",
+    ),
+    RunMeasure(
+        "recoveries", "1", "recoveries of Nav2, if its behaviour tree is recorded",
+        "final(bt.recoveries)",
+    ),
+)  # fmt: skip
+"""The measures of every run. One without a value in a run (no estimate, no door) has no entry."""
+
+
+def standard_measures(buffer: SafetyBuffer) -> tuple[RunMeasure, ...]:
+    """Return :data:`MEASURES` with the oracles of a campaign whose safety buffer is ``buffer``."""
+    return tuple(
+        replace(measure, text=measure.text.format(in_buffer=buffer.predicate))
+        for measure in MEASURES
+    )
+
+
+def standard_oracles(buffer: SafetyBuffer) -> tuple[OracleText, ...]:
+    """Return the standard measures as oracles, to be judged with those of a run."""
+    return tuple(OracleText(m.name, m.text) for m in standard_measures(buffer) if m.text)
+
+
+def measured_values(verdicts: Iterable[Verdict]) -> dict[str, float]:
+    """Return the finite values of measures by name."""
+    values = ((verdict.oracle, verdict.evidence.value) for verdict in verdicts)
+    return {name: v for name, v in values if v is not None and math.isfinite(v)}
+
+
+def standard_names(texts: Mapping[str, str], buffer: SafetyBuffer) -> dict[str, str]:
+    """Return the name of the standard measure for each oracle that means the same.
+
+    ``texts`` are oracles by name. The name does not count, except for the duration, which every
+    campaign has without an oracle.
+    """
+    standard = {_meaning(m.text): m.name for m in standard_measures(buffer) if m.text}
+    found = {DURATION: DURATION} | {n: standard.get(_meaning(t), "") for n, t in texts.items()}
+    return {name: same for name, same in found.items() if same}
+
+
+def _meaning(text: str) -> object:
+    oracle = written_oracle(OracleText("report", text))
+    # Text and place left out: two oracles are equal when they judge the same.
+    return oracle and (oracle.judgement, oracle.guard, oracle.leg)
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureColumn:
+    """A measure and its values in each cell (scenario, SUT), in the order of the repeats."""
+
+    measure: RunMeasure
+    values: Mapping[tuple[str, str], tuple[float, ...]]
+
+
+def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
+    """Return every measure with a value: the standard ones, then those that the campaign declares.
+
+    A declared measure that means the same as a standard one adds its name to that column.
+    """
+    texts = data.oracle_texts
+    same = standard_names(texts, data.buffer)
+    found: dict[RunMeasure, dict[tuple[str, str], tuple[float, ...]]] = {}
+    for measure in standard_measures(data.buffer):
+        names = tuple(name for name in texts if same.get(name) == measure.name)
+        values = found.setdefault(replace(measure, declared=names), {})
+        for cell in data.assessment.cells:
+            runs = [run.tracks.measures for run in data.runs if run.record.id in cell.runs]
+            if here := tuple(run[measure.name] for run in runs if measure.name in run):
+                values[cell.scenario, cell.sut] = here
+    for cell in data.assessment.cells:
+        for own in cell.measures:
+            if own.oracle not in same:
+                text = texts.get(own.oracle, "")
+                measure = RunMeasure(own.oracle, own.unit, "", text, declared=(own.oracle,))
+                found.setdefault(measure, {})[cell.scenario, cell.sut] = own.values
+    return tuple(MeasureColumn(measure, values) for measure, values in found.items() if values)
