@@ -8,27 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from daemon.analysis.coverage._building import (
-    CoveredCells,
-    DoorRun,
-    covered_cells,
-    door_counts,
-    door_runs,
-    floor_area,
-    floor_grid,
-)
+from daemon.analysis.coverage._doors import DoorRun, door_counts, door_runs
 from daemon.analysis.coverage._features import (
-    MODEL,
     RecognisedFeatures,
     feature_counts,
     recognise_features,
 )
-from daemon.analysis.coverage._results import (
-    Coverage,
-    DoorCount,
-    FloorArea,
-    Unreadable,
-)
+from daemon.analysis.coverage._floor import CoveredCells, covered_cells, floor_area, floor_grid
+from daemon.analysis.coverage._results import Coverage, DoorCount, FloorArea, Unreadable
 from daemon.analysis.coverage._rules import run_facts
 from daemon.analysis.parallel_map import parallel_map
 from daemon.model.spec import RunSpec
@@ -58,9 +45,9 @@ def planned_coverage(runs: Iterable[RunSpec], scenes: Iterable[Scene]) -> Covera
 
     ``scenes`` are those the specifications name. Raises ``KeyError`` when one is missing.
     """
-    known = {scene.digest: scene for scene in scenes}
-    found = [recognise_features(MODEL, run_facts(spec, known[spec.scene])) for spec in runs]
-    return Coverage(len(found), 0, NEAR, feature_counts(MODEL, found))
+    by_digest = {scene.digest: scene for scene in scenes}
+    features = [recognise_features(run_facts(spec, by_digest[spec.scene])) for spec in runs]
+    return Coverage(len(features), 0, NEAR, feature_counts(features))
 
 
 def trace_coverage(
@@ -80,16 +67,19 @@ def trace_coverage(
 
 def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage:
     """Return what recorded runs have covered together; see :func:`trace_coverage`."""
-    found = [run.recognised for run in runs]
-    doors, floor = _sum_scenes(runs, near)
-    return Coverage(
-        runs=len(found),
-        recorded=len(found),
-        near=near,
-        features=feature_counts(MODEL, found),
-        doors=doors,
-        floor=floor,
-    )
+    worlds: dict[tuple[str, float], list[RunCoverage]] = {}
+    for run in runs:
+        # At another height the first laser, at which the map is drawn, meets other walls and
+        # windows: another floor to be seen.
+        worlds.setdefault(run.world, []).append(run)
+    doors: list[DoorCount] = []
+    floor: list[FloorArea] = []
+    for (_, height), group in worlds.items():
+        scene = group[0].scene
+        doors += door_counts(scene.name, [run.doors for run in group], near)
+        floor.append(floor_area(scene, floor_grid(scene, height), [run.painted for run in group]))
+    features = feature_counts([run.recognised for run in runs])
+    return Coverage(len(runs), len(runs), near, features, tuple(doors), tuple(floor))
 
 
 def _read_coverage(path: Path) -> RunCoverage | Unreadable:
@@ -104,29 +94,10 @@ def _read_coverage(path: Path) -> RunCoverage | Unreadable:
 def run_coverage(trace: Trace) -> RunCoverage:
     """Return what a trace, read with its scans, contributes to coverage."""
     spec, scene = trace.spec, trace.scene
-    facts = run_facts(spec, scene, trace)
     return RunCoverage(
         world=(spec.scene, spec.robot.laser.z),
         scene=scene,
-        recognised=recognise_features(MODEL, facts),
-        doors=door_runs(facts, trace),
+        recognised=recognise_features(run_facts(spec, scene, trace)),
+        doors=door_runs(trace),
         painted=covered_cells(floor_grid(scene, spec.robot.laser.z), trace),
     )
-
-
-def _sum_scenes(
-    runs: Sequence[RunCoverage], near: float
-) -> tuple[tuple[DoorCount, ...], tuple[FloorArea, ...]]:
-    """Sum up doors and floor, scene by scene."""
-    groups: dict[tuple[str, float], list[RunCoverage]] = {}
-    for run in runs:
-        # At another height the first laser, at which the map is drawn, meets other walls and
-        # windows: another floor to be seen.
-        groups.setdefault(run.world, []).append(run)
-    doors: list[DoorCount] = []
-    floor: list[FloorArea] = []
-    for world, group in groups.items():
-        scene = group[0].scene
-        doors += door_counts(scene.name, [run.doors for run in group], near)
-        floor.append(floor_area(scene, floor_grid(scene, world[1]), [run.painted for run in group]))
-    return tuple(doors), tuple(floor)

@@ -1,0 +1,198 @@
+"""Floor of a building: the cells that lasers have seen and that the footprint has been on."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from daemon.analysis.coverage._results import FloorArea, RoomArea
+from daemon.analysis.coverage._rules import region_polygon
+from daemon.trace import MotionTrack, Trace
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.grid import FREE, OccupancyGrid
+from grammars.model.robot import Laser
+from grammars.model.scene import Region, Scene
+from templates.occupancy import occupancy_grid
+
+_Cells: TypeAlias = npt.NDArray[np.bool_]
+RESOLUTION: Final = 0.1
+"""Edge of a cell [m]: fine enough for a doorway, and a floor of 1000 m² is 100 000 cells."""
+SCAN_PERIOD: Final = 1.0
+"""Scans are taken this far apart [s]: a robot goes a fraction of the laser's range in between."""
+STRIDE: Final = 0.05
+"""The footprint is placed again after such a way [m], or after turning by 0.1 rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoveredCells:
+    """Cells of the free floor that one run has seen and driven on, eight to a byte."""
+
+    seen: npt.NDArray[np.uint8]
+    driven: npt.NDArray[np.uint8]
+
+
+@functools.lru_cache(maxsize=4)
+def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
+    """Return the floor of a scene without its objects, at the resolution of coverage."""
+    # By touch: no cell counts as floor that a wall takes a part of.
+    return occupancy_grid(
+        scene, resolution=RESOLUTION, laser_height=laser_height, margin=RESOLUTION, rule="touch"
+    )
+
+
+def covered_cells(grid: OccupancyGrid, trace: Trace) -> CoveredCells:
+    """Return what a recorded run has covered; needs its scans (``read_trace(scans=True)``)."""
+    free = grid.cells == FREE
+    return CoveredCells(*(np.packbits(f(grid, trace) & free) for f in (_seen_cells, _driven_cells)))
+
+
+def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
+    cells: _Cells = np.zeros(grid.cells.shape, np.bool_)
+    if trace.scans is None or not len(trace.ground_truth.time):
+        return cells
+    for laser, scans in zip(trace.spec.robot.lasers, trace.scans, strict=True):
+        if not len(scans.time):
+            continue
+        # 1e-6: a stamp that should be a whole number of periods may be a rounding error below it.
+        slots = np.floor((scans.time - scans.time[0]) / SCAN_PERIOD + 1e-6)
+        taken = np.unique(slots, return_index=True)[1]
+        # By the true pose: what was seen, not what the robot believed to see.
+        poses = _laser_poses(trace.ground_truth, scans.time[taken], laser.mount)
+        cells |= ray_cells(grid, poses, scans.ranges[taken], laser)
+    return cells
+
+
+def _laser_poses(motion: MotionTrack, time: Floats, mount: Pose2) -> Floats:
+    """Return true poses (n, 3) of a laser at ``time`` (n,), interpolated; held at both ends."""
+    # The heading unwrapped: halfway from 179 to -179 degrees is 180, not 0.
+    tracks = (motion.x, motion.y, np.unwrap(motion.yaw))
+    x, y, yaw = (np.interp(time, motion.time, track) for track in tracks)
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y = x + c * mount.x - s * mount.y, y + s * mount.x + c * mount.y
+    return np.column_stack((x, y, yaw + mount.yaw))
+
+
+def ray_cells(
+    grid: OccupancyGrid, poses: Floats, ranges: npt.NDArray[np.float32], laser: Laser
+) -> _Cells:
+    """Return the cells that rays pass: those at every half a cell from the laser to the return.
+
+    ``poses`` (n, 3) of the laser, ``ranges`` (n, rays) [m]. No return (inf) is a look as far as
+    the laser reaches; a lost ray (nan) and one that met something too near (-inf) see nothing.
+    """
+    reach: Floats = np.minimum(ranges, laser.range_max, dtype=np.float64)
+    scan, ray = np.nonzero(reach > 0.0)
+    steps = (reach[scan, ray] / (0.5 * grid.resolution)).astype(np.intp) + 1
+    # The longest first: those that go on are always the first ones.
+    order = np.argsort(-steps, kind="stable")
+    scan, ray, steps = scan[order], ray[order], steps[order]
+    angle = poses[scan, 2] + laser.angle_min + laser.angle_increment * ray
+    rows, columns = grid.cells.shape
+    # In cells, behind a border of one cell that takes what leaves the grid.
+    start = (poses[scan, :2] - (grid.x, grid.y)).T / grid.resolution + 1.0
+    stride = 0.5 * np.stack((np.cos(angle), np.sin(angle)))
+    last = np.array([[columns + 1], [rows + 1]])
+    passed: _Cells = np.zeros((rows + 2) * (columns + 2), np.bool_)
+    for step, count in enumerate(np.searchsorted(-steps, -np.arange(steps.max(initial=0)))):
+        # Millions of spots in a run: in place, and by one number each.
+        spots = step * stride[:, :count]
+        spots += start[:, :count]
+        column, row = np.clip(spots, 0.0, last, out=spots).astype(np.intp)
+        passed[row * (columns + 2) + column] = True
+    return passed.reshape(rows + 2, columns + 2)[1:-1, 1:-1]
+
+
+def _driven_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
+    truth = trace.ground_truth
+    poses = np.column_stack((truth.x, truth.y, truth.yaw))
+    ring = np.array(trace.spec.robot.footprint, np.float64)
+    return footprint_cells(grid, poses[_strides(poses)], ring)
+
+
+def _strides(poses: Floats) -> npt.NDArray[np.intp]:
+    """Return the first pose after each stride of way or turn, and the last one."""
+    if not len(poses):
+        return np.empty(0, np.intp)
+    way = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
+    turn = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2]))
+    slots = np.floor(np.cumsum(way) / STRIDE + np.cumsum(turn) / 0.1)
+    first = np.unique(slots, return_index=True)[1]
+    return np.union1d(first, [len(poses) - 1]).astype(np.intp)
+
+
+def footprint_cells(grid: OccupancyGrid, poses: Floats, ring: Floats) -> _Cells:
+    """Return the cells whose centre a convex ``ring`` (m, 2) covers at one of ``poses`` (n, 3)."""
+    rows, columns = grid.cells.shape
+    reach = int(np.hypot(*ring.T).max() / grid.resolution) + 1
+    window = np.arange(-reach, reach + 1)
+    spots = (poses[:, :2] - (grid.x, grid.y)) / grid.resolution
+    column, row = (np.floor(one)[:, None].astype(np.intp) + window for one in spots.T)
+    # Of the cells around each pose (n, k, k): their centres as the robot sees them [m].
+    u = (column[:, None, :] + 0.5 - spots[:, 0, None, None]) * grid.resolution
+    v = (row[:, :, None] + 0.5 - spots[:, 1, None, None]) * grid.resolution
+    c, s = np.cos(poses[:, 2, None, None]), np.sin(poses[:, 2, None, None])
+    x, y = c * u + s * v, c * v - s * u
+    left, right = np.ones(x.shape, np.bool_), np.ones(x.shape, np.bool_)
+    for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+        left &= side >= 0.0
+        right &= side <= 0.0
+    pose, i, j = np.nonzero(left | right)  # of every edge, whichever way round the corners go
+    row, column = row[pose, i], column[pose, j]
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    covered: _Cells = np.zeros((rows, columns), np.bool_)
+    covered[row[inside], column[inside]] = True
+    return covered
+
+
+def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[CoveredCells]) -> FloorArea:
+    """Return the areas that any of the runs of one scene has covered."""
+    free = grid.cells == FREE
+    seen = _unpacked([run.seen for run in runs], grid)
+    driven = _unpacked([run.driven for run in runs], grid)
+    rooms = ((region.name, room_cells(grid, region)) for region in scene.regions)
+    return FloorArea(
+        scene=scene.name,
+        resolution=grid.resolution,
+        runs=len(runs),
+        free=_area(free, grid),
+        seen=_area(seen, grid),
+        driven=_area(driven, grid),
+        rooms=tuple(
+            RoomArea(name, *(_area(cells & room, grid) for cells in (free, seen, driven)))
+            for name, room in rooms
+        ),
+    )
+
+
+def _unpacked(packed: Sequence[npt.NDArray[np.uint8]], grid: OccupancyGrid) -> _Cells:
+    """Return the cells that are set in any of the runs."""
+    cells = grid.cells
+    bits = np.unpackbits(np.bitwise_or.reduce(packed), count=cells.size)
+    return bits.reshape(cells.shape).astype(np.bool_)
+
+
+def _area(cells: _Cells, grid: OccupancyGrid) -> float:
+    # Rounded, since 0.1 ** 2 is not 0.01: areas are read by people and compared by machines.
+    return round(float(cells.sum()) * grid.resolution**2, 6)
+
+
+def room_cells(grid: OccupancyGrid, region: Region) -> _Cells:
+    """Return the cells whose centre lies in a region."""
+    rows, columns = grid.cells.shape
+    x: Floats = np.arange(0.5, columns) * grid.resolution + grid.x
+    y: Floats = np.arange(0.5, rows) * grid.resolution + grid.y
+    polygon = region_polygon(region)
+    west, south, east, north = polygon.bounds
+    # Of a large building a room is a small part.
+    row = slice(*np.searchsorted(y, (south, north)))
+    column = slice(*np.searchsorted(x, (west, east)))
+    inside: _Cells = np.zeros(grid.cells.shape, np.bool_)
+    inside[row, column] = shapely.intersects_xy(polygon, x[None, column], y[row, None])
+    return inside
