@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from daemon.analysis.report._safety_buffer import SafetyBuffer
@@ -28,15 +28,16 @@ SPEED_AT_TRIGGER: Final = "speed at trigger"
 class RunMeasure:
     """A number of a run: its name, unit and meaning, and the ``text`` of the oracle it is from.
 
-    In :data:`MEASURES` the text names the predicate of the safety buffer ``{in_buffer}``. Measures
-    with ``localisation`` are about the estimated pose. ``declared`` has the campaign's own names.
+    In :data:`MEASURES` the text names the predicate of the safety buffer ``{in_buffer}``.
+    ``declared`` has the campaign's own names. Each ``group`` has a table of its own: 0 about the
+    run, 1 about the estimated pose, 2 declared by the campaign alone.
     """
 
     name: str
     unit: str
     about: str
     text: str = ""
-    localisation: bool = False
+    group: int = 0
     declared: tuple[str, ...] = ()
 
 
@@ -55,18 +56,18 @@ MEASURES: Final = (
         "longest in buffer", "s", "longest such time without a break", "longest({in_buffer})"
     ),
     RunMeasure(
-        "error mean", "m", "localisation error, mean over time", "mean(loc.error)", True
+        "error mean", "m", "localisation error, mean over time", "mean(loc.error)", 1
     ),
     RunMeasure(
-        "error median", "m", "localisation error, half of the time below", "median(loc.error)", True
+        "error median", "m", "localisation error, half of the time below", "median(loc.error)", 1
     ),
     RunMeasure(
-        "error p95", "m", "localisation error, 95 % of the time below", "p95(loc.error)", True
+        "error p95", "m", "localisation error, 95 % of the time below", "p95(loc.error)", 1
     ),
-    RunMeasure("error max", "m", "largest localisation error", "max(loc.error)", True),
+    RunMeasure("error max", "m", "largest localisation error", "max(loc.error)", 1),
     RunMeasure(
         "inside 2 sigma", "1", "share of time with the true position within two deviations",
-        "fraction(loc.inside_2sigma)", True,
+        "fraction(loc.inside_2sigma)", 1,
     ),
     RunMeasure(
         SPEED_AT_TRIGGER, "m/s", "speed when a door was triggered, mean over the triggers"
@@ -124,28 +125,31 @@ class MeasureColumn:
     """A measure and its values in each cell (scenario, SUT), in the order of the repeats."""
 
     measure: RunMeasure
-    values: Mapping[tuple[str, str], tuple[float, ...]]
+    values: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
 
 
 def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
     """Return every measure with a value: the standard ones, then those that the campaign declares.
 
-    A declared measure that means the same as a standard one adds its name to that column.
+    A declared measure that means the same as a standard one adds its name to that column, and its
+    values where traces are gone.
     """
     texts = data.oracle_texts
-    same = standard_names(texts, data.buffer)
-    found: dict[RunMeasure, dict[tuple[str, str], tuple[float, ...]]] = {}
+    standard = standard_names(texts, data.buffer)
+    columns: dict[str | tuple[str, str], MeasureColumn] = {}
     for measure in standard_measures(data.buffer):
-        names = tuple(name for name in texts if same.get(name) == measure.name)
-        values = found.setdefault(replace(measure, declared=names), {})
-        for cell in data.assessment.cells:
-            runs = [run.tracks.measures for run in data.runs if run.record.id in cell.runs]
-            if here := tuple(run[measure.name] for run in runs if measure.name in run):
-                values[cell.scenario, cell.sut] = here
+        names = tuple(name for name in texts if standard.get(name) == measure.name)
+        columns[measure.name] = MeasureColumn(replace(measure, declared=names))
+    measured = {run.record.id: run.tracks.measures for run in data.runs}
     for cell in data.assessment.cells:
+        place = (cell.scenario, cell.sut)
+        for measure in MEASURES:
+            runs = (measured[run] for run in cell.runs)
+            if values := tuple(run[measure.name] for run in runs if measure.name in run):
+                columns[measure.name].values[place] = values
         for own in cell.measures:
-            if own.oracle not in same:
-                text = texts.get(own.oracle, "")
-                measure = RunMeasure(own.oracle, own.unit, "", text, declared=(own.oracle,))
-                found.setdefault(measure, {})[cell.scenario, cell.sut] = own.values
-    return tuple(MeasureColumn(measure, values) for measure, values in found.items() if values)
+            text = texts.get(own.oracle, "")
+            alone = RunMeasure(own.oracle, own.unit, "", text, 2, (own.oracle,))
+            key = standard.get(own.oracle) or (own.oracle, own.unit)
+            columns.setdefault(key, MeasureColumn(alone)).values.setdefault(place, own.values)
+    return tuple(column for column in columns.values() if column.values)

@@ -30,7 +30,7 @@ from daemon.analysis.report._formatting import (
     verdict_details,
 )
 from daemon.analysis.report._input import ReportInput
-from daemon.analysis.report._measures import MEASURES
+from daemon.analysis.report._measures import measure_columns
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
 from daemon.judging.assessment import severity
@@ -112,8 +112,7 @@ def write_page(
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
         repeats=_repeats(data),
         findings=group_errors(notable_verdicts(data)),
-        measures=[m for m in MEASURES if any(m.name in run.tracks.measures for run in data.runs)],
-        measured=_measured(data.runs),
+        measures=measure_columns(data),
         figures=_by_kind(figures),
         moments={(f.scenario, f.sut, f.subject): f for f in figures if f.subject and f.svg},
         references=compared_references(chosen, assessment),
@@ -250,16 +249,6 @@ def _counts(oracle: CellVerdict) -> str:
     counts = [(words, count) for words, count in kinds if count] or [("passes", oracle.passed)]
     whole = count_noun(oracle.n, "repeat")
     return ", ".join(f"{words} in {count} of {whole}" for words, count in counts)
-
-
-def _measured(runs: Sequence[ReportRun]) -> dict[tuple[str, str], dict[str, list[float]]]:
-    """Return the values of each cell, (scenario, SUT), by measure."""
-    cells: dict[tuple[str, str], dict[str, list[float]]] = {}
-    for run in runs:
-        values = cells.setdefault((run.record.scenario, run.record.sut), {})
-        for name, value in run.tracks.measures.items():
-            values.setdefault(name, []).append(value)
-    return cells
 
 
 def _spread(values: Sequence[float]) -> str:

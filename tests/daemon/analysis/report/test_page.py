@@ -6,11 +6,13 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 
 import html5lib
 import pytest
 
 from daemon.analysis.report import (
+    NOTHING,
     SuggestedCommand,
     _figures,
     format_quantity,
@@ -19,11 +21,17 @@ from daemon.analysis.report import (
     verdict_details,
     write_page,
 )
+from daemon.analysis.report._measures import (
+    SPEED_AT_TRIGGER,
+    measured_values,
+    standard_oracles,
+)
 from daemon.judging.assessment import assess
+from daemon.judging.oracles import judge
 from daemon.model.spec import own_version
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from daemon.trace import read_scene
+from daemon.trace import read_scene, read_trace
 from tests.daemon.analysis.report.recordings import (
     ABOUT,
     NAME,
@@ -215,18 +223,25 @@ def test_numbers_beside_axes_are_not_cut(data):
     assert all(x >= digit * len(number) for x, number in numbers)
 
 
-def test_measures_are_means_over_the_repeats(data, tree):
-    table = next(section(tree, "measures").iter(f"{HTML}table"))
-    names = [words(e).partition(" [")[0] for e in table.iter(f"{HTML}th")]
-    row = next(r for r in table.iter(f"{HTML}tr") if SUTS[1] in words(r))
-    shown = dict(zip(names, map(words, row), strict=False))
-    values = [
-        run.tracks.measures["min clearance"]
+def test_every_number_of_the_tables_of_measures_is_what_judge_says(data, tree):
+    layer = standard_oracles(data.buffer)
+    judged = {
+        run.record.id: measured_values(judge(read_trace(Path(run.record.trace)), layer))
         for run in data.runs
-        if (run.record.scenario, run.record.sut) == (data.runs[0].record.scenario, SUTS[1])
-    ]
-    mean, deviation = mean_and_deviation(values)
-    assert shown["min clearance"] == f"{mean} ± {deviation}"
+    }
+    compared = set()
+    for table in section(tree, "measures").iter(f"{HTML}table"):
+        head, *rows = elements(table, "tr")
+        for row, cell in zip(rows, data.assessment.cells, strict=True):
+            for column, number in list(zip(head, row, strict=True))[2:]:
+                name = words(column).partition(" [")[0]
+                values = [judged[run][name] for run in cell.runs if name in judged[run]]
+                if name != SPEED_AT_TRIGGER:
+                    shown = " ± ".join(mean_and_deviation(values)) if values else NOTHING
+                    assert (name, words(number)) == (name, shown)
+                    compared.add(name)
+    # No behaviour tree is recorded.
+    assert compared == {oracle.name for oracle in layer} - {"recoveries"}
 
 
 def test_what_fails_comes_with_evidence_and_commands(data, tree):
