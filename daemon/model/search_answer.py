@@ -32,11 +32,6 @@ class Confirmation:
     low: float
     high: float
 
-    @property
-    def holds(self) -> bool:
-        """Whether at least half of them do."""
-        return 2 * self.failed >= self.runs
-
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
@@ -51,12 +46,10 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True)
 class NearestFailure:
-    """The failure with the smallest change from the scenario as written.
+    """The failure with the smallest change from the scenario as written; it fails with most noises.
 
     ``complete`` is false when runs were spent before nothing else could be taken back. ``passes``
     is the last point on the way to the written values that passes.
-    Where it ``holds`` it fails with most noises; else no failure that was tried does, and one noise
-    decided.
     """
 
     result: Trial
@@ -65,7 +58,6 @@ class NearestFailure:
     runs: int
     complete: bool
     confirmed: Confirmation | None = None
-    holds: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,23 +153,13 @@ class SearchAnswer:
 
     @property
     def told_failure(self) -> Trial | None:
-        """The failure that is handed on.
-
-        That is the nearest one, else the first if most of its repeats confirm it, else the worst.
-        """
-        if self.nearest is not None:
-            return self.nearest.result
-        if self.confirmed is not None and self.confirmed.holds:
-            return self.first
-        return self.best if self.best is not None and self.best.fails else self.first
+        """The failure that is handed on: the nearest one, otherwise the first."""
+        return self.first if self.nearest is None else self.nearest.result
 
     @property
     def told_confirmation(self) -> Confirmation | None:
         """How often the failure that is handed on holds; ``None`` where it was not repeated."""
-        if self.nearest is not None:
-            return self.nearest.confirmed
-        told = self.told_failure
-        return self.confirmed if told is not None and told == self.first else None
+        return self.confirmed if self.nearest is None else self.nearest.confirmed
 
     @property
     def shown(self) -> Trial | None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import textwrap
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -44,7 +43,7 @@ from grammars.text.words import count_noun
 ERRORS_IN_A_ROW: Final = 5
 """So many errors one after another end a search: the next one would be another."""
 _WIDTH: Final = 98
-"""Of a line of a comment."""
+"""Characters of a line of a comment."""
 _SETTLED_RUNS: Final = 20
 _SETTLED_WINDOWS: Final = 3
 """Nothing better and nothing new for so many results, or windows of them if that is more."""
@@ -65,7 +64,7 @@ def run_search(case: SearchCase, runs: DaemonRuns) -> SearchAnswer:
 
 @dataclass(slots=True)
 class _StopRules:
-    """What has to be known to say when a search is over."""
+    """Counts that say when a search is over."""
 
     task: SearchTask
     failures: int = 0
@@ -94,13 +93,12 @@ class _StopRules:
 
     def ended(self) -> str:
         """Return why nothing else is to be proposed; empty while there is no reason."""
-        task = self.task
+        stop, long = self.task.stop, max(_SETTLED_RUNS, _SETTLED_WINDOWS * self.task.window)
         if self.errors >= ERRORS_IN_A_ROW:
             return "errors"
-        if task.stop == "failures" and self.failures >= task.failures:
+        if stop == "failures" and self.failures >= self.task.failures:
             return "failures"
-        long = max(_SETTLED_RUNS, _SETTLED_WINDOWS * task.window)
-        return "settled" if task.stop == "settled" and self.quiet >= long else ""
+        return "settled" if stop == "settled" and self.quiet >= long else ""
 
 
 @dataclass(slots=True)
@@ -115,7 +113,6 @@ class _SearchProgram:
     shrunk: ShrunkScenario | None = None
     space: SearchSpace = field(init=False)
     points: PointRunner = field(init=False)
-    _repeated: dict[int, Confirmation | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.space = SearchSpace(self.case.task)
@@ -123,11 +120,14 @@ class _SearchProgram:
 
     @property
     def task(self) -> SearchTask:
-        """What is searched."""
+        """The search as it was asked for."""
         return self.case.task
 
     def answer(self, ended: str = "") -> SearchAnswer:
-        """Return what was found so far."""
+        """Return the answer so far."""
+        # Where runs differ every point is a median of several, and none is repeated to judge it.
+        failures = self._failures() if self.task.repeatable else []
+        known = [self.points.holds(failure) for failure in failures]
         return make_answer(
             self.task,
             self.explored,
@@ -137,72 +137,59 @@ class _SearchProgram:
             confirmed=self.confirmed,
             nearest=self.nearest,
             shrunk=self.shrunk,
-            holding=self._holding(),
+            holding=[holds for holds in known if holds is not None],
         )
-
-    def _failures(self) -> list[Trial]:
-        return [trial for trial in self.explored if trial.fails]
-
-    def _holding(self) -> list[bool]:
-        """Return of the explored failures whose repeats tell whether they hold."""
-        if not self.task.repeatable:
-            return []
-        known = [self.points.holds(failure) for failure in self._failures()]
-        return [holds for holds in known if holds is not None]
 
     def run(self) -> SearchAnswer:
         """Go through all phases."""
         ended = self._explore(SearchMethod(self.task, self.space))
-        failures = self._failures()
-        first = first_failure(failures)
+        first = first_failure(self.explored)
         if first is not None:
             self.confirmed = self._confirm(first)
             if "nearest" in self.task.then:
-                self._bring_near(failures)
-            told = self.answer().told_failure
-            if "shrink" in self.task.then and told is not None:
+                self._bring_near()
+            if "shrink" in self.task.then:
+                told = first if self.nearest is None else self.nearest.result
                 self._report("shrink", f"shrinking run {told.number}")
                 self.shrunk = shrink_failure(self.points, told)
         return self.with_found(self.answer(ended))
 
+    def _failures(self) -> list[Trial]:
+        return [trial for trial in self.explored if trial.fails]
+
     def _explore(self, method: SearchMethod) -> str:
         """Issue proposals in a window, learn from them in order, and return why it ended."""
-        rules, out, number = _StopRules(self.task), deque[Proposal](), 0
-        ended = ""
-        while not ended:
-            # Proposal n is made knowing the results up to n - window, whatever else is there.
-            if len(out) == self.task.window:
-                self._learn(out.popleft(), method, rules)
-            ended = rules.ended() or self._spent(number)
-            if ended:
-                break
+        rules, out = _StopRules(self.task), deque[Proposal]()
+        while not (ended := rules.ended() or self._spent()):
             proposal = method.propose()
             if proposal is None:
                 ended = "exhausted"
                 break
-            begun = self.points.begin(
-                proposal.values, "explore", proposal.method, guided=proposal.guided
+            out.append(
+                self.points.begin(
+                    proposal.values, "explore", proposal.method, guided=proposal.guided
+                )
             )
-            out.append(begun)
-            number += 1
+            # Proposal n is made knowing the results up to n - window, whatever else is there.
+            if len(out) == self.task.window:
+                self._learn(out.popleft(), method, rules)
         while out:
             self._learn(out.popleft(), method, rules)
         return ended
 
-    def _spent(self, number: int) -> str:
+    def _spent(self) -> str:
         # Where runs differ a point takes several, which the budget counts.
-        if number * self.points.repeats >= self.task.runs:
+        if self.points.number * self.points.repeats >= self.task.runs:
             return "budget"
         if self.task.seconds <= 0.0 or self.runs.elapsed() < self.task.seconds:
             return ""
-        # What was issued before a crash is gone on with, else its results would be lost.
+        # Runs issued before a crash are gone on with, otherwise their results would be lost.
         issued = self.runs.issued(self.points.position)
         return "" if issued is not None and issued.phase == "explore" else "time"
 
     def _learn(self, begun: Proposal, method: SearchMethod, rules: _StopRules) -> None:
         trial = self.points.finish(begun)
-        value = None if trial.value is None else trial.value.value
-        method.learn(value)
+        method.learn(None if trial.value is None else trial.value.value)
         self.explored.append(trial)
         # Not after every run: an answer so far is large, and most change nothing.
         if rules.learn(trial) or trial.number % self.task.window == 0:
@@ -210,35 +197,28 @@ class _SearchProgram:
             self.runs.report("explore", self._progress_note(answer), answer)
 
     def _progress_note(self, answer: SearchAnswer) -> str:
-        told = f"{answer.explored} of {count_noun(self.task.runs, 'run')}"
+        note = f"{answer.explored} of {count_noun(self.task.runs, 'run')}"
         if answer.failed:
-            told += f", {count_noun(answer.failed, 'failure')}"
-        return f"{told}, best {margin_words(answer.best)}" if answer.best is not None else told
+            note += f", {count_noun(answer.failed, 'failure')}"
+        return f"{note}, best {margin_words(answer.best)}" if answer.best is not None else note
 
-    def _confirm(self, failure: Trial, least: int = 0) -> Confirmation | None:
-        """Run a failure again with other noise, ``least`` times at least, unless that was done."""
-        number, count = failure.number, max(self.task.confirm, least)
-        if not self.task.repeatable:
-            count = max(count, MEDIAN_OF)
-        if count and number not in self._repeated:
-            times = count_noun(count, "time")
-            self._report("confirm", f"run {number} again, {times} with other noise")
-            self._repeated[number] = confirmation(self.points.repeat(failure, count))
-        return self._repeated.get(number)
+    def _confirm(self, failure: Trial) -> Confirmation | None:
+        """Run a failure again with other noise, except repeats that were run before."""
+        count = self.task.confirm if self.task.repeatable else max(self.task.confirm, MEDIAN_OF)
+        if not count:
+            return None
+        times = count_noun(count, "time")
+        self._report("confirm", f"run {failure.number} again, {times} with other noise")
+        return confirmation(self.points.repeat(failure, count))
 
-    def _bring_near(self, failures: Sequence[Trial]) -> None:
+    def _bring_near(self) -> None:
         influence = parameter_influence(self.task, self.explored)
         self._report("nearest", f"at most {NEAREST_POINTS} points for the smallest change")
-        nearest = find_nearest(
-            self.points, failures, {one.parameter: one.correlation for one in influence}
+        self.nearest = find_nearest(
+            self.points, self._failures(), {one.parameter: one.correlation for one in influence}
         )
-        if nearest is None:
-            return
-        self.nearest = nearest
-        # Where one noise decided it is not known yet what the others say of this very point.
-        repeats = self._confirm(nearest.result, 0 if nearest.holds else self.points.others)
-        holds = self.points.holds(nearest.result) is not False
-        self.nearest = replace(nearest, confirmed=repeats, holds=holds)
+        if self.nearest is not None:
+            self.nearest = replace(self.nearest, confirmed=self._confirm(self.nearest.result))
 
     def with_found(self, answer: SearchAnswer) -> SearchAnswer:
         """Return an answer with the campaign file of its failure, if it has one."""

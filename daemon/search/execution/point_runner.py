@@ -79,10 +79,6 @@ class PointRunner:
         """Return whether nothing is run to find out about a point."""
         return point in self._known or not self.allowed(point)
 
-    def known(self, point: Point) -> Trial | None:
-        """Return what a point is known to say; ``None`` for one that breaks a constraint."""
-        return self._known.get(point)
-
     def results(self, points: Iterable[tuple[Point, str]], phase: Phase) -> list[Trial | None]:
         """Return what points say, run at the same time, each with a few words on what is tried.
 
@@ -94,20 +90,11 @@ class PointRunner:
             self.finish(begun)
         return [self._known.get(point) for point, _ in tried]
 
-    def repeat(self, result: Trial, times: int) -> list[Trial]:
-        """Return what so many repeats of a point say, with other noise than the first run.
-
-        Those that were run before are not run again.
-        """
-        wanted = [(result, r) for r in range(self.repeats, self.repeats + times)]
-        return self._repeated(wanted)
-
     @property
     def others(self) -> int:
         """How many repeats with other noise say whether a failure holds.
 
-        Those are the first that confirm one, so that what holds is confirmed. That run 0 fails says
-        nothing about it: it was chosen for that.
+        They are the first that confirm one. Run 0 does not count: it was chosen for failing.
         """
         return min(max(self.case.task.confirm, _FEWEST_OTHERS), _MOST_OTHERS)
 
@@ -118,35 +105,21 @@ class PointRunner:
         """
         if not result.fails or self.repeats > 1:
             return result.fails
-        missing_failed, missing_other = self._missing(result)
-        if missing_failed > 0 and missing_other > 0:
-            return None
-        return missing_failed <= 0
-
-    def _missing(self, result: Trial) -> tuple[int, int]:
-        """Return how many repeats have to fail, or not to, until it is known what most do."""
         known = self._others_of(result)
-        failed = sum(one.fails for one in known)
-        needed = (self.others + 1) // 2
-        return needed - failed, self.others - needed + 1 - (len(known) - failed)
+        failed, half = sum(one.fails for one in known), _half(self.others)
+        if failed >= half:
+            return True
+        return False if len(known) - failed > self.others - half else None
 
-    def _others_of(self, result: Trial) -> list[Trial]:
-        keys = [(result.number, repeat) for repeat in range(1, self.others + 1)]
-        return [self._repeats[key] for key in keys if key in self._repeats]
+    def judge(self, results: Sequence[Trial | None]) -> list[Trial | None]:
+        """Return results; in place of failures that do not hold, what their other noises say.
 
-    def with_most_noises(self, results: Sequence[Trial | None]) -> list[Trial | None]:
-        """Return results, in place of those that are failures by chance what the others say.
-
-        Failures are run again, at the same time, until it is known whether they hold.
+        Half of the repeats decide where they agree, otherwise the rest is run as well.
         """
         failures = [one for one in results if one is not None and one.fails]
-        while open_ones := [one for one in failures if self.holds(one) is None]:
-            wanted: list[tuple[Trial, int]] = []
-            for one in open_ones:
-                begun = len(self._others_of(one)) + 1
-                # No more than can be needed: the next ones may not be.
-                wanted.extend((one, begun + more) for more in range(min(self._missing(one))))
-            self._repeated(wanted)
+        for first, last in ((1, _half(self.others)), (_half(self.others) + 1, self.others)):
+            unclear = [one for one in failures if self.holds(one) is None]
+            self._run_repeats([(one, r) for one in unclear for r in range(first, last + 1)])
         return [self._usual(one) for one in results]
 
     def _usual(self, result: Trial | None) -> Trial | None:
@@ -154,8 +127,18 @@ class PointRunner:
             return result
         return median_trial([one for one in self._others_of(result) if not one.fails])
 
-    def _repeated(self, wanted: Sequence[tuple[Trial, int]]) -> list[Trial]:
-        """Run the repeats of points that were not run, a window at a time, and return them all."""
+    def _others_of(self, result: Trial) -> list[Trial]:
+        keys = [(result.number, repeat) for repeat in range(1, self.others + 1)]
+        return [self._repeats[key] for key in keys if key in self._repeats]
+
+    def repeat(self, result: Trial, times: int) -> list[Trial]:
+        """Return what so many repeats of a point say, with other noise than the first run."""
+        repeats = range(self.repeats, self.repeats + times)
+        self._run_repeats([(result, repeat) for repeat in repeats])
+        return [self._repeats[result.number, repeat] for repeat in repeats]
+
+    def _run_repeats(self, wanted: Sequence[tuple[Trial, int]]) -> None:
+        """Run repeats of points that were not run before, a window at a time."""
         window = self.case.task.window
         new = [(r, repeat) for r, repeat in wanted if (r.number, repeat) not in self._repeats]
         for start in range(0, len(new), window):
@@ -168,7 +151,6 @@ class PointRunner:
                 )
             for key, position in positions.items():
                 self._repeats[key] = self._trial(position)
-        return [self._repeats[trial.number, repeat] for trial, repeat in wanted]
 
     def issue(self, proposal: Proposal, candidate: Candidate) -> int:
         """Issue one run at the next position, and return that."""
@@ -183,3 +165,8 @@ class PointRunner:
         self.executed += not row.cached
         self.reused += bool(row.cached)
         return row
+
+
+def _half(repeats: int) -> int:
+    """Return the least number of repeats that are half of them."""
+    return (repeats + 1) // 2

@@ -27,7 +27,7 @@ def numbers(pattern):
         (r"its (\d+) points were spent", nearest.NEAREST_POINTS),
         (r"looked for at up to (\d+) points", nearest.NEAREST_POINTS),
         (r"for at most (\d+) of the points", nearest._TAKING_BACK),
-        (r"the worst of the rest, (\w+) in all", nearest._STARTS),
+        (r"the next worst, (\w+) in all", nearest._STARTS),
         (r"until one does, up to (\w+)", nearest._MOST_STARTS),
         (r"At most (\d+) runs\.", shrinking.SHRINK_RUNS),
         (r"candidates are runs of the search, at most (\d+)", shrinking.SHRINK_RUNS),

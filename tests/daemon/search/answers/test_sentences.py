@@ -127,7 +127,7 @@ def test_a_search_that_finds_failures_tells_of_them_in_order():
     assert answer.told_failure == first
     assert replace(answer, nearest=None).told_failure == answer.first
     unconfirmed = replace(answer, nearest=None, confirmed=None)
-    assert unconfirmed.told_failure == answer.best
+    assert unconfirmed.told_failure == answer.first
     assert unconfirmed.told_confirmation is None
     assert codec.from_json(SearchAnswer, codec.to_json(answer)) == answer
 
