@@ -167,8 +167,8 @@ def check_campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...], Campaign]:
 def _search_findings(campaign: Campaign) -> tuple[Diagnostic, ...]:
     if not campaign.searches:
         return ()
-    from daemon.search.preparation.checks import check_search
-    from daemon.search.preparation.composition import search_case
+    from daemon.search.composition import search_case
+    from daemon.search.preparation import check_search
 
     cases = (search_case(campaign, task) for task in campaign.searches)
     return tuple(dict.fromkeys(one for case in cases for one in check_search(case)))

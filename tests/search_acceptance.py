@@ -33,7 +33,7 @@ from daemon.search import program
 from daemon.search.answers.found import write_found
 from daemon.search.client import SearchClient
 from daemon.search.methods import SearchMethod
-from daemon.search.preparation.submission import prepare_search
+from daemon.search.preparation import prepare_search
 from daemon.search.program import run_search
 from grammars.text.diagnostics import InputError
 from tests.daemon.batch.harness import daemon_at, eventually

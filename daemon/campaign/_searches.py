@@ -1,7 +1,7 @@
 """Searches of a campaign file, checked: the parameters of each, and their bounds.
 
 Each finding has its place in the file, and comes before the first run. Those about composed points
-(a door that does not fit any more) are of :mod:`daemon.search.preparation.checks`.
+(a door that does not fit any more) are of :mod:`daemon.search.preparation`.
 """
 
 from __future__ import annotations

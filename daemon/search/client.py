@@ -20,7 +20,7 @@ from daemon.batch.errors import DaemonError, Refused
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchAnswer, SearchQuery, SearchRow, SearchState
 from daemon.model.verbs import SEARCH, SEARCHES
-from daemon.search.execution.daemon_runs import (
+from daemon.search.daemon_runs import (
     DaemonRuns,
     PatientClient,
     SearchDivergedError,

@@ -20,7 +20,7 @@ from daemon.model.trials import Trial
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.facts import distinct_failures
 from daemon.search.answers.sentences import changes_text
-from daemon.search.execution.point_runner import PointRunner
+from daemon.search.point_runner import PointRunner
 from daemon.search.points import (
     change_size,
     changed_parameters,

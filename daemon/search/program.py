@@ -31,11 +31,11 @@ from daemon.search.answers.facts import (
     parameter_influence,
 )
 from daemon.search.answers.sentences import headline_of, margin_words
-from daemon.search.execution.daemon_runs import DaemonRuns, SearchStoppedError
-from daemon.search.execution.point_runner import MEDIAN_OF, PointRunner
+from daemon.search.composition import SearchCase
+from daemon.search.daemon_runs import DaemonRuns, SearchStoppedError
 from daemon.search.methods import SearchMethod
 from daemon.search.nearest import NEAREST_POINTS, find_nearest
-from daemon.search.preparation.composition import SearchCase
+from daemon.search.point_runner import MEDIAN_OF, PointRunner
 from daemon.search.shrinking import shrink_failure
 from daemon.search.space import SearchSpace
 from grammars.text.words import count_noun

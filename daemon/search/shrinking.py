@@ -30,7 +30,7 @@ from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import ShrunkScenario
 from daemon.model.trials import Trial
-from daemon.search.execution.point_runner import PointRunner
+from daemon.search.point_runner import PointRunner
 from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun, enumerate_words
 

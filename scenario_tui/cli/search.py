@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
     from daemon.search.client import SearchClient
-    from daemon.search.preparation.submission import PreparedSearch
+    from daemon.search.preparation import PreparedSearch
     from scenario_tui.cli.search_progress import SearchWatch
     from scenario_tui.cli.target import DaemonTarget
 
@@ -306,7 +306,7 @@ def _begin(
     """Begin a search in the daemon, or go on with it, and say so."""
     from daemon.batch.errors import Unreachable
     from daemon.search.client import client_name
-    from daemon.search.preparation.submission import prepare_search
+    from daemon.search.preparation import prepare_search
     from scenario_tui.cli.execute import start_daemon_if_needed
     from scenario_tui.cli.progress import SUBMIT_PATIENCE, ask_patiently
     from scenario_tui.cli.suggestions import refuse_missing_campaign

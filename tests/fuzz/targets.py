@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daemon.campaign import examine, expand
-from daemon.search.preparation.checks import check_search
-from daemon.search.preparation.composition import search_case
+from daemon.search.composition import search_case
+from daemon.search.preparation import check_search
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import (
     load_floorplan_jsonld,

@@ -1,7 +1,7 @@
 """Searches of campaign files as cases, unchecked."""
 
 from daemon.campaign import load_campaign
-from daemon.search.preparation.composition import search_case
+from daemon.search.composition import search_case
 
 
 def load_search_case(file, name):

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from daemon.model.search import SPACE_FILLING
-from daemon.search import nearest, program, shrinking
-from daemon.search.execution import point_runner
+from daemon.search import nearest, point_runner, program, shrinking
 from daemon.search.methods import COVARIANCE_FROM
 
 PAGE = " ".join((Path(__file__).parents[3] / "docs" / "search.md").read_text("utf-8").split())

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.search.execution.point_runner import PointRunner
 from daemon.search.nearest import NEAREST_POINTS, find_nearest
+from daemon.search.point_runner import PointRunner
 from tests.daemon.search.pretended import PretendedCase, make_task, seconds
 
 TWELVE = make_task(*(seconds(f"doors.time{i}") for i in range(12)))

@@ -11,7 +11,7 @@ from daemon.analysis.blame import Candidate
 from daemon.campaign import expand, load_campaign
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.search.execution.point_runner import PointRunner
+from daemon.search.point_runner import PointRunner
 from daemon.search.program import run_search
 from daemon.search.shrinking import left_out, shrink_failure
 from grammars.model.behaviour import Trigger

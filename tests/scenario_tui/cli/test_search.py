@@ -11,7 +11,7 @@ from rich.console import Console
 from daemon.model.messages import Empty
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
-from daemon.search.preparation.submission import PreparedSearch
+from daemon.search.preparation import PreparedSearch
 from scenario_tui.cli import progress, search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.progress import ProgressDisplay
@@ -169,7 +169,7 @@ def _prepared(monkeypatch):
         found = SearchSubmission(SEARCH, "house", "", "", tasks[-1], f"{path}", client=client)
         return PreparedSearch(found, None, ())
 
-    monkeypatch.setattr("daemon.search.preparation.submission.prepare_search", prepare)
+    monkeypatch.setattr("daemon.search.preparation.prepare_search", prepare)
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     return tasks, Path("campaign.yaml")
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.model.search_answer import SearchRow
-from daemon.search.preparation.submission import prepare_search
+from daemon.search.preparation import prepare_search
 from grammars.text.diagnostics import InputError
 
 SEARCHES = """

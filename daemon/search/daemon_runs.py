@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
-from daemon.model.messages import LARGEST_EXTENSION, RunQuery
+from daemon.model.messages import RunQuery
 from daemon.model.proposals import ExtendRequest, Phase, Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import (
@@ -29,11 +29,9 @@ from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, RunRow
 from daemon.model.submission import Submission
 from daemon.model.verbs import EXTEND, PROGRESS, RUNS, SEARCHES, Verb
-from grammars.model.scene import Scene
-from grammars.text import codec
 
 if TYPE_CHECKING:
-    # With all that runs and judges, of which only its name is needed here.
+    # It loads all that runs and judges; only its name is needed here.
     from daemon.analysis.blame import Candidate
 
 A = TypeVar("A")
@@ -48,28 +46,25 @@ _SPEAK_EVERY: Final = 5.0
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 5.0
 """Seconds between two questions to a daemon that does not answer."""
-_MOST_UNSENT: Final = 64
 _PAGE: Final = 500
+"""Rows of the ledger that are read at a time."""
 
 
 class SearchStoppedError(Exception):
-    """Nothing more is executed: the search was cancelled or deleted, or its client leaves.
+    """No other run is executed: the search was cancelled or deleted, or its client leaves.
 
-    ``answer`` is what was found until then, once :func:`daemon.search.program.run_search` knows.
+    ``answer`` is that until then, once :func:`daemon.search.program.run_search` has added it.
     """
 
     answer: SearchAnswer | None = None
 
 
 class SearchDivergedError(Exception):
-    """The search proposes another run than it did before: what it is made of has changed."""
+    """The search proposes another run than before: its files or the software have changed."""
 
 
 class PatientClient:
-    """Asks a daemon until it answers: without it there is nothing to do.
-
-    Writes to standard error why it does not, each reason once in a row.
-    """
+    """Asks a daemon until it answers, and prints to standard error why it does not."""
 
     def __init__(self, client: Client) -> None:
         self.client = client
@@ -111,7 +106,6 @@ class DaemonRuns:
         self._began = time.monotonic() - max(0.0, time.time() - submitted_at)
         self._rows: list[RunRow] = []
         self._earlier = 0
-        self._unsent: list[tuple[Proposal, Candidate]] = []
         self._unsettled = 0
         self._sent: set[str] = set()
         self._changed = threading.Event()
@@ -145,10 +139,10 @@ class DaemonRuns:
     def issue(self, proposal: Proposal, candidate: Candidate) -> None:
         """Have a run executed; one that is there already at its position is left as it is.
 
-        It is in the ledger at the latest when a result is waited for. Raises
-        :class:`SearchStoppedError` as :meth:`result` does.
+        Raises :class:`SearchStoppedError` as :meth:`result` does, and :class:`SearchDivergedError`
+        where another run is at its position.
         """
-        if proposal.position < len(self._rows):
+        if proposal.position < self._earlier:
             known = self._rows[proposal.position]
             if known.digest != candidate.spec.digest:
                 raise SearchDivergedError(
@@ -157,9 +151,17 @@ class DaemonRuns:
                     " meanwhile: start it again with --fresh"
                 )
             return
-        self._unsent.append((proposal, candidate))
-        if len(self._unsent) >= _MOST_UNSENT:
-            self._send()
+        spec = candidate.spec
+        files = set(spec.files)
+        if not files <= self._sent:
+            self._daemon.send_files((spec,))
+        try:
+            self._extend(proposal, candidate, with_scene=spec.scene not in self._sent)
+        except Refused:
+            self._require_ours()
+            # The daemon may have cleared away a scene that was sent long ago.
+            self._extend(proposal, candidate, with_scene=True)
+        self._sent.update(files, (spec.scene,))
 
     def result(self, position: int) -> RunRow:
         """Wait for a run that was issued and return it, settled.
@@ -167,18 +169,15 @@ class DaemonRuns:
         Raises :class:`SearchStoppedError` when the search is over, or its client leaves.
         """
         self._reached = max(self._reached, position)
-        if self._unsent:
-            self._send()
-        while not _has_result(self._rows[position]):
+        while not self._has_result(position):
             # Before the look: what happens from now on is an event.
             self._changed.clear()
             if self._leaving:
                 raise SearchStoppedError(f"the search {self._campaign} is left")
-            self._refresh()
-            row = self._rows[position]
-            if _has_result(row):
+            self._refresh(position)
+            if self._has_result(position):
                 break
-            if row.state is RunState.CANCELLED:
+            if self._rows[position].state is RunState.CANCELLED:
                 self._require_ours()
             self._send_report()
             self._changed.wait(_LOOK_EVERY)
@@ -188,16 +187,16 @@ class DaemonRuns:
         """Tell people how far the search is, once a second at most."""
         before = self._progress
         self._progress = replace(before, phase=phase, note=note[:LONGEST_NOTE], answer=answer)
-        # What was said before the process was started again was about more than this.
+        # A report of an earlier life was about more than this.
         self._is_reported = self._reached + 1 < self._earlier
         if phase != before.phase:
             self._reported_at = 0.0
         self._send_report()
 
     def end(self, state: SearchState, note: str, answer: SearchAnswer | None) -> None:
-        """Say how the search ended, or that it waits for another client.
+        """Report how the search ended, or that it waits for another client.
 
-        Raises :class:`daemon.batch.errors.Refused` when that is not this client's to say any more.
+        Raises :class:`daemon.batch.errors.Refused` when another client runs it by now.
         """
         answer = answer or self._progress.answer
         self._daemon.ask(
@@ -220,8 +219,8 @@ class DaemonRuns:
     def _ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask for something of the search.
 
-        Raises :class:`SearchStoppedError` if it is refused because the search is over or another
-        client's.
+        Raises :class:`SearchStoppedError` if the daemon refuses because the search is over or
+        another client's.
         """
         try:
             return self._daemon.ask(verb, request)
@@ -238,76 +237,33 @@ class DaemonRuns:
         query = RunQuery(self._campaign, offset=offset, limit=limit, results=True)
         return self._ask(RUNS, query).rows
 
-    def _known_page(self, offset: int, limit: int) -> tuple[RunRow, ...]:
-        """Return a page of runs that the ledger has."""
-        page = self._page(offset, limit)
-        if not page:
-            self._require_ours()
-            raise SearchDivergedError(f"run {offset} of the search is not in the ledger any more")
-        return page
+    def _has_result(self, position: int) -> bool:
+        """Return whether a run has told what it can; a cancelled one is queued again later."""
+        if position >= len(self._rows):
+            return False
+        row = self._rows[position]
+        return row.settled and row.state is not RunState.CANCELLED
 
-    def _refresh(self) -> None:
-        """Read the unsettled rows again."""
-        start, end = self._unsettled, len(self._rows)
+    def _refresh(self, position: int) -> None:
+        """Read rows from the first unsettled one on again, up to a position at least."""
+        start, end = self._unsettled, max(len(self._rows), position + 1)
         while start < end:
-            page = self._known_page(start, min(_PAGE, end - start))
+            page = self._page(start, min(_PAGE, end - start))
+            if not page:
+                self._require_ours()
+                message = f"run {start} of the search is not in the ledger any more"
+                raise SearchDivergedError(message)
             self._rows[start : start + len(page)] = page
             start += len(page)
         self._skip_settled()
 
     def _skip_settled(self) -> None:
-        while self._unsettled < len(self._rows) and _has_result(self._rows[self._unsettled]):
+        while self._has_result(self._unsettled):
             self._unsettled += 1
 
-    def _send(self) -> None:
-        """Have the unsent runs entered into the ledger, in parts that are not too large."""
-        while self._unsent:
-            count = self._fitting()
-            part = self._unsent[:count]
-            try:
-                self._extend(part, self._new_scenes(part))
-            except Refused:
-                self._require_ours()
-                # The daemon may have cleared away scenes that were sent long ago.
-                self._extend(part, _scenes(part))
-            del self._unsent[:count]
-            first = len(self._rows)
-            while len(self._rows) < first + count:
-                missing = first + count - len(self._rows)
-                self._rows.extend(self._known_page(len(self._rows), missing))
-
-    def _fitting(self) -> int:
-        """Return how many of the unsent runs fit into one request, one at least."""
-        size, counted = 0, set[str]()
-        for count, (_, candidate) in enumerate(self._unsent):
-            size += len(codec.to_json(candidate.spec))
-            if candidate.spec.scene not in counted:
-                counted.add(candidate.spec.scene)
-                size += len(codec.to_json(candidate.scene))
-            if count and size > LARGEST_EXTENSION // 2:
-                return count
-        return len(self._unsent)
-
-    def _new_scenes(self, part: list[tuple[Proposal, Candidate]]) -> dict[str, Scene]:
-        return {key: scene for key, scene in _scenes(part).items() if key not in self._sent}
-
-    def _extend(self, part: list[tuple[Proposal, Candidate]], scenes: dict[str, Scene]) -> None:
-        specs = tuple(candidate.spec for _, candidate in part)
-        files = {digest for spec in specs for digest in spec.files}
-        if not files <= self._sent:
-            self._daemon.send_files(specs)
-        runs = Submission.of(self._campaign, specs, scenes.values())
-        proposals = tuple(proposal for proposal, _ in part)
-        self._daemon.ask(EXTEND, ExtendRequest(self._progress.client, proposals, runs))
+    def _extend(self, proposal: Proposal, candidate: Candidate, *, with_scene: bool) -> None:
+        """Enter a run into the ledger; the daemon keeps scenes and files that it has."""
+        scenes = (candidate.scene,) if with_scene else ()
+        runs = Submission.of(self._campaign, (candidate.spec,), scenes)
+        self._daemon.ask(EXTEND, ExtendRequest(self._progress.client, (proposal,), runs))
         self._reported_at = time.monotonic()
-        self._sent.update(files, scenes)
-
-
-def _has_result(row: RunRow) -> bool:
-    """Return whether a run has told what it can; a cancelled one is queued again later."""
-    return row.settled and row.state is not RunState.CANCELLED
-
-
-def _scenes(part: list[tuple[Proposal, Candidate]]) -> dict[str, Scene]:
-    """Return the scenes of runs by their digests, which the runs have: making one takes a while."""
-    return {candidate.spec.scene: candidate.scene for _, candidate in part}

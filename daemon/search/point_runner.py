@@ -11,8 +11,8 @@ from daemon.model.proposals import Phase, Proposal
 from daemon.model.search import Point
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, median_trial, read_trial
-from daemon.search.execution.daemon_runs import DaemonRuns
-from daemon.search.preparation.composition import SearchCase
+from daemon.search.composition import SearchCase
+from daemon.search.daemon_runs import DaemonRuns
 from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3

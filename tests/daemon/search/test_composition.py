@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.search.preparation.composition import search_case
+from daemon.search.composition import search_case
 from grammars.text.diagnostics import InputError
 from tests.daemon.search.cases import load_search_case
 from tests.daemon.search.pretended import made_trial

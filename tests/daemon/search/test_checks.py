@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from daemon.campaign import load_campaign
-from daemon.search.preparation.checks import check_search
-from daemon.search.preparation.composition import search_case
+from daemon.search.composition import search_case
+from daemon.search.preparation import check_search
 from scenario_tui.file_check import check_file
 
 DOORS = """\

@@ -1,1 +1,0 @@
-"""Having the runs of a search executed by a daemon, and reading what they say."""

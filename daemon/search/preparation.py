@@ -1,0 +1,233 @@
+"""A search of a campaign file, checked before its first run and handed to a client.
+
+Loading finds what the file alone shows (:mod:`daemon.campaign`). The check here tries the points of
+the search and its method.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from daemon.campaign import Campaign, CampaignCell, campaign_origin, examine
+from daemon.model.search import Point, PointValue, SearchParameter, SearchSubmission, SearchTask
+from daemon.model.search_answer import SearchRow
+from daemon.search.composition import SearchCase, search_case
+from daemon.search.methods import method_problem
+from daemon.search.points import with_value
+from daemon.search.space import SearchSpace
+from grammars.model.scene import Scene
+from grammars.preflight import check_run, check_scene
+from grammars.text import codec
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.documents import YamlDocument, parse_yaml
+from grammars.text.sources import recording_reads
+
+_EXAMPLE: Final = "write one: search: {NAME: {scenario: …, minimise: ORACLE, over: {…}}}"
+
+_ENDS: Final = 10
+"""Choices to try at each end of a long list."""
+_HINT: Final = "narrow the range, or write what must hold under such that: [a < b]"
+_DRAWN: Final = 1_000
+"""Points that are held against the constraints."""
+_RARE: Final = 10
+"""Fewer of these points are a warning."""
+
+
+class PreparedSearch(NamedTuple):
+    """A search to begin, the case that its program is about, and warnings."""
+
+    submission: SearchSubmission
+    case: SearchCase
+    warnings: tuple[Diagnostic, ...]
+
+
+def prepare_search(
+    path: Path,
+    name: str = "",
+    *,
+    client: str = "",
+    change: Callable[[SearchTask], SearchTask] = lambda task: task,
+    find: Callable[[str], SearchRow | None] = lambda _: None,
+    fresh: bool = False,
+) -> PreparedSearch:
+    """Load and check a campaign and one of its searches, for a ``client`` to run.
+
+    ``change`` changes what the file asks. The search's id is made of its content, so that the same
+    search again is the same one; ``fresh`` asks for a new id. Where ``name`` is none of the file,
+    ``find`` is asked for a known search of that id, which goes on as it was asked for. Raises
+    :class:`InputError` with everything found when there is an error, and when several searches may
+    be meant.
+    """
+    with recording_reads() as read:
+        campaign, findings = examine(path)
+    _raise_errors(findings)
+    own = any(task.name == name for task in campaign.searches)
+    earlier = find(name) if name and not own else None
+    task = change(_find_task(campaign, path, name) if earlier is None else earlier.task)
+    case = search_case(campaign, task)
+    findings = (*findings, *check_search(case))
+    _raise_errors(findings)
+    label = f"{campaign.name}-{task.name}"
+    texts = sorted(hashlib.sha256(file.read_bytes()).hexdigest() for file in read)
+    identity = secrets.token_hex(4) if fresh else codec.digest((task, texts))[:8]
+    submission = SearchSubmission(
+        campaign=f"{label}-{identity}" if earlier is None else earlier.campaign,
+        name=label,
+        about=task.about,
+        source=campaign.source,
+        task=task,
+        file=str(path),
+        origin=campaign_origin(campaign, path),
+        fresh=fresh,
+        client=client,
+    )
+    return PreparedSearch(submission, case, findings)
+
+
+def _raise_errors(findings: Sequence[Diagnostic]) -> None:
+    if any(one.severity is Severity.ERROR for one in findings):
+        raise InputError(findings)
+
+
+def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:
+    tasks = {task.name: task for task in campaign.searches}
+    if not name and len(tasks) == 1:
+        return next(iter(tasks.values()))
+    if name in tasks:
+        return tasks[name]
+    if not tasks:
+        raise InputError(Diagnostic(Where(str(path)), "has no searches", _EXAMPLE))
+    names = ", ".join(tasks)
+    if not name:
+        raise InputError(Diagnostic(Where(str(path)), "has several searches", f"name one: {names}"))
+    hint = did_you_mean(name, tasks)
+    raise InputError(Diagnostic(Where(str(path)), f'has no search "{name}"', hint))
+
+
+def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
+    """Return what keeps a search from being run, and warnings about its points.
+
+    The scenario as written, every parameter at both of its ends and the centre of the space are
+    composed and held against the findings of the pre-flight.
+    """
+    document = parse_yaml(case.campaign.source, case.campaign.file)
+    check = _SearchCheck(case, document)
+    return tuple(check.findings())
+
+
+@dataclass(frozen=True, slots=True)
+class _SearchCheck:
+    """A search that is tried; ``document`` has the places of its parts."""
+
+    case: SearchCase
+    document: YamlDocument
+
+    def findings(self) -> Iterator[Diagnostic]:
+        """Yield all findings."""
+        task = self.case.task
+        problem = method_problem(task)
+        if problem is not None:
+            yield self._finding(f"{task.name}: {problem.message}", problem.hint, "method")
+        try:
+            space = SearchSpace(task)
+        except ValueError as error:
+            yield self._finding(f"{task.name}: {error}", "")
+            return
+        if space.constraints:
+            yield from self._constraint_findings(space)
+        yield from self._point_findings(space)
+
+    def _finding(
+        self, message: str, hint: str, *path: str, severity: Severity = Severity.ERROR
+    ) -> Diagnostic:
+        place = self.document.where(("search", self.case.task.name, *path))
+        return Diagnostic(place, message, hint, severity)
+
+    def _constraint_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
+        name, texts = self.case.task.name, ", ".join(self.case.task.constraints)
+        # With a seed of its own: findings do not depend on that of the search.
+        draws = np.random.default_rng(0).random((_DRAWN, space.dimensions))
+        kept = sum(space.allowed(space.at(draw)) for draw in draws)
+        warn = partial(self._finding, severity=Severity.WARNING)
+        if not kept:
+            message = f"{name}: no point of the ranges keeps to all of such that: {texts}"
+            hint = "widen the ranges, or leave one of them out"
+            yield self._finding(message, hint, "such that")
+            return
+        if kept < _RARE:
+            message = f"{name}: of {_DRAWN} points {kept} keep to such that"
+            yield warn(message, "narrow the ranges", "such that")
+        if space.written is not None and not space.allowed(space.written):
+            message = f"{name}: the scenario as written does not keep to such that: {texts}"
+            yield warn(message, "it is the first run all the same", "such that")
+
+    def _point_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
+        """Yield an error for each value that makes no run."""
+        task, centre = self.case.task, space.at([0.5] * space.dimensions)
+        pairs = zip(task.parameters, centre, strict=True)
+        base = tuple(middle if p.written is None else p.written for p, middle in pairs)
+        try:
+            written = self.case.cell_at(base, 0, 0)
+        except InputError as error:
+            words = _first(error.diagnostics)
+            yield self._finding(f"{task.name}: the scenario as written makes no run: {words}", "")
+            return
+        # Problems of the scenario as it stands are reported once, not of every value.
+        known = frozenset(_errors(written))
+
+        def refusal(point: Point) -> str:
+            """Return why an allowed point makes no run; empty for one that does."""
+            if not space.allowed(point):
+                return ""
+            try:
+                cell = self.case.cell_at(point, 0, 0)
+            except InputError as error:
+                return _first(error.diagnostics)
+            return next((words for words in _errors(cell, written.scene) if words not in known), "")
+
+        are_sound = True
+        for index, parameter in enumerate(task.parameters):
+            for value in _ends_of(parameter):
+                if words := refusal(with_value(base, index, value)):
+                    are_sound = False
+                    message = f"{parameter.name} at {parameter.text(value)} makes no run: {words}"
+                    yield self._finding(message, _HINT, "over", parameter.name)
+        if are_sound and (words := refusal(centre)):
+            yield self._finding(
+                f"{task.name}: the middle of all ranges makes no run: {words}", _HINT
+            )
+
+
+def _errors(cell: CampaignCell, checked: Scene | None = None) -> list[str]:
+    """Return what the pre-flight refuses of a cell, less what it says of a scene ``checked``."""
+    # Cells whose plan and objects are the same share a scene, of which all has been said.
+    of_scene = () if cell.scene is checked else check_scene(cell.scene, places=cell.places)
+    of_run = check_run(
+        cell.scene,
+        cell.robot,
+        cell.mission,
+        cell.behaviours[0],
+        where=cell.mission_where,
+        places=cell.places,
+    )
+    return [d.message for d in (*of_scene, *of_run) if d.severity is Severity.ERROR]
+
+
+def _first(diagnostics: Sequence[Diagnostic]) -> str:
+    one = diagnostics[0]
+    return f"{one.message} ({one.where})"
+
+
+def _ends_of(parameter: SearchParameter) -> tuple[PointValue, ...]:
+    choices = parameter.choices
+    if not choices:
+        return parameter.low, parameter.high
+    return choices if len(choices) <= 2 * _ENDS else (*choices[:_ENDS], *choices[-_ENDS:])
