@@ -1,13 +1,10 @@
-"""Reports for machines: a table as CSV and Parquet, one row for each number.
-
-Parquet takes the library of the extra ``report``.
-"""
+"""Reports for machines: a table as CSV and Parquet, one row for each number."""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +15,6 @@ from daemon.analysis.report._tracks import RunTracks
 from daemon.model.assessments import ReferenceValue
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
-from grammars.text.plugins import load_extra
 
 COLUMNS: Final = (
     "campaign", "scenario", "sut", "repeat", "run", "digest", "outcome",
@@ -106,20 +102,14 @@ def _plain_cell(text: str) -> str:
 
 
 def write_parquet(data: ReportData, path: Path) -> None:
-    """Write the table as Parquet.
+    """Write the table as Parquet."""
+    # Half a second of libraries that only this format takes.
+    import pyarrow
+    import pyarrow.parquet
 
-    Raises :class:`grammars.text.plugins.MissingExtraError` without the extra ``report``.
-    """
-    arrow, parquet = (
-        load_extra(module, "report", "a Parquet file", "scenario report")
-        for module in ("pyarrow", "pyarrow.parquet")
-    )
-    columns: Sequence[tuple[str | int | float | None, ...]] = tuple(
-        zip(*table_rows(data), strict=True)
-    ) or ((),) * len(COLUMNS)
     # Declared, not inferred: a column of nothing but gaps would get no type, and files of two
     # campaigns could not be read together.
-    kinds = {"repeat": arrow.int64(), "value": arrow.float64(), "time": arrow.float64()}
-    fields = [arrow.field(name, kinds.get(name, arrow.string())) for name in COLUMNS]
-    arrays = [arrow.array(c, type=f.type) for c, f in zip(columns, fields, strict=True)]
-    parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields)), path)
+    kinds = {"repeat": pyarrow.int64(), "value": pyarrow.float64(), "time": pyarrow.float64()}
+    schema = pyarrow.schema((name, kinds.get(name, pyarrow.string())) for name in COLUMNS)
+    rows = [dict(zip(COLUMNS, row, strict=True)) for row in table_rows(data)]
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows, schema), path)
