@@ -21,8 +21,7 @@ from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
-from grammars.text.words import count_noun
-from scenario_tui.text.formatting import duration
+from grammars.text.words import count_noun, duration_text
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import Forecast
@@ -216,7 +215,8 @@ def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     at_once = max(1, min(slots, plan.runs - cached))
     about = "at least" if untimed else "about"
     more = f", {untimed:,} of them unknown" if untimed else ""
-    return f"{known}; {about} {duration(seconds / at_once)} on {count_noun(at_once, 'slot')}{more}"
+    span = duration_text(seconds / at_once)
+    return f"{known}; {about} {span} on {count_noun(at_once, 'slot')}{more}"
 
 
 def check_file_in_child(

@@ -1,8 +1,16 @@
-"""Counted things and lists in sentences."""
+"""Numbers, counted things and lists in sentences."""
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Sequence
+from typing import Final
+
+NOTHING: Final = "–"
+"""The text of a value that does not exist."""
+_ZERO: Final = 5e-7
+"""Smaller values are 0 in every unit: arithmetic leaves a millionth of a metre or second over."""
 
 
 def count_noun(number: int, noun: str, plural: str = "") -> str:
@@ -13,3 +21,44 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
 def enumerate_words(words: Sequence[str], conjunction: str = "and") -> str:
     """Return ``a, b and c``; nothing for no words."""
     return f" {conjunction} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def format_quantity(
+    value: float | None, unit: str = "", *, signed: bool = False, digits: int = 3
+) -> str:
+    """Return a value in so many significant digits with its unit: ``+0.0312 m``; ``–`` for none.
+
+    Less than a millionth of a unit is 0 and keeps its sign: a limit may be broken by that.
+    Numbers without a unit may be as small as they like.
+    """
+    if value is None or math.isnan(value):
+        return NOTHING
+    sign = "+" if signed else ""
+    if math.isinf(value):
+        return f"{sign}∞" if value > 0 else "−∞"
+    bare = unit in ("", "1")
+    # The margin of a strict limit that is met exactly is less than nothing, by nothing.
+    zero = abs(value) < (sys.float_info.min * 2 if bare else _ZERO)
+    shown = math.copysign(0.0, value) if zero else value
+    number = f"{shown:{sign}.{digits}g}"
+    # The format turns to powers of ten early; up to a million digits are read faster.
+    if "e" in number and 1e-4 <= abs(value) < 1e6:
+        number = f"{value:{sign}.0f}"
+    elif "e-" in number and not bare:
+        number = f"{shown:{sign}.6f}"
+    number = number.replace("-", "−")
+    return number if bare else f"{number} {unit}"
+
+
+def duration_text(seconds: float | None) -> str:
+    """Return a span of time: ``8 s``, ``3 min 20 s``, ``2 h 05 min``, ``2 d 7 h``."""
+    if seconds is None or not math.isfinite(seconds):
+        return NOTHING
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    if whole < 48 * 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+    return f"{whole // 86400} d {whole % 86400 // 3600} h"

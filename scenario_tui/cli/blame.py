@@ -207,9 +207,9 @@ class _RunCounter:
 
 def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Path) -> None:
     from daemon.analysis.blame import story_lines
-    from grammars.text.words import count_noun
+    from grammars.text.words import count_noun, duration_text
     from scenario_tui.cli.results import print_commands
-    from scenario_tui.text.formatting import duration, verdict_line
+    from scenario_tui.text.formatting import verdict_line
 
     console = stdout_console()
     console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
@@ -219,7 +219,7 @@ def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Pat
     console.print()
     if story.stopped:
         console.print(f"stopped before nothing else could go: {story.stopped}")
-    took = f"{count_noun(runner.runs, 'run')}, {duration(runner.seconds)}"
+    took = f"{count_noun(runner.runs, 'run')}, {duration_text(runner.seconds)}"
     console.print(f"{took}; {runner.cached} more were known already")
     print_commands(
         (f"scenario run {shlex.quote(str(file))}", "the smallest failing scenario, on its own")

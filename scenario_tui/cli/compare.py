@@ -294,7 +294,8 @@ def _shift_table(shifts: Sequence[QuantityChange]) -> Table:
 
 def _shift_cells(shift: QuantityChange) -> tuple[str, ...]:
     from daemon.judging.statistics import effect_magnitude
-    from scenario_tui.text.formatting import margin, quantity
+    from grammars.text.words import format_quantity
+    from scenario_tui.text.formatting import margin
 
     difference = margin(shift.mean, shift.unit)
     if shift.low is not None and shift.high is not None:
@@ -305,8 +306,8 @@ def _shift_cells(shift: QuantityChange) -> tuple[str, ...]:
         shift.scenario,
         shift.sut,
         shift.quantity if shift.kind != "margin" else f"{shift.quantity} (margin)",
-        quantity(shift.before, shift.unit),
-        quantity(shift.after, shift.unit),
+        format_quantity(shift.before, shift.unit),
+        format_quantity(shift.after, shift.unit),
         difference + pairs,
         delta.replace("-", "−"),
         "" if shift.p is None else f"{shift.p:.3g}",

@@ -116,7 +116,7 @@ def _feature_with_runs(feature: FeatureCount, found: Coverage) -> str:
 
 
 def _door_table(found: Coverage) -> Table:
-    from scenario_tui.text.formatting import quantity
+    from grammars.text.words import format_quantity
 
     near = f"within {found.near:g} m"
     titles = ("door", "runs", "moving", "moved", "triggered", near, "nearest")
@@ -126,7 +126,7 @@ def _door_table(found: Coverage) -> Table:
     for door in found.doors:
         figures = (door.runs, door.planned, door.moved, door.triggered, door.met)
         name = f"{door.scene} {door.door}" if several else door.door
-        table.add_row(name, *map(str, figures), quantity(door.nearest, "m"))
+        table.add_row(name, *map(str, figures), format_quantity(door.nearest, "m"))
     return table
 
 

@@ -27,14 +27,13 @@ from daemon.model.status import (
 )
 from daemon.model.verbs import DaemonClient
 from grammars.text.terminal_text import printable_streams
-from grammars.text.words import count_noun
+from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
 from scenario_tui.text.formatting import (
     GLYPHS,
     TERMINAL_STYLES,
-    duration,
     glyph_word,
     rate_text,
     run_counts,
@@ -158,7 +157,7 @@ def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tu
                 style=TERMINAL_STYLES[word],
             )
     if row.seconds_left is not None:
-        tail.append(f"  {duration(row.seconds_left)} left", style="default")
+        tail.append(f"  {duration_text(row.seconds_left)} left", style="default")
     if pace and progress.per_minute:
         tail.append(f"  {rate_text(progress.per_minute)}", style="default")
     return Text(row.name, style="bold"), tail

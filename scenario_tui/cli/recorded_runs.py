@@ -244,8 +244,9 @@ def _print_curves(found: Curves) -> None:
     from rich.text import Text
 
     from daemon.model.verdicts import Outcome
+    from grammars.text.words import format_quantity
     from scenario_tui.dashboard.signal_graphs import draw_signals
-    from scenario_tui.text.formatting import glyph_word, quantity, time_text
+    from scenario_tui.text.formatting import glyph_word, time_text
 
     console = stdout_console()
     size = shutil.get_terminal_size((80, 24))
@@ -256,8 +257,9 @@ def _print_curves(found: Curves) -> None:
         said = "never known in this run"
         if len(known):
             unit = "" if curve.unit == "bool" else curve.unit
-            low, high = quantity(float(known.min()), ""), quantity(float(known.max()), unit)
-            said = f"{low} to {high}, at the end {quantity(float(known[-1]), unit)}"
+            low = format_quantity(float(known.min()))
+            high = format_quantity(float(known.max()), unit)
+            said = f"{low} to {high}, at the end {format_quantity(float(known[-1]), unit)}"
         console.print(Text.assemble((curve.name, "bold"), f"  {said}"), soft_wrap=True)
     rows = size.lines - 1 - len(against) - len(found.curves)
     for row in draw_signals(found.trace, found.curves, size.columns, rows, marks=marks):

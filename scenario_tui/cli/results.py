@@ -17,7 +17,7 @@ from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerd
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
 from scenario_tui.text.assessment_text import (
@@ -28,13 +28,7 @@ from scenario_tui.text.assessment_text import (
     matrix_rows,
     repeatability_text,
 )
-from scenario_tui.text.formatting import (
-    NOT_REPEATABLE,
-    NOTHING,
-    TERMINAL_STYLES,
-    fine_duration,
-    quiet_style,
-)
+from scenario_tui.text.formatting import NOT_REPEATABLE, TERMINAL_STYLES, fine_duration, quiet_style
 from scenario_tui.text.results import CampaignResults, conclude
 from scenario_tui.text.run_state import progress_text, unfinished_text
 

@@ -394,11 +394,10 @@ def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str
 
 
 def _budget_text(task: SearchTask) -> str:
-    from grammars.text.words import count_noun
-    from scenario_tui.text.formatting import duration
+    from grammars.text.words import count_noun, duration_text
 
     runs = f"at most {count_noun(task.runs, 'run')}"
-    return f"{runs} or {duration(task.seconds)}" if task.seconds else runs
+    return f"{runs} or {duration_text(task.seconds)}" if task.seconds else runs
 
 
 def _find_search(target: DaemonTarget, wanted: str) -> str:

@@ -21,7 +21,7 @@ from daemon.model.trials import (
     smallest_so_far,
 )
 from daemon.search.answers.sentences import phase_words
-from grammars.text.words import count_noun
+from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.progress import (
     WAITING,
     ProgressDisplay,
@@ -30,7 +30,7 @@ from scenario_tui.cli.progress import (
     run_lines,
 )
 from scenario_tui.client import newer_runs
-from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, duration, margin
+from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, margin
 from scenario_tui.text.search_text import sparkline
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class SearchWatch:
         if row.phase != "explore" and dispensable < 3:
             text.append(f"  {phase_words(row)}", style="dim")
         elif dispensable < 1 and (left := self._seconds_left()) is not None:
-            text.append(f"  at most {duration(left)} left")
+            text.append(f"  at most {duration_text(left)} left")
         return text
 
     def _seconds_left(self) -> float | None:

@@ -50,15 +50,15 @@ class StatusOutput(Output, schema="status"):
 
     def _print_overview(self) -> None:
         from daemon.batch.paths import endpoint_text
-        from grammars.text.words import count_noun
-        from scenario_tui.text.formatting import duration, rate_text
+        from grammars.text.words import count_noun, duration_text
+        from scenario_tui.text.formatting import rate_text
 
         overview, console = self.overview, stdout_console()
         slots = sum(worker.slots for worker in self.workers if not worker.away)
         away = sum(worker.away for worker in self.workers)
         console.print(
             f"daemon {overview.version} at {endpoint_text(self.endpoint)}, "
-            f"up {duration(overview.now - overview.started_at)}, "
+            f"up {duration_text(overview.now - overview.started_at)}, "
             f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
             + (f", {away} away" if away else ""),
             soft_wrap=True,
@@ -67,7 +67,7 @@ class StatusOutput(Output, schema="status"):
         if overview.rate > 0:
             parts.append(rate_text(overview.rate))
         if overview.seconds_left is not None:
-            parts.append(f"{duration(overview.seconds_left)} left")
+            parts.append(f"{duration_text(overview.seconds_left)} left")
         console.print(wrap_parts(parts, console.width), markup=False)
         if overview.preparing:
             console.print(overview.preparing, markup=False, soft_wrap=True)
@@ -106,7 +106,8 @@ def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
 
 
 def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
-    from scenario_tui.text.formatting import age_text, duration
+    from grammars.text.words import duration_text
+    from scenario_tui.text.formatting import age_text
 
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.ended}/{row.total}" for row in campaigns]
@@ -115,7 +116,7 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
     for row, progress in zip(campaigns, runs, strict=True):
         parts = _tally_parts(row)
         if row.seconds_left is not None:
-            parts.append(f"{duration(row.seconds_left)} left")
+            parts.append(f"{duration_text(row.seconds_left)} left")
         counts = wrap_parts(parts, max(24, room))
         marks = ["search"] if row.search else []
         marks += [f"priority {row.priority}"] if row.priority else []

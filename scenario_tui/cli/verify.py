@@ -325,6 +325,6 @@ def _headline(found: Verification, count: int) -> str:
 
 
 def _text(value: float, unit: str) -> str:
-    from scenario_tui.text.formatting import quantity
+    from grammars.text.words import format_quantity
 
-    return quantity(value, unit)
+    return format_quantity(value, unit)

@@ -22,12 +22,11 @@ from daemon.model.assessments import (
 )
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, moments_in_tenths
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
     NOT_REPEATABLE,
-    NOTHING,
     QUIET,
     SEVERITY,
     Styles,

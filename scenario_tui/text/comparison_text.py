@@ -18,11 +18,10 @@ from daemon.analysis.rejudge import OracleChange, RejudgedTrace
 from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
-    NOTHING,
     QUIET,
     SEVERITY,
     Styles,
@@ -31,7 +30,6 @@ from scenario_tui.text.formatting import (
     keep_start,
     margin,
     moment_text,
-    quantity,
     verdict_line,
 )
 
@@ -182,7 +180,7 @@ def _cell(verdict: Verdict | None) -> tuple[str, str]:
     amount = verdict.margin
     shown = margin(amount, verdict.unit)
     if amount is None:
-        shown = quantity(verdict.evidence.value, verdict.unit)
+        shown = format_quantity(verdict.evidence.value, verdict.unit)
     sign = glyph_word(verdict.outcome).split()[0]
     said = f"{sign} {verdict.outcome} {shown}"
     if len(said) > _CELL:
@@ -291,7 +289,7 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
     values = [v.evidence.value for v in measures if v.evidence.value is not None]
     if values:
         unit = measures[0].unit
-        return f"{quantity(min(values), unit)} to {quantity(max(values), unit)}", ""
+        return f"{format_quantity(min(values), unit)} to {format_quantity(max(values), unit)}", ""
     decided = [(label, v) for label, v in verdicts if v.outcome in (Outcome.PASS, Outcome.FAIL)]
     known = [(v.margin, label, v) for label, v in decided if v.margin is not None]
     if not known:

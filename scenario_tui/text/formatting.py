@@ -8,11 +8,11 @@ bright enough on the dashboard's dark background to be read as greys where there
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from daemon.model.verdicts import Outcome, Verdict
+from grammars.text.words import NOTHING, duration_text, format_quantity
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, DaemonOverview, RunRow
@@ -49,7 +49,6 @@ DASHBOARD_STYLES: Final = {word: dashboard for word, *_, dashboard in _WORDS}
 Styles = Mapping[str, str]
 """A style for each word: one of the two above."""
 
-NOTHING: Final = "–"
 _SEED_DIGITS: Final = 6
 NOT_REPEATABLE: Final = "not repeatable"
 """Of a system under test outside of the simulator: the same run gives something else each time."""
@@ -89,39 +88,9 @@ def brief_seed(seed: int) -> str:
     return digits if len(digits) <= _SEED_DIGITS + 2 else f"{digits[:_SEED_DIGITS]}…"
 
 
-_NOTHING_OF_A_UNIT: Final = 5e-7
-"""Of all units here: a millionth of a metre, second or radian is what arithmetic leaves over."""
-
-
-def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
-    """Return a value with three significant digits and its unit: ``+0.0312 m``.
-
-    What is less than a millionth of a unit is nothing, and keeps its sign: a limit may be broken
-    by that. Numbers without a unit may be as small as they like.
-    """
-    if value is None:
-        return NOTHING
-    if not math.isfinite(value):
-        number = ("+" if signed and value > 0 else "") + ("∞" if value > 0 else "−∞")
-        return number if not math.isnan(value) else "nan"
-    bare = unit in ("", "1")
-    # The margin of a strict limit that is met exactly is less than nothing, by nothing.
-    nothing = abs(value) < (sys.float_info.min * 2 if bare else _NOTHING_OF_A_UNIT)
-    shown = math.copysign(0.0, value) if nothing else value
-    sign = "+" if signed else ""
-    number = f"{shown:{sign}.3g}"
-    # The format turns to powers of ten at 1,000 already; up to a million digits are read faster.
-    if "e" in number and 1e-4 <= abs(value) < 1e6:
-        number = f"{value:{sign}.0f}"
-    elif "e-" in number and not bare:
-        number = f"{shown:{sign}.6f}"
-    number = number.replace("-", "−")
-    return number if bare else f"{number} {unit}"
-
-
 def margin(value: float | None, unit: str) -> str:
     """Return a signed margin with its unit; ``–`` when there is none."""
-    return quantity(value, unit, signed=True)
+    return format_quantity(value, unit, signed=True)
 
 
 def margin_bar(share: float, half: int = 4) -> str:
@@ -148,24 +117,10 @@ def moment_text(seconds: float | None) -> str:
     return "" if seconds is None else f"at {time_text(seconds)}"
 
 
-def duration(seconds: float | None) -> str:
-    """Return a span for people: ``8 s``, ``3 min 20 s``, ``2 h 05 min``."""
-    if seconds is None or not math.isfinite(seconds):
-        return NOTHING
-    whole = max(0, round(seconds))
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    if whole < 48 * 3600:
-        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
-    return f"{whole // 86400} d {whole % 86400 // 3600} h"
-
-
 def fine_duration(seconds: float) -> str:
     """Return a span that may be shorter than a second: ``< 0.1 s``, ``0.4 s``, ``8 s``."""
     if not 0.0 <= seconds < 0.95:
-        return duration(seconds)
+        return duration_text(seconds)
     return f"{seconds:.1f} s" if seconds >= 0.05 else "< 0.1 s"
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from daemon.model.run_state import UNFINISHED_STATES, RunState
-from grammars.text.words import count_noun
-from scenario_tui.text.formatting import duration
+from grammars.text.words import count_noun, duration_text
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, RunRow
@@ -24,7 +23,7 @@ def unfinished_text(row: CampaignRow) -> str:
     if parts and row.paused:
         parts.append("paused")
     if row.seconds_left is not None:
-        parts.append(f"{duration(row.seconds_left)} left")
+        parts.append(f"{duration_text(row.seconds_left)} left")
     return ", ".join(parts)
 
 
@@ -66,7 +65,7 @@ def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None)
         first = f"{count_noun(before, 'run')} of its campaign queued before it"
         parts.append(first if before else "the next of its campaign")
     if campaign is not None and campaign.seconds_left is not None:
-        parts.append(f"{duration(campaign.seconds_left)} left for all of {campaign.id}")
+        parts.append(f"{duration_text(campaign.seconds_left)} left for all of {campaign.id}")
     return ", ".join(parts) or "it has not started yet"
 
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
-from grammars.text.words import count_noun
+from grammars.text.words import count_noun, format_quantity
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -24,7 +24,6 @@ from scenario_tui.text.formatting import (
     margin,
     margin_bar,
     moment_text,
-    quantity,
     quiet_style,
     run_label,
     run_word,
@@ -88,7 +87,7 @@ def worst_text(value: float | None, unit: str, oracle: str) -> Text:
 
 def _value(verdict: Verdict) -> str:
     if verdict.outcome is Outcome.MEASURE:
-        return quantity(verdict.evidence.value, verdict.unit)
+        return format_quantity(verdict.evidence.value, verdict.unit)
     shown = margin(verdict.margin, verdict.unit)
     if verdict.outcome is Outcome.INCONCLUSIVE and verdict.upper is not None:
         return f"{shown} to {margin(verdict.upper, verdict.unit)}"
@@ -110,7 +109,8 @@ def _evidence_lines(verdict: Verdict) -> list[str]:
     where = [moment_text(seen.time), seen.object]
     amounts = ""
     if seen.value is not None and seen.limit is not None:
-        value, limit = quantity(seen.value, verdict.unit), quantity(seen.limit, verdict.unit)
+        value = format_quantity(seen.value, verdict.unit)
+        limit = format_quantity(seen.limit, verdict.unit)
         amounts = f"{value}, limit {limit}"
     lines = (where, [amounts, _first_line(seen.note_text)])
     return [", ".join(filter(None, line)) for line in lines if any(line)]

@@ -20,11 +20,10 @@ from daemon.search.answers.sentences import (
     search_word,
 )
 from daemon.search.points import position_in_range
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
-    NOTHING,
     Styles,
     keep_end,
     keep_start,

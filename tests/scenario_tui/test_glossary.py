@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 import typer
 
+from grammars.text.words import format_quantity
 from scenario_tui.cli.command_line import app
 from scenario_tui.dashboard.key_bindings import list_key_bindings
-from scenario_tui.text.formatting import GLYPHS, quantity
+from scenario_tui.text.formatting import GLYPHS
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
@@ -93,7 +94,7 @@ def test_states_and_verdicts_are_shown_by_the_signs_of_the_glossary():
     text = GLOSSARY.read_text("utf-8")
     for word in ("pass", "fail", "inconclusive", "error", "lost"):
         assert f"`{GLYPHS[word]} {word}`" in text
-    assert f"`{quantity(-0.03124, 'm')}`" in text
+    assert f"`{format_quantity(-0.03124, 'm')}`" in text
 
 
 def test_numbers_have_a_minus_sign_and_changes_an_arrow():

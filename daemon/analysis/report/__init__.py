@@ -20,14 +20,7 @@ if TYPE_CHECKING:
     from daemon.analysis.report._axes import Axes, Sheet
     from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
     from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
-    from daemon.analysis.report._formatting import (
-        GLYPHS,
-        NOTHING,
-        duration_text,
-        format_quantity,
-        mean_and_deviation,
-        verdict_details,
-    )
+    from daemon.analysis.report._formatting import GLYPHS, mean_and_deviation, verdict_details
     from daemon.analysis.report._junit import write_junit
     from daemon.analysis.report._measures import MEASURES
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
@@ -41,7 +34,6 @@ __all__ = [
     "COLUMNS",
     "GLYPHS",
     "MEASURES",
-    "NOTHING",
     "Axes",
     "PagePicture",
     "ReportData",
@@ -52,9 +44,7 @@ __all__ = [
     "campaign_input",
     "draw_moment",
     "draw_run",
-    "duration_text",
     "folder_input",
-    "format_quantity",
     "headline",
     "ledger_input",
     "local_record",
@@ -80,9 +70,6 @@ _MODULES: Final = {
     "_exports": ("COLUMNS", "write_csv", "write_parquet"),
     "_formatting": (
         "GLYPHS",
-        "NOTHING",
-        "duration_text",
-        "format_quantity",
         "mean_and_deviation",
         "verdict_details",
     ),

@@ -7,27 +7,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from daemon.model.verdicts import Verdict
+from grammars.text.words import NOTHING, format_quantity
 
-NOTHING: Final = "–"
 GLYPHS: Final = {
     "pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼", "measure": "·",
     "lost": "!", "cancelled": "-", "queued": "…", "running": "▶", "done": "?",
 }  # fmt: skip
-
-
-def format_quantity(
-    value: float | None, unit: str = "", *, signed: bool = False, digits: int = 3
-) -> str:
-    """Return so many significant digits and the unit: ``+0.0312 m``; ``–`` for nothing."""
-    if value is None or math.isnan(value):
-        return NOTHING
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    sign = "+" if signed else ""
-    whole = abs(value) >= 10.0 ** (digits - 1)  # no exponents: 1234 m, not 1.23e+03 m
-    text = f"{value:{sign}.0f}" if whole else f"{value:{sign}.{digits}g}"
-    text = text.replace("-", "−")
-    return f"{text} {unit}" if unit not in ("", "1") else text
 
 
 def percentage(value: float | None) -> str:
@@ -67,13 +52,3 @@ def verdict_details(verdict: Verdict) -> str:
     # What a stack printed stands below the first line, and in the list of runs.
     parts.extend((seen.object, seen.note_text.partition("\n")[0]))
     return ", ".join(part for part in parts if part)
-
-
-def duration_text(seconds: float) -> str:
-    """Return a span of time: ``8 s``, ``3 min 20 s``, ``2 h 05 min``."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

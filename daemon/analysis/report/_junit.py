@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 from junitparser.junitparser import FinalResult
 
-from daemon.analysis.report._formatting import format_quantity
 from daemon.judging.assessment import evidence_text
 from daemon.model.assessments import (
     Assessment,
@@ -25,6 +24,7 @@ from daemon.model.assessments import (
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from grammars.text.files import write_atomically
+from grammars.text.words import format_quantity
 from templates.naming import xml_text
 
 

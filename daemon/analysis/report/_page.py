@@ -22,9 +22,6 @@ from daemon.analysis.report._figures import (
 )
 from daemon.analysis.report._formatting import (
     GLYPHS,
-    NOTHING,
-    duration_text,
-    format_quantity,
     mean_and_deviation,
     percentage,
     verdict_details,
@@ -46,7 +43,7 @@ from daemon.model.assessments import (
 from daemon.model.run_state import UNFINISHED_STATES
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
 from templates.report import render_report
 
 _FEW: Final = 5

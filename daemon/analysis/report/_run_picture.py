@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from daemon.analysis.report._formatting import format_quantity
 from daemon.analysis.report._page_drawing import DrawingWindow, drawing_svg
 from daemon.analysis.report._recorded import sampled_trace
 from daemon.analysis.report._safety_buffer import buffer_of_run
@@ -19,7 +18,7 @@ from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
 from daemon.trace import MotionTrack, PoseTrack, Trace, TraceError, read_trace
 from grammars.model.geometry import Point2, Pose2
-from grammars.text.words import count_noun
+from grammars.text.words import count_noun, format_quantity
 from templates.picture import FOOT, HEAD, MARGIN, Drawing, RunOverlay, draw_world, write_png
 from templates.rendering import render
 from templates.world import ArtefactWorld, BehaviourDraw

@@ -9,7 +9,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from daemon.analysis.report import GLYPHS, NOTHING, duration_text, format_quantity
+from daemon.analysis.report import GLYPHS
 from daemon.model.search import PointValue, SearchParameter
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
@@ -19,7 +19,7 @@ from daemon.search.answers.sentences import headline, phase_words, point_words, 
 from daemon.search.page._figures import NO_TRACES, search_figures
 from daemon.search.page._spaces import MOST_LINES
 from daemon.search.points import is_as_written, range_text
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
 from templates.report import render_search_report
 
 MOST_LISTED: Final = 60

@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Static
 
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun, duration_text
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Query
@@ -21,12 +21,10 @@ from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
-    NOTHING,
     QUIET,
     UNSURE,
     age_text,
     brief_duration,
-    duration,
     margin,
     run_counts,
 )
@@ -259,9 +257,9 @@ def campaign_text(
         text.append(f"{row.about}\n")
     text.append(f"\n{count_noun(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
     if row.seconds_left is not None:
-        text.append(f",\n{duration(row.seconds_left)} left")
+        text.append(f",\n{duration_text(row.seconds_left)} left")
     if row.finished_at is not None:
-        text.append(f",\nfinished in {duration(row.finished_at - row.submitted_at)}")
+        text.append(f",\nfinished in {duration_text(row.finished_at - row.submitted_at)}")
     text.append("\n\n")
     for word, count in run_counts(row).items():
         text.append(f"{GLYPHS[word]} {word:<13}{count:>7,}\n", style=DASHBOARD_STYLES[word])

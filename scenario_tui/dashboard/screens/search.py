@@ -13,7 +13,7 @@ from textual.widgets import Static
 from daemon.model.status import CampaignRow
 from daemon.model.trials import smallest_margin
 from daemon.search.answers.sentences import phase_words, search_word
-from grammars.text.words import count_noun
+from grammars.text.words import NOTHING, count_noun
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
@@ -27,7 +27,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
 )
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, NOTHING, QUIET, margin
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, margin
 from scenario_tui.text.search_text import answer_lines, parameters_text
 
 _COLUMNS: Final = (

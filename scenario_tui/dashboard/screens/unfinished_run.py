@@ -11,6 +11,7 @@ from rich.text import Text
 from daemon.model.live_judgement import LiveJudgement
 from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
+from grammars.text.words import duration_text
 from scenario_tui.dashboard.live_timeline import (
     LiveTransport,
     decided_moments,
@@ -28,7 +29,7 @@ from scenario_tui.dashboard.signal_strips import (
     clearance_along,
 )
 from scenario_tui.dashboard.widgets.map_frame import View
-from scenario_tui.text.formatting import QUIET, UNSURE, duration
+from scenario_tui.text.formatting import QUIET, UNSURE
 from scenario_tui.text.run_text import worst_text
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def live_text(
     if wide or now.margin is None:  # else the margin would be cut
         far += f" of {now.limit:.0f} s"
     if silence > SILENT:
-        said.append(f"  last heard {duration(silence)} ago", style=UNSURE)
+        said.append(f"  last heard {duration_text(silence)} ago", style=UNSURE)
     said.append(f"  {now.waiting or far}", style="default not bold")
     if worst := worst_text(now.margin, now.unit, now.oracle):
         said.append("  ").append_text(worst)

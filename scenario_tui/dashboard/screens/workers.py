@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 from textual.app import ComposeResult
 
-from grammars.text.words import count_noun
+from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import age_text, duration
+from scenario_tui.text.formatting import age_text
 
 if TYPE_CHECKING:
     from daemon.model.status import WorkerRow
@@ -86,7 +86,7 @@ def worker_cells(row: WorkerRow, now: float) -> Row:
         Text(row.id),
         Text(row.host),
         Text(f"{row.busy} of {row.slots}"),
-        Text(duration(now - row.connected_at)),
+        Text(duration_text(now - row.connected_at)),
         Text(("away, " if row.away else "") + age_text(row.last_seen_at, now)),
         Text(str(row.pid)),
         Text(row.version),

@@ -10,17 +10,8 @@ from typing import Final
 from rich.style import Style
 from rich.text import Text
 
-from scenario_tui.text.formatting import (
-    BAD,
-    BROKEN,
-    BUSY,
-    DOORS,
-    FACT,
-    GOOD,
-    QUIET,
-    UNSURE,
-    quantity,
-)
+from grammars.text.words import format_quantity
+from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
 from templates.plan_shapes import ShapeRole
 
 WALLS: Final = "#7c818c"
@@ -163,6 +154,6 @@ def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:
     limits = sorted({one.limit for one in signs if one.limit is not None})
     for layer, sign, words in _SIGNS:
         if layer in shown:
-            asked = " / ".join(quantity(limit, "m") for limit in limits)
+            asked = " / ".join(format_quantity(limit, "m") for limit in limits)
             text = f"{words} {asked}" if layer is Layer.NEAR else words
             yield Text.assemble((sign, STYLES[layer]), " ", (text, QUIET))

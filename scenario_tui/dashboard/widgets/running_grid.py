@@ -11,14 +11,13 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 
-from grammars.text.words import count_noun
+from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.live_tracks import SILENT
 from scenario_tui.text.formatting import (
     BUSY,
     DASHBOARD_STYLES,
     QUIET,
     UNSURE,
-    duration,
     glyph_word,
     keep_end,
     run_label,
@@ -233,5 +232,5 @@ def run_line(one: RunningRun, width: int = _LABEL, bar: int = _BAR) -> Text:
     text.append(f"  {seen.time:>{len(limit)}.0f} of {limit} s  ")
     text.append(f"{seen.reached}/{seen.waypoints} wp  ")
     if one.silence > SILENT:
-        text.append(f"last heard {duration(one.silence)} ago  ", style=UNSURE)
+        text.append(f"last heard {duration_text(one.silence)} ago  ", style=UNSURE)
     return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))

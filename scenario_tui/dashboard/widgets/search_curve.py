@@ -15,9 +15,10 @@ from daemon.model.search import SearchTask
 from daemon.model.trials import Trial, smallest_so_far
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats
+from grammars.text.words import format_quantity
 from scenario_tui.dashboard.searches import SearchTrials
 from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes, write_text
-from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE, quantity
+from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE
 
 _LIMIT, _RUN, _BASELINE, _BEST, _FAIL, _WORDS, _LOST = range(7)
 _STYLES: Final = (
@@ -206,7 +207,7 @@ class _Graph:
         self._write(limit, 0, "0".rjust(self._gutter - 2) + " ┈", _LIMIT)
         for row, value in ((0, self._high), (rows - 1, self._low)):
             if row != limit:
-                said = quantity(value, self._curve.unit)
+                said = format_quantity(value, self._curve.unit)
                 self._write(row, 0, said[: self._gutter - 1].rjust(self._gutter - 2), _WORDS)
 
     def _axis(self) -> None:

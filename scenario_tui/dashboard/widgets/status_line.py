@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
+from grammars.text.words import duration_text
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -18,7 +19,6 @@ from scenario_tui.text.formatting import (
     UNSURE,
     brief_count,
     brief_duration,
-    duration,
     rate_text,
     run_counts,
 )
@@ -114,7 +114,7 @@ def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
     else:
         yield _Part(("! no daemon answers", "! no daemon"), "bold", 9)
     if state.at:
-        age = duration(now - state.at)
+        age = duration_text(now - state.at)
         short = brief_duration(now - state.at)
         yield _Part((f"data is {age} old", f"data {short} old", f"{short} old"), "bold", 8)
     yield _Part(("reconnecting",), "bold", 1)
@@ -192,7 +192,7 @@ def _pace(overview: DaemonOverview) -> Iterator[_Part]:
         said = rate_text(overview.rate)
         yield _Part((said, said, said.replace(" runs", "")), "not bold", 2)
     if overview.seconds_left is not None:
-        left = duration(overview.seconds_left)
+        left = duration_text(overview.seconds_left)
         brief = brief_duration(overview.seconds_left)
         yield _Part((f"{left} left", f"{left} left", f"{left} left", f"{brief} left"),
                     "not bold", 6)  # fmt: skip

@@ -9,6 +9,7 @@ from typing import ClassVar, Final
 import numpy as np
 from rich.style import Style
 
+from grammars.text.words import NOTHING, format_quantity
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, write_text
 from scenario_tui.dashboard.widgets.timeline_drawing import (
@@ -22,7 +23,7 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
     STYLES,
     TimelineDrawing,
 )
-from scenario_tui.text.formatting import NOTHING, keep_start, quantity
+from scenario_tui.text.formatting import keep_start
 
 _LEAST_ROWS: Final = 3
 """Rows that name, value and limit of a signal take; a long name takes one more."""
@@ -36,7 +37,7 @@ def at_cursor(strip: SignalStrip, time: float) -> str:
     if strip.unit == "bool":
         return "yes" if most > 0.5 else "no"
     if _brief(value) == _brief(most):
-        return quantity(most, strip.unit)
+        return format_quantity(most, strip.unit)
     # A thinned signal knows no more than that.
     return _range(value, most, strip.unit)
 
@@ -54,7 +55,7 @@ def _range(least: float, greatest: float, unit: str) -> str:
 
 
 def _brief(value: float, unit: str = "") -> str:
-    return quantity(float(f"{value:.2g}"), unit)
+    return format_quantity(float(f"{value:.2g}"), unit)
 
 
 class TimelineView(CellView):
@@ -186,7 +187,7 @@ def _words(
     else:
         words.append((said, CURVE))
     if strip.limits:
-        limits = ", ".join(quantity(limit, strip.unit) for limit in strip.limits)
+        limits = ", ".join(format_quantity(limit, strip.unit) for limit in strip.limits)
         words.append((f"limit {limits}", LIMIT))
     known = np.isfinite(strip.values)
     if known.any():

@@ -11,9 +11,10 @@ from rich.style import Style
 
 from daemon.model.live_judgement import DoorMotion
 from grammars.model.geometry import Floats
+from grammars.text.words import format_quantity
 from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
 from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes, write_text
-from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, keep_start, quantity
+from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, keep_start
 from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
 
 LIMIT, OTHER, CURVE = range(3)
@@ -203,7 +204,7 @@ class TimelineDrawing:
         marks = [(value, tick_text(value, scale.step), FAINT) for value in scale.ticks]
         # Last: where a tick and a limit share a row the limit is what one looks for.
         for limit in strip.limits:
-            said = quantity(limit, "")
+            said = format_quantity(limit, "")
             if not 0.0 <= scale.share(limit) <= 1.0:
                 said = ("↑" if limit > scale.high else "↓") + said
             marks.append((min(max(limit, scale.low), scale.high), said, LIMIT))

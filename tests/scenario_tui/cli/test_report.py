@@ -1,7 +1,6 @@
 """``scenario report``: what people type, what is written, what is said when it cannot be."""
 
 import os
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -173,11 +172,3 @@ def test_a_folder_called_like_a_campaign_does_not_hide_it(ledger, capsys):
 def test_campaigns_that_are_not_there_are_named(ledger, capsys):
     assert invoke(["report", "corridor"]) == 2
     assert 'there is no campaign "corridor"' in capsys.readouterr().err
-
-
-def test_without_the_extra_people_learn_how_to_get_it(here, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert invoke(["report", "traces", "--parquet", "m.parquet"]) == 2
-    said = capsys.readouterr().err
-    assert "a Parquet file takes the library pyarrow" in said
-    assert 'pip install "scenario-tui[report]"' in said

@@ -28,7 +28,7 @@ from scenario_tui.text.run_text import evidence_parts
         (4.31e-05, "", "+4.31e−05"),
         (math.inf, "m", "+∞"),
         (-math.inf, "m", "−∞"),
-        (math.nan, "m", "nan"),
+        (math.nan, "m", "–"),
         (None, "m", "–"),
     ],
 )
@@ -51,7 +51,7 @@ def test_margins_have_sign_three_digits_and_a_unit(value, unit, text):
     ],
 )
 def test_durations_are_for_people(seconds, text):
-    assert formatting.duration(seconds) == text
+    assert formatting.duration_text(seconds) == text
 
 
 @pytest.mark.parametrize(

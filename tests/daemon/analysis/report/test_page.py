@@ -12,10 +12,8 @@ import html5lib
 import pytest
 
 from daemon.analysis.report import (
-    NOTHING,
     SuggestedCommand,
     _figures,
-    format_quantity,
     headline,
     mean_and_deviation,
     verdict_details,
@@ -32,6 +30,7 @@ from daemon.model.spec import own_version
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.trace import read_scene, read_trace
+from grammars.text.words import NOTHING, format_quantity
 from tests.daemon.analysis.report.recordings import (
     ABOUT,
     NAME,
