@@ -51,7 +51,7 @@ def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
     except (NoFailureError, BudgetSpentError) as error:
         # A system that is not repeatable, say, which passes this time.
         return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
-    story = story_lines(found.story, case.settings.like, several=len(case.added) > 1)
+    story = story_lines(found.story, case.settings.like)
     left = left_words(found.story)
     files: dict[str, str] = {}
     try:

@@ -214,7 +214,7 @@ def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Pat
     console = stdout_console()
     console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
     console.print()
-    for line in story_lines(story, case.settings.like, several=len(case.added) > 1):
+    for line in story_lines(story, case.settings.like):
         console.print(f"  {line}", soft_wrap=True)
     console.print()
     if story.stopped:

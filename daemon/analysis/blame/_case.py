@@ -1,13 +1,14 @@
-"""The run that people name, taken apart: its elements, and the run any of them make."""
+"""A run that people name, taken apart: its elements, and the run without any of them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from daemon.analysis.blame._elements import Element, SutDifferences, sut_differences
+from daemon.analysis.blame._elements import Element, ElementKind, Elements
+from daemon.analysis.blame._sut import SutDifferences, sut_differences
 from daemon.analysis.rejudge import find_traces
 from daemon.analysis.report import open_ledger, read_campaign_note
 from daemon.batch.errors import Refused
@@ -129,15 +130,15 @@ class ScenarioLayer:
     reference: LayerReference
     overrides: tuple[tuple[Element, str, object], ...]
 
-    def of(self, kept: Collection[Element]) -> LayerReference:
-        """Return the reference with the overrides that are kept."""
-        values = {key: value for element, key, value in self.overrides if element in kept}
+    def without(self, away: Elements) -> LayerReference:
+        """Return the reference without some of its overrides."""
+        values = {key: value for element, key, value in self.overrides if element not in away}
         return replace(self.reference, overrides=values)
 
 
 @dataclass(slots=True)
 class RunCase:
-    """A run of a campaign with everything it is made of.
+    """A run of a campaign with all that it is made of.
 
     ``layers`` are in the order of the scenario, objects before behaviours. The elements of a kind
     are in the order in which the campaign adds them. The scenario itself is without ``left_out``.
@@ -150,8 +151,8 @@ class RunCase:
     layers: tuple[ScenarioLayer, ...]
     settings: SutDifferences
     _composer: Composer
-    left_out: frozenset[Element] = frozenset()
-    _worlds: dict[frozenset[Element], CampaignCell] = field(default_factory=dict)
+    left_out: Elements = frozenset()
+    _worlds: dict[Elements, CampaignCell] = field(default_factory=dict)
 
     @property
     def added(self) -> tuple[Element, ...]:
@@ -160,62 +161,64 @@ class RunCase:
         overrides = [element for layer in self.layers for element, _, _ in layer.overrides]
         return (*layers, *overrides, *self.settings.elements)
 
-    def parts(self, added: Collection[Element]) -> tuple[Element, ...]:
-        """Return the single things in a run of the elements ``added``."""
-        return tuple(p for p in _parts(self._world(added)) if p not in self.left_out)
+    def remaining(self, away: Elements) -> tuple[Element, ...]:
+        """Return the elements of the run without those that are ``away``."""
+        parts = (part for part in _parts(self._world(away)) if part not in self.left_out)
+        return tuple(element for element in (*self.added, *parts) if element not in away)
 
-    def scenario(self, kept: Collection[Element]) -> ResolvedScenario:
-        """Return the scenario of ``kept`` alone: their layers, without all other single things.
+    def scenario(self, away: Elements) -> ResolvedScenario:
+        """Return the scenario without the elements that are ``away``.
 
-        Raises :class:`InputError` when they make no world: a layer speaks of objects that another
-        one places.
+        Raises :class:`InputError` when the rest makes no world: a layer speaks of objects that
+        another one places.
         """
-        world = self._world(kept)
-        missing = [part for part in _parts(world) if part not in kept]
+        world = self._world(away)
+        missing = [part for part in _parts(world) if part in away or part in self.left_out]
         objects = {part.name for part in missing if part.kind == "object"}
-        # What an object does is left out with it.
-        missing = [
-            part
-            for part in missing
-            if part.kind != "behaviour" or part.name.partition(".")[0] not in objects
-        ]
         ids = [waypoint.id for waypoint in world.mission.waypoints]
-        names = (_name_in_file(part, ids) for part in missing)
+        names = (
+            _name_in_file(part, ids)
+            for part in missing
+            # What an object does is left out with it.
+            if part.kind != "behaviour" or part.name.partition(".")[0] not in objects
+        )
         without = tuple(LayerReference(name, {}, world.scenario.where) for name in names)
         return replace(world.scenario, without=without)
 
-    def candidate(
-        self, kept: Collection[Element], oracle: OracleText, repeat: int | None = None
-    ) -> Candidate:
-        """Return the run that is made of ``kept``, judged by ``oracle`` alone.
+    def candidate(self, away: Elements, oracle: OracleText, repeat: int | None = None) -> Candidate:
+        """Return the run without the elements that are ``away``, judged by ``oracle`` alone.
 
         It is that of another ``repeat``, if one is given. Raises ``ValueError``, and
-        :class:`InputError` as :meth:`scenario` does, when they make no run: no waypoint is left.
+        :class:`InputError` as :meth:`scenario` does, when the rest makes no run: no waypoint is
+        left.
         """
         number = self.spec.repeat if repeat is None else repeat
-        cell = self._composer.cell(self._world(kept), self.scenario(kept), number)
+        cell = self._composer.cell(self._world(away), self.scenario(away), number)
         spec = replace(
             self.spec,
             scene=cell.scene.digest,
             mission=cell.mission,
             behaviours=cell.behaviours[0],
-            sut=self.settings.sut(kept),
+            sut=self.settings.without(away),
             oracles=(oracle,),
             repeat=number,
             seed=noise_seed(self.campaign.seed, number),
         )
         return Candidate(spec, cell.scene)
 
-    def _world(self, kept: Collection[Element]) -> CampaignCell:
-        """Return the cell of the kept layers with everything that they place."""
+    def _world(self, away: Elements) -> CampaignCell:
+        """Return the cell of the remaining layers with everything that they place."""
         # Most candidates differ in single things only: what they are made of is composed once.
-        key = frozenset(e for e in kept if e.kind in ("objects", "behaviours", "override"))
+        key = frozenset(e for e in away if e.kind in ("objects", "behaviours", "override"))
         if key not in self._worlds:
-            used = [layer for layer in self.layers if layer.element in key]
+            references: dict[str, list[LayerReference]] = {"objects": [], "behaviours": []}
+            for layer in self.layers:
+                if layer.element not in key:
+                    references[layer.element.kind].append(layer.without(key))
             scenario = replace(
                 self.cell.scenario,
-                objects=tuple(one.of(key) for one in used if one.element.kind == "objects"),
-                behaviours=tuple(one.of(key) for one in used if one.element.kind == "behaviours"),
+                objects=tuple(references["objects"]),
+                behaviours=tuple(references["behaviours"]),
                 without=(),
             )
             self._worlds[key] = self._composer.cell(self.cell, scenario, self.spec.repeat)
@@ -229,14 +232,22 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     campaign does not have.
     """
     campaign = load_campaign(path)
-    cell = _find_cell(campaign, scenario)
-    name = _find_sut(campaign, cell, sut)
-    runs = _all_runs(campaign).specs
-    matching = [r for r in runs if (r.scenario, r.sut.name, r.repeat) == (scenario, name, repeat)]
-    if not matching:
-        message = f"{scenario} with {name} has no repeat {repeat}"
-        raise InputError(Diagnostic(Where(campaign.file), message, "repeats count from 0"))
-    return case_of(campaign, cell, matching[0], path.parent)
+    where = Where(campaign.file)
+    cells = {cell.name: cell for cell in campaign.cells}
+    if scenario not in cells:
+        hint = did_you_mean(scenario, cells)
+        raise InputError(Diagnostic(where, f'no scenario "{scenario}"', hint))
+    cell = cells[scenario]
+    names = [reference.name for reference in cell.suts]
+    name = names[0] if not sut and len(names) == 1 else sut
+    if name not in names:
+        message = f'{scenario} has no system under test "{sut}"' if sut else "which of its SUTs?"
+        raise InputError(Diagnostic(where, message, did_you_mean(sut, names)))
+    for spec in _all_runs(campaign).specs:
+        if (spec.scenario, spec.sut.name, spec.repeat) == (scenario, name, repeat):
+            return case_of(campaign, cell, spec, path.parent)
+    message = f"{scenario} with {name} has no repeat {repeat}"
+    raise InputError(Diagnostic(where, message, "repeats count from 0"))
 
 
 def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path) -> RunCase:
@@ -246,12 +257,21 @@ def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path)
     scenario = cell.scenario
     whole = composer.cell(cell, replace(scenario, without=()), spec.repeat)
     remaining = composer.cell(cell, scenario, spec.repeat)
+    layers = []
+    for index, reference in enumerate((*scenario.objects, *scenario.behaviours)):
+        name = library.scenery(reference).name
+        kind: ElementKind = "objects" if index < len(scenario.objects) else "behaviours"
+        overrides = tuple(
+            (Element("override", f"{name}: {key} {value}", index), key, value)
+            for key, value in reference.overrides.items()
+        )
+        layers.append(ScenarioLayer(Element(kind, name, index), reference, overrides))
     return RunCase(
         campaign=campaign,
         cell=cell,
         folder=folder,
         spec=spec,
-        layers=_layers(scenario, library),
+        layers=tuple(layers),
         settings=sut_differences(cell, spec.sut, library),
         _composer=composer,
         left_out=frozenset(_parts(whole)) - frozenset(_parts(whole, remaining)),
@@ -278,35 +298,3 @@ def _name_in_file(part: Element, waypoints: Sequence[str]) -> str:
         is_name = waypoints.count(part.name) == 1 and not part.name.isdecimal()
         return f"waypoint {part.name if is_name else part.index + 1}"
     return f"behaviour of {part.name}" if part.kind == "behaviour" else part.name
-
-
-def _find_cell(campaign: Campaign, scenario: str) -> CampaignCell:
-    for cell in campaign.cells:
-        if cell.name == scenario:
-            return cell
-    hint = did_you_mean(scenario, [cell.name for cell in campaign.cells])
-    raise InputError(Diagnostic(Where(campaign.file), f'no scenario "{scenario}"', hint))
-
-
-def _find_sut(campaign: Campaign, cell: CampaignCell, name: str) -> str:
-    names = [sut.name for sut in cell.suts]
-    if not name and len(names) == 1:
-        return names[0]
-    if name in names:
-        return name
-    message = f'{cell.name} has no system under test "{name}"' if name else "which one of its SUTs?"
-    raise InputError(Diagnostic(Where(campaign.file), message, did_you_mean(name, names)))
-
-
-def _layers(scenario: ResolvedScenario, library: LayerLibrary) -> tuple[ScenarioLayer, ...]:
-    layers = []
-    for index, reference in enumerate((*scenario.objects, *scenario.behaviours)):
-        objects = index < len(scenario.objects)
-        name = library.scenery(reference).name
-        overrides = tuple(
-            (Element("override", f"{name}: {key} {value}", index), key, value)
-            for key, value in reference.overrides.items()
-        )
-        element = Element("objects" if objects else "behaviours", name, index)
-        layers.append(ScenarioLayer(element, reference, overrides))
-    return tuple(layers)

@@ -80,7 +80,7 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
     smallest, repeat = _earliest_repeat(case, found, runner)
     (oracle,) = smallest.spec.oracles
     here = case.cell.scenario.where
-    scenario = _copied(case, case.scenario(found.left), folder)
+    scenario = _copied(case, case.scenario(found.away), folder)
     scenario = replace(
         scenario,
         about="",
@@ -111,7 +111,7 @@ def _earliest_repeat(
     smallest, repeat = found.smallest, case.spec.repeat
     if repeat == 0 or found.story.stopped:
         return smallest, repeat
-    first = case.candidate(found.left, smallest.spec.oracles[0], repeat=0)
+    first = case.candidate(found.away, smallest.spec.oracles[0], repeat=0)
     try:
         return (first, 0) if runner.first_failing([first]) == 0 else (smallest, repeat)
     except (BudgetSpentError, KeyboardInterrupt):
@@ -166,7 +166,7 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     """Write the system under test, as differences from the one it is like where it has any."""
     sut, settings = found.smallest.spec.sut, case.settings
     file = f"suts/{sut.name}.yaml"
-    changes = parameter_tree(settings.kept(found.left))
+    changes = parameter_tree(settings.remaining(found.away))
     if stack_kind(sut.kind).keys or sut.files or not settings.like or not changes:
         return folder.write(file, yaml_text(_whole_sut(sut, folder)))
     # The saved system keeps its name, which verdicts show; the one it is like makes room.
@@ -193,7 +193,7 @@ def _name(case: RunCase) -> str:
 
 
 def _comment(story: Blame, repeat: int) -> str:
-    otherwise = ", or fail for another reason" if story.flips else ""
+    otherwise = ", or fail for another reason" if story.layers else ""
     lines = [
         f"What is left of {story.run}, which failed {story.verdict.oracle}.",
         f"Nothing else can be taken away: it would pass{otherwise}."

@@ -1,4 +1,4 @@
-"""The search for what is to blame: delta debugging, first among layers, then among single things.
+"""Search for the causes of a failure: delta debugging, first of layers, then of single things.
 
 Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input". Written here and
 not taken from a package: the ones on PyPI (picire, ddmin) have not been released since 2021 and
@@ -13,16 +13,19 @@ from itertools import pairwise
 from typing import Final, TypeAlias, TypeVar
 
 from daemon.analysis.blame._case import Candidate, RunCase
-from daemon.analysis.blame._elements import Blame, Element, ElementKind, NoFailureError, Without
+from daemon.analysis.blame._elements import (
+    Blame,
+    Element,
+    ElementKind,
+    Elements,
+    NoFailureError,
+    Without,
+)
 from daemon.analysis.blame._runner import BudgetSpentError, CandidateResult, CandidateRunner
 from daemon.model.spec import OracleText
-from daemon.model.verdicts import Verdict
 from grammars.text.diagnostics import InputError, did_you_mean
 
 T = TypeVar("T")
-LINEAR_STEPS: Final = 4
-"""So many items are stepped over one by one when looking for a flip: suspects are added last, since
-a campaign puts its overrides and parameters on top of layers that others share."""
 FirstFailing: TypeAlias = Callable[[Sequence[tuple[T, ...]]], int | None]
 """Returns the index of the first configuration that fails, or ``None`` when none does."""
 
@@ -40,10 +43,11 @@ def ddmin(items: Sequence[T], first_failing: FirstFailing[T]) -> Iterator[tuple[
         yield ()
         return
     while len(current) > 1:
-        chunks = split_evenly(current, parts)
+        bounds = [part * len(current) // parts for part in range(parts + 1)]
+        chunks = [current[low:high] for low, high in pairwise(bounds)]
         # The complement of one half is the other half.
-        complements = [_complement(current, chunk) for chunk in chunks] if parts > 2 else []
-        tried = [*chunks, *complements]
+        complements = [current[:low] + current[high:] for low, high in pairwise(bounds)]
+        tried = [*chunks, *(complements if parts > 2 else [])]
         hit = first_failing(tried)
         if hit is not None:
             current = tried[hit]
@@ -55,194 +59,126 @@ def ddmin(items: Sequence[T], first_failing: FirstFailing[T]) -> Iterator[tuple[
             parts = min(2 * parts, len(current))
 
 
-def split_evenly(items: Sequence[T], parts: int) -> list[tuple[T, ...]]:
-    """Return ``items`` in ``parts`` runs of nearly equal length, none of them empty."""
-    bounds = [index * len(items) // parts for index in range(parts + 1)]
-    return [tuple(items[low:high]) for low, high in pairwise(bounds)]
-
-
-def _complement(items: tuple[T, ...], chunk: tuple[T, ...]) -> tuple[T, ...]:
-    start = items.index(chunk[0])
-    return items[:start] + items[start + len(chunk) :]
-
-
-def find_flip(items: Sequence[T], first_failing: FirstFailing[T]) -> int:
-    """Return the index of an item that makes the items before it fail when it is added.
-
-    All ``items`` together must fail, none of them must not. Where several do, it is the last of
-    them if that is among the last few items, else one near the end: steps backwards, at first one
-    by one, grow until something does not fail, then the gap is halved.
-    """
-    low, high, probes = 0, len(items), 0
-
-    def fails(count: int) -> bool:
-        return first_failing([tuple(items[:count])]) == 0
-
-    while (probe := high - 2 ** max(0, probes - LINEAR_STEPS + 1)) > low:
-        if not fails(probe):
-            low = probe
-            break
-        high, probes = probe, probes + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if fails(middle) else (middle, high)
-    return high - 1
-
-
-Elements: TypeAlias = tuple[Element, ...]
 _PHASES: tuple[tuple[ElementKind, ...], ...] = (
     ("waypoint",),
     ("object",),
     ("behaviour", "parameter"),
 )
 """Kinds that are reduced together, in this order: a shorter mission makes all later runs short."""
-
-
 _MOST_SUSPECTS: Final = 12
-"""Up to so many layers and parameters, each is left out once: what passes then is a reason.
-
-Each costs a run of the budget; with more of them only the flip itself is held to be one."""
+"""With more layers and parameters than these none is left out of the whole run alone: each would
+cost a run of the budget."""
 
 
 @dataclass(frozen=True, slots=True)
 class BlameResult:
-    """The story of a failure and the smallest run that still fails, with what it is made of."""
+    """The story of a failure and the smallest run that still fails, without what is ``away``."""
 
     story: Blame
     smallest: Candidate
-    left: Elements
+    away: Elements
 
 
 @dataclass(slots=True)
 class _Search:
-    """A search while it lasts: the smallest failing run so far and what is known about it."""
+    """The elements that a failing run does without so far, and the reasons why it fails.
+
+    A reason is a layer or parameter without which the run passes.
+    """
 
     case: RunCase
     oracle: OracleText
     runner: CandidateRunner
-    left: Elements
-    flips: Element | None = None
-    reasons: Elements = ()
+    away: Elements = frozenset()
+    reasons: tuple[Element, ...] = ()
     layers: tuple[Without, ...] = ()
     minimal: bool = False
 
-    def fails(self, configurations: Sequence[Collection[Element]]) -> int | None:
-        """Return the first of these configurations that fails for the same reasons.
-
-        What fails as well without a layer or parameter that is known to make the difference fails
-        for another reason: because of a door that is shut from the beginning, not one that shuts.
-        """
-        start = 0
-        while True:
-            built = [self.build(kept) for kept in configurations[start:]]
-            hit = self.runner.first_failing(built)
-            if hit is None or self._fails_for_same_reason(configurations[start + hit]):
-                return None if hit is None else start + hit
-            start += hit + 1
-
-    def _fails_for_same_reason(self, kept: Collection[Element]) -> bool:
-        without = [self.build([e for e in kept if e != reason]) for reason in self.reasons]
-        return self.runner.first_failing(without) is None
-
-    def build(self, kept: Collection[Element]) -> Candidate | None:
-        """Return the run of these elements, ``None`` when they make none."""
-        try:
-            return self.case.candidate(kept, self.oracle)
-        except (InputError, ValueError):
-            return None
-
-    def with_parts(self, added: Collection[Element]) -> Elements:
-        """Return these layers and parameters with everything that is in a run of them."""
-        try:
-            return (*added, *self.case.parts(added))
-        except InputError:
-            return tuple(added)  # and no waypoint: it makes no run
-
-    def layers_fail(self, configurations: Sequence[Collection[Element]]) -> int | None:
-        """Return the first of these sets of layers and parameters whose whole run fails."""
-        return self.fails([self.with_parts(added) for added in configurations])
-
     def blame_layers(self) -> None:
-        """Find what flips the verdict when it is added, and the layers that are needed."""
+        """Find the layers and parameters that the failure needs."""
         added = self.case.added
-        if self.layers_fail([()]) == 0:
-            self.left = self.with_parts(())
+        if self._first_failing([frozenset(added)]) == 0:
+            self.away = frozenset(added)
             return
-        at = find_flip(added, self.layers_fail)
-        self.flips, before = added[at], added[:at]
-        self.left = self.with_parts(added[: at + 1])
-        self.reasons = self._reasons_among(added[: at + 1])
-        flip = added[at]
-        for fewer in ddmin(before, lambda tried: self.layers_fail([(*b, flip) for b in tried])):
-            before = fewer
-            self.left = self.with_parts((*before, flip))
-        needed = (*before, flip)
-        self.layers = tuple(self._removal_result(element, needed) for element in needed)
+        if len(added) <= _MOST_SUSPECTS:
+            self._try_without_each(added)
+        self._take_away([element for element in added if element not in self.reasons])
         # From here on only what is needed can be a reason.
-        self.reasons = tuple(one.element for one in self.layers if one.word == "pass")
-
-    def _reasons_among(self, added: Elements) -> Elements:
-        """Return the last element, the flip, and those without which the run passes as well."""
-        if len(added) > _MOST_SUSPECTS:
-            return added[-1:]
-        ended = self.runner.results([self._without(element, added) for element in added])
-        return tuple(
-            element
-            for element, one in zip(added, ended, strict=True)
-            if element == added[-1] or (one is not None and one.word == "pass")
-        )
-
-    def _without(self, element: Element, among: Elements) -> Candidate | None:
-        return self.build(self.with_parts([e for e in among if e != element]))
-
-    def _removal_result(self, element: Element, needed: Elements) -> Without:
-        """Say how the run ends without one of the layers it needs; it has been executed."""
-        candidate = self._without(element, needed)
-        known = self.runner.known(candidate) if candidate is not None else None
-        if known is None:
-            return Without(element, "unresolved", "there is no run, another layer needs it")
-        return Without(element, known.word, known.verdict.evidence.note)
+        self.layers = self._try_without_each([e for e in added if e not in self.away])
 
     def reduce(self) -> None:
         """Take single things away, kind by kind; then prove that no one thing can go."""
-        # One by one at the end: what was needed beside a thing of a later kind may not be any more.
         for kinds in _PHASES:
-            self._reduce([e for e in self.left if e.kind in kinds])
-        while self._drop_one():
-            pass
+            self._take_away(self._remaining(kinds))
+        # One by one: what was needed beside a thing of a later kind may not be any more.
+        hit: int | None = 0
+        while hit is not None:
+            smaller = [self.away | {one} for kinds in _PHASES for one in self._remaining(kinds)]
+            hit = self._first_failing(smaller)
+            if hit is not None:
+                self.away = smaller[hit]
         self.minimal = True
 
-    def _reduce(self, items: Sequence[Element]) -> None:
-        """Reduce ``items`` among what is left; the rest of it stays."""
-        whole = self.left
+    def _remaining(self, kinds: Collection[ElementKind]) -> list[Element]:
+        return [one for one in self.case.remaining(self.away) if one.kind in kinds]
 
-        def kept(chosen: Collection[Element]) -> Elements:
-            return tuple(e for e in whole if e not in items or e in chosen)
+    def _take_away(self, items: Sequence[Element]) -> None:
+        """Take as many of ``items`` away as the failure can do without."""
+        away = self.away
 
-        for chosen in ddmin(items, lambda tried: self.fails([kept(c) for c in tried])):
-            self.left = kept(chosen)
+        def without(kept: Collection[Element]) -> Elements:
+            return away.union(item for item in items if item not in kept)
 
-    def _drop_one(self) -> bool:
-        items = [e for kinds in _PHASES for e in self.left if e.kind in kinds]
-        smaller = [tuple(e for e in self.left if e != item) for item in items]
-        hit = self.fails(smaller)
-        if hit is not None:
-            self.left = smaller[hit]
-        return hit is not None
+        for kept in ddmin(items, lambda tried: self._first_failing([without(k) for k in tried])):
+            self.away = without(kept)
+
+    def _try_without_each(self, elements: Sequence[Element]) -> tuple[Without, ...]:
+        """Return how the run ends without each one, and note the reasons."""
+        results = self.runner.results([self._candidate(self.away | {one}) for one in elements])
+        ends = tuple(
+            Without(element, "unresolved", "there is no run, another layer needs it")
+            if result is None
+            else Without(element, result.word, result.verdict.evidence.note)
+            for element, result in zip(elements, results, strict=True)
+        )
+        self.reasons = tuple(end.element for end in ends if end.word == "pass")
+        return ends
+
+    def _first_failing(self, configurations: Sequence[Elements]) -> int | None:
+        """Return the first of these that fails for the same reasons, each without its elements.
+
+        A run that fails as well without one of the reasons fails for another one: because of a
+        door that is shut from the beginning, say, not one that shuts.
+        """
+        start = 0
+        while True:
+            hit = self.runner.first_failing([self._candidate(c) for c in configurations[start:]])
+            if hit is None:
+                return None
+            start += hit
+            without = [self._candidate(configurations[start] | {one}) for one in self.reasons]
+            if self.runner.first_failing(without) is None:
+                return start
+            start += 1
+
+    def _candidate(self, away: Elements) -> Candidate | None:
+        """Return the run without these elements, ``None`` if the rest makes none."""
+        try:
+            return self.case.candidate(away, self.oracle)
+        except (InputError, ValueError):
+            return None
 
 
 def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") -> BlameResult:
     """Find out why a run fails, and return the story with the smallest run that still does.
 
-    ``oracle`` names the one whose verdict matters; without it, it is the first that fails. What
-    was found before the budget was spent or Ctrl-C was pressed is kept and told as such. Raises
+    ``oracle`` names the one whose verdict matters; without it, it is the first that fails. A spent
+    budget and Ctrl-C keep what has been found, and the story says so. Raises
     :class:`NoFailureError` for a run that does not fail, and :class:`BudgetSpentError` or
     ``KeyboardInterrupt`` before that is known.
     """
     asked, first = _reproduce_failure(case, runner, oracle)
-    whole = (*case.added, *case.parts(case.added))
-    search = _Search(case, asked, runner, whole)
-    stopped = ""
+    search, stopped = _Search(case, asked, runner), ""
     try:
         search.blame_layers()
         search.reduce()
@@ -250,10 +186,25 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
         stopped = f"the budget of {runner.budget} runs is spent"
     except KeyboardInterrupt:
         stopped = "interrupted"
-    smallest = case.candidate(search.left, asked)
-    last = runner.known(smallest) or first
-    story = _summarise(search, first.verdict, last.verdict, whole, smallest, stopped)
-    return BlameResult(story, smallest, search.left)
+    smallest = case.candidate(search.away, asked)
+    whole, remaining = case.remaining(frozenset()), case.remaining(search.away)
+    kinds: tuple[ElementKind, ...] = ("object", "waypoint", "behaviour", "parameter")
+    parameters = [one for one in remaining if one.kind == "parameter"]
+    story = Blame(
+        run=case.spec.label,
+        verdict=first.verdict,
+        layers=search.layers,
+        objects=tuple(thing.name for thing in smallest.scene.objects),
+        behaviours=tuple(one.name for one in remaining if one.kind == "behaviour"),
+        waypoints=tuple(waypoint.id for waypoint in smallest.spec.mission.waypoints),
+        parameters=tuple(one.name for one in parameters),
+        before=tuple((kind, sum(one.kind == kind for one in whole)) for kind in kinds),
+        last=(runner.known(smallest) or first).verdict,
+        minimal=search.minimal,
+        stopped=stopped,
+        settings=tuple(one.short_name for one in parameters),
+    )
+    return BlameResult(story, smallest, search.away)
 
 
 def _reproduce_failure(
@@ -265,37 +216,9 @@ def _reproduce_failure(
         hint = did_you_mean(oracle, names)
         raise NoFailureError(f'{case.spec.label} has no oracle "{oracle}", {hint}')
     endings = runner.judge_all(Candidate(case.spec, case.cell.scene))
-    whole = (*case.added, *case.parts(case.added))
     for one, ended in zip(case.spec.oracles, endings, strict=True):
         if ended.word == "fail" and oracle in ("", one.name):
-            runner.remember(case.candidate(whole, one), ended)
+            runner.remember(case.candidate(frozenset(), one), ended)
             return one, ended
     said = ", ".join(f"{v.verdict.oracle} {v.verdict.outcome}" for v in endings)
     raise NoFailureError(f"{case.spec.label} does not fail{' ' + oracle if oracle else ''}: {said}")
-
-
-def _summarise(
-    search: _Search,
-    verdict: Verdict,
-    last: Verdict,
-    whole: Elements,
-    smallest: Candidate,
-    stopped: str,
-) -> Blame:
-    spec, scene = smallest.spec, smallest.scene
-    kinds: tuple[ElementKind, ...] = ("object", "waypoint", "behaviour", "parameter")
-    return Blame(
-        run=search.case.spec.label,
-        verdict=verdict,
-        flips=search.flips,
-        layers=search.layers,
-        objects=tuple(thing.name for thing in scene.objects),
-        behaviours=tuple(e.name for e in search.left if e.kind == "behaviour"),
-        waypoints=tuple(waypoint.id for waypoint in spec.mission.waypoints),
-        parameters=tuple(e.name for e in search.left if e.kind == "parameter"),
-        before=tuple((kind, sum(e.kind == kind for e in whole)) for kind in kinds),
-        last=last,
-        minimal=search.minimal,
-        stopped=stopped,
-        settings=tuple(e.short_name for e in search.left if e.kind == "parameter"),
-    )

@@ -6,7 +6,7 @@ from itertools import pairwise
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from daemon.analysis.blame import LINEAR_STEPS, ddmin, find_flip, split_evenly
+from daemon.analysis.blame import ddmin
 
 Test = Callable[[tuple[int, ...]], bool]
 
@@ -64,27 +64,3 @@ def test_one_cause_among_many_takes_few_tests():
     *_, last = ddmin(range(1024), asks(fails))
     assert last == (777,)
     assert len(asked) <= 2 * 10 + 1, "halving, not walking"
-
-
-@given(st.lists(st.integers(), min_size=1, max_size=30, unique=True), st.integers(1, 30))
-def test_parts_are_the_whole_in_order_and_never_empty(items, parts):
-    found = split_evenly(items, min(parts, len(items)))
-    assert [item for part in found for item in part] == items
-    assert all(found)
-    assert max(map(len, found)) - min(map(len, found)) <= 1
-
-
-@given(st.integers(1, 60), st.data())
-def test_the_flip_is_where_a_prefix_begins_to_fail(size, data):
-    at = data.draw(st.integers(0, size - 1))
-    assert find_flip(range(size), asks(lambda kept: at in kept)) == at
-
-
-@given(st.integers(1, 30), st.sets(st.integers(1, 29)))
-def test_of_a_failure_that_comes_and_goes_the_last_coming_is_preferred(size, failing):
-    lengths = {length for length in failing if length < size} | {size}
-    at = find_flip(range(size), asks(lambda kept: len(kept) in lengths))
-    assert at + 1 in lengths
-    assert at not in lengths
-    last = max(n for n in range(size) if n not in lengths)
-    assert at == last or last < size - LINEAR_STEPS

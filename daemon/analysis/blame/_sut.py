@@ -1,0 +1,126 @@
+"""Parameters in which a system under test differs from the one it is like."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from daemon.analysis.blame._elements import Element, Elements
+from daemon.campaign import (
+    CampaignCell,
+    LayerLibrary,
+    ParameterValues,
+    merge_parameters,
+    parameter_tree,
+)
+from daemon.model.spec import SutReference
+from daemon.stacks.registry import check_parameters, stack_kind
+from grammars.text.diagnostics import Where
+from grammars.text.ros_yaml import ParameterValue
+
+_DEEP: Final = 2
+_LONG: Final = 60
+"""Levels of a parameter's name, and characters of its value, that are shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class SutDifferences:
+    """A system under test as another one, ``base``, with differences: some settings each.
+
+    ``like`` is the name of the other one, empty when it is the defaults of the kind.
+    """
+
+    whole: SutReference
+    like: str
+    base: ParameterValues
+    changes: tuple[tuple[Element, ParameterValues], ...]
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """One element for each line in which they differ."""
+        return tuple(element for element, _ in self.changes)
+
+    def remaining(self, away: Elements) -> ParameterValues:
+        """Return the settings of the differences that are not ``away``."""
+        settings: ParameterValues = {}
+        for element, change in self.changes:
+            settings |= change if element not in away else {}
+        return settings
+
+    def without(self, away: Elements) -> SutReference:
+        """Return the system without the differences that are ``away``.
+
+        Raises ``ValueError`` when its kind does not take such parameters.
+        """
+        # The very value, so that the whole run keeps its digest and is not executed twice.
+        if away.isdisjoint(self.elements):
+            return self.whole
+        tree = parameter_tree(merge_parameters(self.base, self.remaining(away)))
+        sut = dataclasses.replace(self.whole, parameters=tree)
+        check_parameters(sut.kind, sut.local_parameters)
+        return sut
+
+
+def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary) -> SutDifferences:
+    """Compare a system under test of a cell with the one its file says it is like.
+
+    How a ROS 2 stack is started is not taken apart: without a part of it, it would not start.
+    """
+    if stack_kind(sut.kind).keys:
+        return SutDifferences(sut, "", {}, ())
+    for reference in cell.scenario.suts:
+        loaded = library.loaded_sut(reference)
+        if loaded.reference == sut and (loaded.layer.files or loaded.settings):
+            break  # else a kind by its name: no file, nothing to compare
+    else:
+        return SutDifferences(sut, "", {}, ())
+    if len(loaded.layer.files) > 1:
+        other = library.sut_file(Path(loaded.layer.files[1]))
+        like, base = other.reference.name, other.settings
+    elif loaded.layer.files:
+        # Like no other: what its own file says on top of the ROS files is the difference, and what
+        # the campaign says on top of that.
+        own = loaded.layer.files[0]
+        written = library.sut_file(Path(own)).settings
+        base = {p: s for p, s in written.items() if s.where.file != own}
+        like = ""
+    else:
+        like, base = "", {}
+    return SutDifferences(sut, like, base, _changed_elements(base, loaded.settings))
+
+
+def _changed_elements(
+    base: ParameterValues, settings: ParameterValues
+) -> tuple[tuple[Element, ParameterValues], ...]:
+    """Return what differs, one element for all that one place in a file says."""
+    differing = {
+        path: setting
+        for path, setting in settings.items()
+        if path not in base or base[path].value != setting.value
+    }
+    nowhere = Where("")
+    differing |= {path: ParameterValue(None, nowhere) for path in base if path not in settings}
+    groups: dict[object, ParameterValues] = {}
+    for path, setting in differing.items():
+        # A footprint of five corners, or what costmap_common means for two costmaps, is one line
+        # of a file and one thing to blame.
+        key = setting.where if setting.value is not None else path
+        groups.setdefault(key, {})[path] = setting
+    return tuple(
+        (_parameter_element(group, index), group) for index, group in enumerate(groups.values())
+    )
+
+
+def _parameter_element(group: ParameterValues, index: int) -> Element:
+    """Return what a line says: the path as far as all its settings share it, and the value."""
+    paths = list(group)
+    shared = 1
+    while shared < min(map(len, paths)) and len({path[-shared - 1 :] for path in paths}) == 1:
+        shared += 1
+    value = group[paths[0]].value
+    shown = "removed" if value is None else str(value)
+    name = "/".join(paths[0][-min(shared, _DEEP) :])
+    told = shown if len(shown) <= _LONG else f"{shown[: _LONG - 1]}…"
+    return Element("parameter", f"{name}: {told}", index, name)
