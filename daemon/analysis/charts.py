@@ -1,32 +1,37 @@
 """Charts: Vega-Lite specifications as plain dicts, drawn as SVG and shown alive by a page.
 
 A chart names the colours of the page, ``var(--line)``, so it follows the theme of the reader. Its
-layers called :data:`HOVER` and its parameters are for the live chart only: what is drawn without
-scripts, on paper too, leaves them out.
+layers called :data:`HOVER` are for the live chart only. A drawing without scripts, as on paper,
+leaves them out.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache, partial
+from functools import cache
 from typing import Any, Final, TypeAlias
 
 from markupsafe import Markup, escape
 
 from daemon.analysis.parallel_map import parallel_map
+from templates.report import OURS
 
 Chart: TypeAlias = dict[str, Any]
 """A specification of Vega-Lite, https://vega.github.io/vega-lite/docs/."""
 
 HOVER: Final = "hover"
-"""Name of layers that show their marks under the pointer only."""
+"""Beginning of the names of layers that show their marks under the pointer only."""
 SERIES: Final = tuple(f"var(--s{number})" for number in range(8))
 """Colours of scenarios or systems under test side by side, in this order."""
 THEME: Final[Mapping[str, Any]] = {
+    "aria": False,
     "font": "sans-serif",
     "background": None,
+    "numberFormat": "~f",
     "padding": 2,
     "view": {"stroke": None},
     "axis": {
@@ -41,43 +46,57 @@ THEME: Final[Mapping[str, Any]] = {
         "titleFontSize": 10,
         "titleFontWeight": "normal",
     },
+    "axisX": {"grid": False},
     "header": {"labelColor": "var(--soft)", "titleColor": "var(--soft)"},
     "legend": {
         "labelColor": "var(--soft)",
         "labelFontSize": 9,
+        "offset": 5,
         "orient": "top",
-        "titleColor": "var(--soft)",
-        "titleFontSize": 9,
-        "titleFontWeight": "normal",
+        "rowPadding": 0,
+        "symbolOpacity": 1,
+        "symbolSize": 30,
+        "title": None,
     },
-    "title": {"color": "var(--soft)", "fontSize": 10, "fontWeight": "normal", "anchor": "start"},
+    "title": {
+        "anchor": "start", "color": "var(--soft)", "fontSize": 10, "fontWeight": "normal",
+        "offset": 3,
+    },
     "range": {"category": list(SERIES)},
     "text": {"color": "var(--ink)", "fontSize": 9},
-}
+}  # fmt: skip
 _VERSION: Final = "6.1"
+_PLACE: Final = re.compile(r' (?:d|transform|x2?|y2?)="[^"]*"')
 _LONG_DECIMAL: Final = re.compile(r"-?\d+\.\d{2,}")
+_UNUSED: Final = re.compile(
+    r' (?:class|pointer-events|cursor|aria-\w+|role|version|xmlns:xlink|font-family)="[^"]*"'
+    r'| opacity="1"| font-weight="normal"| transform="translate\(0,0\)"| [xy]2="0"'
+)
+_INVISIBLE: Final = re.compile(r'<path(?: transform="[^"]*")? d="[^"]*"(?: display="none")?/>')
+_EMPTY: Final = re.compile(r"<g[^>]*></g>")
+_SAME_LOOK: Final = re.compile(r'<path d="[^"]*("[^>]*/>)(?:<path d="[^"]*\1)+')
+_PATH_DATA: Final = re.compile(r'<path d="([^"]*)')
+
+_COLOUR: Final = re.compile(r"--(\w+): (#\w+);")
+_VARIABLE: Final = re.compile(r"var\(--([\w-]+),?([^)]*)\)")
+_NAMESPACE: Final = ' xmlns="http://www.w3.org/2000/svg"'
 
 
 def table(columns: Mapping[str, Sequence[Any]], digits: int = 4) -> dict[str, Any]:
-    """Return columns (n,) each as the ``data`` of a chart: compact, numbers rounded.
+    """Return columns (n,) each as the ``data`` of a chart, more compact than rows.
 
-    Numbers keep ``digits`` significant digits; not a number is an empty cell, which is null.
-    Texts must not be more than one line.
+    Numbers keep ``digits`` significant digits; not a number becomes null.
     """
-    cells = (map(partial(_cell, digits=digits), values) for values in columns.values())
-    lines = "\n".join(",".join(row) for row in zip(*cells, strict=True))
-    kinds = {
-        name: "string" if any(isinstance(value, str) for value in values) else "number"
-        for name, values in columns.items()
-    }
-    text = f"{','.join(columns)}\n{lines}"
-    return {"values": text, "format": {"type": "csv", "parse": kinds}}
+    return {"values": {name: [_cell(v, digits) for v in c] for name, c in columns.items()}}
 
 
-def _cell(value: Any, digits: int) -> str:
+def _cell(value: Any, digits: int) -> Any:
     if isinstance(value, str):
-        return '"' + value.replace('"', '""') + '"'
-    return "" if value != value else f"{value:.{digits}g}"
+        return value
+    number = float(f"{value:.{digits}g}")
+    if not math.isfinite(number):
+        return None
+    return int(number) if number.is_integer() else number
 
 
 def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> list[str]:
@@ -92,29 +111,59 @@ def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> lis
 
 @cache
 def page_script() -> str:
-    """Return Vega, Vega-Lite and Vega-Embed as one script for a page that needs no network."""
+    """Return Vega, Vega-Lite and Vega-Embed as one script for a page that needs no network.
+
+    The theme of all charts, ``chartTheme``, is a part of it.
+    """
     (script,) = parallel_map(_bundle, ("",), doing="that bundles Vega", always_forked=True)
-    return script
+    return f"{script}window.chartTheme = {json.dumps(THEME)};"
 
 
-def chart_figure(chart: Chart, svg: str, label: str) -> Markup:
+def svg_pdf(svg: str) -> bytes:
+    """Return a drawing of a page as PDF, in the colours that the page has on light paper."""
+    import vl_convert
+
+    style = (OURS / "report.css").read_text(encoding="utf-8")
+    light = dict(_COLOUR.findall(style.partition("}")[0]))
+    coloured = _VARIABLE.sub(lambda name: light.get(name[1]) or name[2], svg)
+    root = '<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" '
+    return vl_convert.svg_to_pdf(coloured.replace(_NAMESPACE, "").replace("<svg ", root, 1))
+
+
+def chart_figure(chart: Chart, svg: str, label: str, *, cell: str = "") -> Markup:
     """Return a drawn chart with its specification, which scripts of the page bring to life.
 
-    ``label`` is read out where pictures are not seen.
+    ``label`` is read out where pictures are not seen. Charts and maps of one ``cell`` show together
+    what a reader brushes or points at.
     """
     # Within a script element only its own end, and what looks like a comment, would be read.
-    specification = json.dumps(_themed(chart), ensure_ascii=False).replace("<", "\\u003c")
-    return Markup(
-        f'<div class="chart" role="img" aria-label="{escape(label)}">{svg}'
-        f'<script type="application/json">{specification}</script></div>'
-    )
+    text = json.dumps(chart, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    about = f'role="img" aria-label="{escape(label)}" data-cell="{escape(cell)}"'
+    script = f'<script type="application/json">{text}</script>'
+    return Markup(f'<div class="chart" {about}>{svg}{script}</div>')
 
 
 def _draw(chart: Chart) -> str:
     import vl_convert
 
     svg = vl_convert.vegalite_to_svg(_themed(_static(chart)), vl_version=_VERSION)
-    return _LONG_DECIMAL.sub(lambda found: f"{float(found[0]):.1f}".removesuffix(".0"), svg)
+    svg = _PLACE.sub(lambda place: _LONG_DECIMAL.sub(_one_digit, place[0]), svg)
+    # Drawings are the larger part of a page: leave out what nobody sees, the font is the page's.
+    for unseen in (_UNUSED, _INVISIBLE, _EMPTY):
+        svg = unseen.sub("", svg)
+    svg = _SAME_LOOK.sub(_one_path, svg)
+    # Names of clips are those of the whole page, where every chart begins to count anew.
+    own = hashlib.sha256(svg.encode()).hexdigest()[:8]
+    return svg.replace('id="clip', f'id="c{own}-').replace("url(#clip", f"url(#c{own}-")
+
+
+def _one_digit(number: re.Match[str]) -> str:
+    return f"{float(number[0]):.1f}".removesuffix(".0")
+
+
+def _one_path(paths: re.Match[str]) -> str:
+    """Return neighbours that look alike as one path: a heat map has hundreds of them."""
+    return '<path d="' + "".join(_PATH_DATA.findall(paths[0])) + paths[1]
 
 
 def _bundle(_: str) -> str:
@@ -129,14 +178,23 @@ def _themed(chart: Chart) -> Chart:
 
 
 def _static(chart: Any) -> Any:
-    """Return a chart, or a part of it, without what only answers to a pointer."""
+    """Return a chart, or a part of it, for Vega: rows for columns, no layers for a pointer."""
     if isinstance(chart, dict):
-        return {key: _static(value) for key, value in chart.items() if key != "params"}
+        return {
+            key: _static(_rows(value) if key == "values" else value) for key, value in chart.items()
+        }
     if isinstance(chart, list):
         parts: Iterable[Any] = chart
         return [
             _static(part)
             for part in parts
-            if not (isinstance(part, dict) and part.get("name") == HOVER)
+            if not (isinstance(part, dict) and str(part.get("name", "")).startswith(HOVER))
         ]
     return chart
+
+
+def _rows(values: Any) -> Any:
+    """Return the rows of what :func:`table` has; rows stay as they are."""
+    if not isinstance(values, dict):
+        return values
+    return [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
