@@ -19,11 +19,10 @@ from pathlib import Path
 from daemon.analysis.report import (
     ReportRun,
     draw_run,
-    folder_input,
-    ledger_input,
-    open_ledger,
     read_report_data,
 )
+from daemon.analysis.results import bring_traces, campaign_results, folder_results
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import assess, mission_completed, reference_comparisons
 from daemon.judging.statistics import mean_difference, mean_interval, proportion_interval
@@ -81,10 +80,10 @@ def read_cells(results, state):
 
 def _read_input(name, state):
     if Path(name).is_dir():
-        return folder_input(Path(name))
+        return folder_results(Path(name))
     paths = StatePaths.find(state)
-    with open_ledger(paths) as reader:
-        return ledger_input(reader, find_campaign(reader, name), paths)
+    with LedgerReader.open(paths) as reader:
+        return bring_traces(campaign_results(reader, find_campaign(reader, name), str(paths.state)))
 
 
 def number(value, digits):

@@ -150,12 +150,12 @@ def _has_traces(name: str, paths: StatePaths) -> bool:
 
 def _about_search(run: str, paths: StatePaths) -> str:
     """Return what to name instead of a run of a search, which no campaign file specifies."""
-    from daemon.analysis.report import open_ledger
+    from daemon.batch.ledger import LedgerReader
 
     campaign = run.rpartition(".")[0]
     if not campaign or not paths.ledger.is_file():
         return ""
-    with open_ledger(paths) as reader:
+    with LedgerReader.open(paths) as reader:
         if not reader.searches(campaign):
             return ""
     found = f"scenario-results/search/{campaign}/campaign/"

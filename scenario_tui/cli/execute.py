@@ -54,7 +54,7 @@ def run_here(
     interrupted.
     """
     # Reading the ledger and traces comes with it: for who only submits, a seventh of the time.
-    from daemon.analysis.report import write_campaign_note
+    from daemon.analysis.results import write_campaign_note
 
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)

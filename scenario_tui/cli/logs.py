@@ -150,15 +150,15 @@ def _recorded(trace: Path) -> tuple[tuple[LogLine, ...], dict[str, str]]:
 
 def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     """Return what a run left; a daemon elsewhere does not tell of attempts."""
-    from daemon.analysis.report import open_ledger
     from daemon.analysis.run_history import read_outputs, read_steps
+    from daemon.batch.ledger import LedgerReader
     from scenario_tui.cli.named_traces import one_trace
     from scenario_tui.cli.target import find_campaign, find_run
     from scenario_tui.text.run_state import without_trace_text
 
     steps: tuple[RunStep, ...] = ()
     output: tuple[str, ...] = ()
-    with target.open() if target.named else open_ledger(target.paths) as source:
+    with target.open() if target.named else LedgerReader.open(target.paths) as source:
         row = find_run(source, run).row
         campaign = None if row.trace else find_campaign(source, row.campaign)
     # Attempts and what they print are files of the state directory: no verb of the bus has them.

@@ -137,11 +137,11 @@ def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) ->
 
 def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> None:
     """Say that a campaign goes on, and how much of it is there."""
-    from daemon.analysis.report import open_ledger
+    from daemon.batch.ledger import LedgerReader
 
     if not target.paths.ledger.is_file():
         return
-    with open_ledger(target.paths) as ledger:
+    with LedgerReader.open(target.paths) as ledger:
         for row in ledger.campaign_page(id=campaign, limit=1):
             _say_progress(row, traces)
 
@@ -153,12 +153,12 @@ def _say_progress(campaign: CampaignRow, traces: int) -> None:
 
 def why_without_traces(name: str, target: DaemonTarget) -> str:
     """Return why the campaign or run of that id has no trace, empty when there is none of it."""
-    from daemon.analysis.report import open_ledger
+    from daemon.batch.ledger import LedgerReader
     from daemon.model.status import RunDetail
 
     if not target.paths.ledger.is_file():
         return ""
-    with open_ledger(target.paths) as ledger, suppress(Refused):
+    with LedgerReader.open(target.paths) as ledger, suppress(Refused):
         found = _find_named(ledger, name)
         if isinstance(found, RunDetail):
             campaign = find_campaign(ledger, found.row.campaign)
@@ -267,14 +267,14 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
 
     Raises ``ValueError`` for what is none of them.
     """
-    from daemon.analysis.report import open_ledger
+    from daemon.batch.ledger import LedgerReader
     from daemon.model.status import RunDetail
 
     # Whether a folder holds traces is asked last: that may be a walk through a whole tree.
     if name.endswith(".mcap") or not paths.ledger.is_file() or names_traces(name):
         return name
     try:
-        with open_ledger(paths) as ledger:
+        with LedgerReader.open(paths) as ledger:
             found = _find_named(ledger, name)
             return found.row.id if isinstance(found, RunDetail) else found.id
     except Refused as error:

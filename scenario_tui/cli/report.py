@@ -16,7 +16,8 @@ from scenario_tui.cli.options import AsJson, Connect, Processes, State, check_wr
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
-    from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
+    from daemon.analysis.report import ReportData, SuggestedCommand
+    from daemon.analysis.results import Results
     from daemon.model.assessments import ReferenceComparison
     from scenario_tui.cli.target import DaemonTarget
 
@@ -167,21 +168,21 @@ def _report_search(
     return True
 
 
-def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
+def _choose_campaign(campaign: str, target: DaemonTarget) -> Results:
     """Return what is meant: a folder of traces, else a campaign of the state directory.
 
     A folder without any is meant when no campaign is called so.
 
     Of a daemon that was named, the traces are brought here.
     """
-    from daemon.analysis.report import folder_input
+    from daemon.analysis.results import folder_results
     from daemon.batch.errors import DaemonError
     from scenario_tui.cli.named_traces import names_traces
 
     folder = Path(campaign)
     is_folder = bool(campaign) and folder.is_dir()
     if is_folder and names_traces(campaign):
-        return folder_input(folder)
+        return folder_results(folder)
     if folder.suffix == ".mcap":
         message = "a report is about a campaign or a folder of traces"
         hint = "for one run there is `scenario export RUN picture`"
@@ -190,43 +191,31 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         return _submitted_campaign(campaign, target)
     except DaemonError:
         if is_folder:
-            return folder_input(folder)  # says that it holds none
+            return folder_results(folder)  # says that it holds none
         raise
 
 
-def _submitted_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
-    from daemon.analysis.report import ledger_input, open_ledger
-    from scenario_tui.cli.named_traces import newest_results
+def _submitted_campaign(campaign: str, target: DaemonTarget) -> Results:
+    from daemon.analysis.results import bring_traces, campaign_results
+    from daemon.batch.ledger import LedgerReader
+    from daemon.batch.stores import local_copy
+    from scenario_tui.cli.named_traces import newest_results, transfer_progress
     from scenario_tui.cli.target import find_campaign
 
     if target.named:
-        return _fetch_campaign(campaign, target)
+        with target.open() as daemon:
+            found = campaign_results(daemon, find_campaign(daemon, campaign), target.endpoint)
+            size = sum(run.result.trace.size for run in found.records if run.result is not None)
+            with transfer_progress(size) as advance:
+                return bring_traces(found, partial(local_copy, source=daemon, progress=advance))
     if not campaign and not target.paths.ledger.is_file() and (newest := newest_results()):
         message = f"{target.paths.state} is no state directory: nothing was submitted here"
         command = f"scenario report {shlex.quote(str(newest))}"
         hint = f"name the folder of traces `scenario run` left: `{command}`"
         raise typer.BadParameter(f"{message}; {hint}", param_hint="CAMPAIGN")
-    with open_ledger(target.paths) as reader:
-        return ledger_input(reader, find_campaign(reader, campaign), target.paths)
-
-
-def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
-    from daemon.analysis.report import campaign_input, local_record
-    from daemon.batch.stores import local_copy
-    from scenario_tui.cli.named_traces import transfer_progress
-    from scenario_tui.cli.target import find_campaign
-
-    with target.open() as daemon:
-        row = find_campaign(daemon, campaign)
-        runs = daemon.all_runs(row.id, results=True)
-        specs = [daemon.run(run.id).spec for run in runs]
-        size = sum(run.result.trace.size for run in runs if run.result is not None)
-        with transfer_progress(size) as advance:
-            copy = partial(local_copy, source=daemon, progress=advance)
-            # Known to be gone: the report says so without asking again.
-            records = [local_record(run, copy) if run.trace else run for run in runs]
-        said = (daemon.declared(row.id), daemon.origin(row.id))
-    return campaign_input(row, target.endpoint, said, records, specs)
+    with LedgerReader.open(target.paths) as reader:
+        row = find_campaign(reader, campaign)
+        return bring_traces(campaign_results(reader, row, str(target.paths.state)))
 
 
 def _run_commands() -> tuple[SuggestedCommand, ...]:

@@ -56,11 +56,11 @@ def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
 
 
 def _search_called(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
-    from daemon.analysis.report import open_ledger
+    from daemon.batch.ledger import LedgerReader
 
     if not target.named and not target.paths.ledger.is_file():
         return None
-    with target.open() if target.named else open_ledger(target.paths) as source:
+    with target.open() if target.named else LedgerReader.open(target.paths) as source:
         campaign = find_search_id(source, wanted)
         return search_material(source, *ask_search(source, campaign)) if campaign else None
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 from daemon.analysis.report import (
     SuggestedCommand,
-    folder_input,
     read_report_data,
     write_csv,
     write_junit,
     write_page,
     write_parquet,
 )
+from daemon.analysis.results import folder_results
 from daemon.campaign import expand, load_campaign
 from daemon.model.ids import trace_name
 from daemon.run import execute
@@ -55,7 +55,7 @@ def measure():
 
 
 def _report(folder, executed):
-    chosen = folder_input(folder)
+    chosen = folder_results(folder)
     records = tuple(
         replace(record, id=f"{record.id}-{sut}-{repeat}", sut=sut, repeat=repeat)
         for record in chosen.records

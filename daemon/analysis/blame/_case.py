@@ -10,8 +10,9 @@ from pathlib import Path
 from daemon.analysis.blame._elements import Element, ElementKind, Elements
 from daemon.analysis.blame._sut import SutDifferences, sut_differences
 from daemon.analysis.rejudge import find_traces
-from daemon.analysis.report import open_ledger, read_campaign_note
+from daemon.analysis.results import read_campaign_note
 from daemon.batch.errors import Refused
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.campaign import (
     Campaign,
@@ -92,7 +93,7 @@ def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
     origin = read_campaign_note(trace.parent).origin
     campaign = trace.parent.name if Path(name).is_file() else name.partition(".")[0]
     if not origin.path and paths.ledger.is_file():
-        with suppress(Refused), open_ledger(paths) as ledger:
+        with suppress(Refused), LedgerReader.open(paths) as ledger:
             origin = ledger.origin(campaign)
     if not origin.path:
         raise ValueError(f"no record names the campaign file of {trace}: say --campaign FILE")

@@ -10,9 +10,9 @@ from typing import Final, TypeAlias, cast
 
 from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
 from daemon.analysis.parallel_map import parallel_map
-from daemon.analysis.report._input import ReportInput
 from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
+from daemon.analysis.results import Results
 from daemon.judging import oracles
 from daemon.judging.assessment import assess
 from daemon.judging.oracles import SignalSampler
@@ -44,7 +44,7 @@ class ReportRun:
 class ReportData:
     """Everything a report is written from."""
 
-    input: ReportInput
+    input: Results
     runs: tuple[ReportRun, ...]
     assessment: Assessment
     buffer: SafetyBuffer
@@ -57,7 +57,7 @@ class ReportData:
 
 
 def read_report_data(
-    chosen: ReportInput, *, processes: int | None = None, watched: ProgressWrapper | None = None
+    chosen: Results, *, processes: int | None = None, watched: ProgressWrapper | None = None
 ) -> ReportData:
     """Read all traces and assess the campaign; ``watched`` may show how far it is.
 

@@ -26,10 +26,10 @@ from daemon.analysis.report._formatting import (
     percentage,
     verdict_details,
 )
-from daemon.analysis.report._input import ReportInput
 from daemon.analysis.report._measures import measure_columns
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
+from daemon.analysis.results import Results
 from daemon.judging.assessment import severity
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
@@ -186,12 +186,12 @@ def _facts(
     )
 
 
-def _folder(chosen: ReportInput) -> str:
+def _folder(chosen: Results) -> str:
     name = Path(chosen.where).name
     return f"the folder {name}" if name else "a folder of traces"
 
 
-def _place(file: str, chosen: ReportInput) -> str:
+def _place(file: str, chosen: Results) -> str:
     """Return a file as seen from the folder a report is of, elsewhere its name alone.
 
     A page is sent to people whom the folders of this machine do not concern.
@@ -223,7 +223,7 @@ def _judged(
 
 
 def _typed(
-    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], chosen: ReportInput
+    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], chosen: Results
 ) -> list[tuple[str, str]]:
     """Return what can be typed about a run that ``oracle`` judged, with the purpose of each."""
     if not run.trace:

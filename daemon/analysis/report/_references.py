@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from daemon.analysis.report._input import ReportInput
 from daemon.analysis.report._measures import standard_names
 from daemon.analysis.report._safety_buffer import SafetyBuffer
+from daemon.analysis.results import Results
 from daemon.judging.assessment import reference_comparisons
 from daemon.model.assessments import Assessment, ReferenceComparison, ReferenceValue
 
@@ -43,7 +43,7 @@ def mark(reference: ReferenceValue) -> ReferenceMark:
 
 
 def cell_marks(
-    chosen: ReportInput, assessment: Assessment, buffer: SafetyBuffer, texts: Mapping[str, str]
+    chosen: Results, assessment: Assessment, buffer: SafetyBuffer, texts: Mapping[str, str]
 ) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
     """Return the marks of each cell, (scenario, SUT), by the measure of the report they are of.
 
@@ -61,9 +61,7 @@ def cell_marks(
     return found
 
 
-def compared_references(
-    chosen: ReportInput, assessment: Assessment
-) -> tuple[ReferenceComparison, ...]:
+def compared_references(chosen: Results, assessment: Assessment) -> tuple[ReferenceComparison, ...]:
     """Return every reference value of a campaign beside what was found."""
     return reference_comparisons(chosen.declared.references, assessment)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import PlaceUnusable, Refused
 from daemon.batch.ledger._connection import open_reader
 from daemon.batch.ledger._entry import RESERVE, read_spec
 from daemon.batch.ledger._queries import (
@@ -91,9 +91,14 @@ class LedgerReader(CampaignSource):
     def open(cls, paths: StatePaths) -> Iterator[LedgerReader]:
         """Open the ledger of a state directory as it is, whether a daemon keeps it or not.
 
-        Raises :class:`DaemonError`, also for a question in the block, when it cannot be read or
-        has another schema.
+        No daemon is needed. Raises :class:`DaemonError`, also for a question in the block, when
+        there is no ledger, it cannot be read or has another schema.
         """
+        if not paths.ledger.is_file():
+            raise PlaceUnusable(
+                f"{paths.state} is no state directory: name a folder of traces, or choose another "
+                "directory with --state"
+            )
         with open_reader(paths.ledger) as connection:
             yield cls(connection, paths)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from daemon.analysis.blame import CampaignRun, find_run, load_case
-from daemon.analysis.report import write_campaign_note
+from daemon.analysis.results import write_campaign_note
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.campaign import campaign_origin, expand, load_campaign

@@ -6,11 +6,10 @@ import pytest
 
 from daemon.analysis.report import (
     SuggestedCommand,
-    folder_input,
     read_report_data,
-    write_campaign_note,
     write_page,
 )
+from daemon.analysis.results import folder_results, write_campaign_note
 from daemon.model.submission import Submission
 from tests.daemon.analysis.report.recordings import ABOUT, DECLARED, NAME, record_all
 from tests.daemon.judging.oracles.traces import CORRIDOR
@@ -30,7 +29,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def data(folder):
-    return read_report_data(folder_input(folder), processes=1)
+    return read_report_data(folder_results(folder), processes=1)
 
 
 @pytest.fixture(scope="session")
