@@ -18,9 +18,9 @@ from pathlib import Path
 
 from daemon.analysis.report import (
     ReportRun,
-    draw_run,
     read_report_data,
 )
+from daemon.analysis.report.run_maps import draw_run
 from daemon.analysis.results import bring_traces, campaign_results, folder_results
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths

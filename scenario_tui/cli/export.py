@@ -294,7 +294,8 @@ def _make(
     settings: ExportSettings,
 ) -> Iterator[ExportResult]:
     """Yield what is made of each world, in its folder or, of one world, as the file ``named``."""
-    from templates.artefacts import choose_kinds, export
+    from templates.artefacts import ExportResult, choose_kinds, export
+    from templates.picture import draw_world, write_drawing
 
     for world, _ in placed:
         choose_kinds(world, kinds)
@@ -303,6 +304,11 @@ def _make(
             yield export(world, kinds, folder, settings=settings)
         return
     ((world, _),) = placed
+    if named.suffix == ".pdf":
+        # None of the files of a folder: the parts of a PDF come in another order every time.
+        write_drawing(draw_world(world), named)
+        yield ExportResult({str(kinds[0]): (named,)}, ())
+        return
     with TemporaryDirectory() as temporary:
         done = export(world, kinds, Path(temporary), settings=settings)
         # Of several files with one ending, the first is the whole.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
 
 RECORDED_KINDS: Final = ("picture", "traces")
-PICTURE_ENDINGS: Final = (".svg", ".png")
+PICTURE_ENDINGS: Final = (".svg", ".png", ".pdf")
 _FILE_ENDINGS: Final = (".fpm", ".yaml", ".yml", ".json", ".jsonld", ".variation", ".scenery")
 """What ends so is a file of somebody, also where it is not there."""
 
@@ -141,11 +141,11 @@ def _draw(
     as_json: bool,
 ) -> None:
     """Draw a run, the ``part`` of it between two moments in seconds if they are given."""
-    from daemon.analysis.report import draw_run
+    from daemon.analysis.report.run_maps import draw_run
     from scenario_tui.cli.named_traces import one_trace
 
     if path.suffix not in PICTURE_ENDINGS:
-        raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--out")
+        raise typer.BadParameter(f"{path} must end in .svg, .png or .pdf", param_hint="--out")
     check_writable(path, "--out")
     trace = one_trace(run, target, "SOURCE")
     with wrong_usage("--from, --until"):

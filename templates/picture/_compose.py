@@ -2,51 +2,70 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Point2
-from templates.picture import _mission, _page, _scene
+from templates.picture import _mission, _page, _run, _scene
 from templates.picture._drawing import Drawing, DrawingItem, Labels
-from templates.picture._mission import RunOverlay
-from templates.picture._page import CUT, LONGEST, PAPER, page_around, page_for
+from templates.picture._page import CUT, TITLED, Frame, page_around, page_for
+from templates.picture._run import RunOverlay
 from templates.plan_shapes import is_below
 from templates.world import ArtefactWorld
 
+_LONGEST: Final = 1400.0
+"""Longer side of a page without its margins."""
 _BESIDE: Final = 0.9
 """Room [m] around a way that is shown closely: the robot, and what it may have met."""
+_FAR: Final = 6.0
+"""A measured line that is longer [m] leads out of a picture that is close."""
+_LYING: Final = 1.35
+_UPRIGHT: Final = 0.85
+"""Least width of a page that shows a part of the map, in its heights.
+
+A screen lies and so does a page of text; small maps without names stand beside each other.
+"""
 
 
 def draw_world(
-    world: ArtefactWorld, run: RunOverlay | None = None, *, width: float = LONGEST
+    world: ArtefactWorld,
+    run: RunOverlay | None = None,
+    *,
+    width: float = _LONGEST,
+    frame: Frame = TITLED,
+    names: bool = True,
 ) -> Drawing:
     """Return the drawing of a world as it is at time 0 of its first repeat.
 
     With a ``run`` of it, also the way the robot took; of a part of a run that is shown closely,
-    its surroundings as they were at its end, on a page of that ``width``.
+    its surroundings as they were at its end, on a page of that ``width``. Without ``names``
+    spaces, objects and the start have none: a small picture.
     """
-    scene, mission = world.scene, world.mission
+    mission = world.mission
     points: tuple[Point2, ...] = ()
     if mission:
         points = ((mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints))
-    if run:
-        points += run.way
     behaviours = world.draws[0].behaviours
-    start = {**start_positions(scene, behaviours), **(run.positions if run else {})}
-    closely = run is not None and run.closely and bool(run.way)
+    start = {**start_positions(world.scene, behaviours), **(run.positions if run else {})}
+    closely = run is not None and run.closely and bool(run.points)
     if run and closely:
-        page = page_around(run.way, _BESIDE, width)
+        lying = _LYING if names else _UPRIGHT
+        page = page_around(_shown(run), _BESIDE, frame, width, lying)
     else:
-        page = page_for(scene, start, points)
+        shown = (*points, *run.points) if run else points
+        page = page_for(world.scene, start, shown, frame, width)
     about = run.about if run and run.about else _about(world)
-    figure = Drawing(page.width, page.height, PAPER, world.name, about)
+    ways = _run.way_data(run, page) if run else ""
+    figure = Drawing(page.width, page.height, world.name, about, ways)
     labels = Labels()
+    scene = _scene.part_on_page(world.scene, page)
     walls, swings = _scene.walls(scene, page), _scene.swings(scene, page, start)
     bodies = _scene.bodies(scene, page, start)
     figure.add("floors", _scene.floors(scene, page))
     figure.add("swings", swings)
     figure.add("walls", walls)
-    axes = _page.axes(page, points[0] if points else None)
+    axes = _page.axes(page, points[0] if points else None) if frame.foot else []
     figure.add("axes", axes)
     figure.add("walks", _scene.walks(behaviours, page))
     figure.add("doors", bodies)
@@ -66,34 +85,46 @@ def draw_world(
         labels.avoid(way, 0.8)
         labels.avoid([*machine, *stops], 4.0)
         on_top = [("robot", machine), ("waypoints", stops)]
+    driven = _run.run_lines(run, page) if run else []
+    labels.avoid(driven, 1.5)
+    if run and run.mark:
+        on_top.append(("mark", _run.mark_items(run.mark, page, labels)))
     # Names of doors are placed before those of spaces, which have far more spots to go to;
     # waypoints and the robot are painted last, since a mission is what one looks for.
-    driven = _mission.run_lines(run, page) if run else []
-    labels.avoid(driven, 1.5)
-    names = _scene.object_names(scene, page, start, labels)
-    if mission and not closely:
-        on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
-    figure.add("space names", _scene.space_names(scene, page, labels))
-    figure.add("names", names)
-    if run:
-        # Above the names, where there is no room for both: the way is what one looks for.
-        figure.add("driven", driven)
+    if names:
+        object_names = _scene.object_names(scene, page, start, labels)
+        if mission and not closely:
+            on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
+        figure.add("space names", _scene.space_names(scene, page, labels))
+        figure.add("names", object_names)
+    # Above the names, where there is no room for both: the way is what one looks for.
+    figure.add("driven", driven)
     for name, items in on_top:
         figure.add(name, items)
-    if closely:
-        figure.add("margins", _page.margins(page))
-    figure.add("heading", _page.heading(figure))
-    low = any(is_below(s, CUT) for s in scene.solids)
-    late = closely or (run is not None and bool(run.positions))
-    doors = ("end" if late else "start") if scene.objects else ""
-    has_mission = mission is not None
-    shows_robot = has_mission and not closely
-    row = _page.legend(page, doors=doors, low=low, mission=has_mission, robot=shows_robot)
-    figure.add("legend", row)
-    if run:
-        figure.add("key", _mission.run_key(run, page))
+    if frame.foot:
+        if closely:
+            figure.add("margins", _page.margins(page))
+        if frame is TITLED:
+            figure.add("heading", _page.heading(figure, page))
+        low = any(is_below(s, CUT) for s in scene.solids)
+        late = closely or (run is not None and bool(run.positions))
+        doors = ("end" if late else "start") if scene.objects else ""
+        shows_robot = mission is not None and not closely
+        row = _page.legend(
+            page, doors=doors, low=low, mission=mission is not None, robot=shows_robot
+        )
+        figure.add("legend", row)
+        if run:
+            figure.add("key", _run.run_key(run, page))
     figure.add("scale", _page.scale_bar(page))
     return figure
+
+
+def _shown(run: RunOverlay) -> tuple[Point2, ...]:
+    """Return the points that a close picture of a run is around."""
+    if run.mark is None or math.dist(*run.mark.line) > _FAR:
+        return run.points
+    return (*run.points, *run.mark.line)
 
 
 def _about(world: ArtefactWorld) -> str:

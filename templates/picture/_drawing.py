@@ -1,12 +1,13 @@
 """What a picture is made of, in the order it is painted, and where its texts find room.
 
-Page units are pixels of the SVG, x to the right, y down. Colours are ``#rrggbb``.
+Page units are pixels of the SVG, x to the right, y down. Items name their colours, see
+:data:`COLOURS`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias
 
@@ -15,6 +16,46 @@ import shapely
 from shapely.geometry import LineString, MultiPoint
 
 from grammars.model.geometry import Floats, Point2
+
+PAPER: Final = "paper"
+FLOOR: Final = "floor"
+WALL: Final = "wall"
+LOW: Final = "low"
+DOOR: Final = "door"
+SWING: Final = "swing"
+POST: Final = "post"
+ROUTE: Final = "route"
+ROBOT: Final = "robot"
+INK: Final = "ink"
+SOFT: Final = "soft"
+FAINT: Final = "faint"
+MOVER: Final = "mover"
+DRIVEN: Final = "driven"
+CLOSE: Final = "close"
+TOUCHED: Final = "touched"
+BELIEVED: Final = "believed"
+APPARENT: Final = "apparent"
+COLOURS: Final[Mapping[str, str]] = {
+    PAPER: "#faf8f4",
+    FLOOR: "#ffffff",
+    WALL: "#3b4048",
+    LOW: "#cfc9bd",
+    DOOR: "#c8553d",
+    SWING: "#e9a178",
+    POST: "#6d3023",
+    ROUTE: "#22638f",
+    ROBOT: "#2f9e6e",
+    INK: "#2b2f36",
+    SOFT: "#7b8089",
+    FAINT: "#b9b5ab",
+    MOVER: "#7d4f9e",
+    DRIVEN: "#1d7f58",
+    CLOSE: "#e08a1e",
+    TOUCHED: "#d01219",
+    BELIEVED: "#7d4f9e",
+    APPARENT: "#2b6fd4",
+}
+"""Colours on light paper by name; the style sheet of a page may have others for dark paper."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +73,11 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A filled circle with an outline."""
+    """A circle, filled or with an outline or both."""
 
     centre: Point2
     radius: float
-    fill: str
+    fill: str = ""
     line: str = ""
     width: float = 1.0
 
@@ -73,13 +114,16 @@ class DrawingGroup:
 
 @dataclass(slots=True)
 class Drawing:
-    """A page of ``width`` by ``height``; ``title`` is read out where pictures are not seen."""
+    """A page of ``width`` by ``height``; ``title`` is read out where pictures are not seen.
+
+    ``ways`` are those of the runs as JSON, for scripts.
+    """
 
     width: float
     height: float
-    background: str
     title: str
     about: str
+    ways: str = ""
     groups: list[DrawingGroup] = field(default_factory=list)
 
     def add(self, name: str, items: list[DrawingItem]) -> None:

@@ -1,18 +1,26 @@
-"""What the robot does on the page: the mission with its waypoints, and the way it took in a run."""
+"""The mission on the page: waypoints in their order, the robot at its start."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
-from grammars.model.geometry import Point2, Ring
+from grammars.model.geometry import Point2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
-from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
-from templates.picture._page import FLOOR, FOOT, ROBOT, ROUTE, Page, legend_row
+from templates.picture._drawing import (
+    FLOOR,
+    LETTER,
+    ROBOT,
+    ROUTE,
+    Disc,
+    DrawingItem,
+    Labels,
+    Shape,
+    TextLabel,
+)
+from templates.picture._page import Page
 from templates.plan_shapes import footprint_shape, nose_reach, waypoint_shapes
 
 _RADIUS: Final = 10.0
@@ -95,7 +103,7 @@ def start_label(
     wide, high = reach + LETTER * 12.0 * len(text) / 2.0 + 4.0, reach + 11.0
     spots = [(x, y + high), (x, y - high), (x + wide, y), (x - wide, y)]
     words = TextLabel((x, y), text, 12.0, ROBOT, bold=True, halo=FLOOR, centred=True)
-    return [labels.place(words, [(round(a, 2), round(b, 2)) for a, b in spots])]
+    return [labels.place(words, spots)]
 
 
 def _beside(at: Point2, shown: list[Point2]) -> Point2:
@@ -103,10 +111,8 @@ def _beside(at: Point2, shown: list[Point2]) -> Point2:
     for ring in range(4):
         for step in range(8 if ring else 1):
             angle = step * math.tau / 8.0
-            spot = (
-                round(at[0] + ring * _NEAR * math.cos(angle), 2),
-                round(at[1] + ring * _NEAR * math.sin(angle), 2),
-            )
+            out = ring * _NEAR
+            spot = (at[0] + out * math.cos(angle), at[1] + out * math.sin(angle))
             if all(math.dist(spot, other) > _NEAR + 2.0 for other in shown):
                 return spot
     return at
@@ -121,85 +127,9 @@ def _arrow(a: Point2, b: Point2, length: float) -> Shape:
         (tail[0] - 5.0 * uy, tail[1] + 5.0 * ux),
         (tail[0] + 5.0 * uy, tail[1] - 5.0 * ux),
     )
-    return Shape((tuple((round(px, 2), round(py, 2)) for px, py in ring),), fill=ROUTE)
+    return Shape((ring,), fill=ROUTE)
 
 
 def _look(at: Point2, yaw: float) -> Shape:
     end = (at[0] + 2.1 * _RADIUS * math.cos(yaw), at[1] - 2.1 * _RADIUS * math.sin(yaw))
-    return Shape(((at, (round(end[0], 2), round(end[1], 2))),), line=ROUTE, width=3.0, open=True)
-
-
-DRIVEN: Final = "#1d7f58"
-BELIEVED: Final = "#7d4f9e"
-CLOSE: Final = "#e08a1e"
-TOUCHED: Final = "#c4161c"
-APPARENT: Final = "#2b6fd4"
-
-
-@dataclass(frozen=True, slots=True)
-class RunOverlay:
-    """What happened, in the map frame [m]: lines of points, and single points.
-
-    ``close`` are the pieces of the way with something inside the safety buffer. The last of the
-    ``footprints`` is where the run ends, or the part of it that is shown; of a part there are
-    others now and then before it, and
-    ``apparent_goals``: where the waypoint lies that the robot drives to, as far as it knows.
-    ``positions`` [rad or m] of joints by scene-wide name are those at the end; ``closely`` shows
-    the surroundings of the way alone.
-    """
-
-    way: tuple[Point2, ...]
-    believed: tuple[Point2, ...] = ()
-    close: tuple[tuple[Point2, ...], ...] = ()
-    contacts: tuple[Point2, ...] = ()
-    about: str = ""
-    footprints: tuple[Ring, ...] = ()
-    apparent_goals: tuple[Point2, ...] = ()
-    positions: Mapping[str, float] = field(default_factory=dict)
-    closely: bool = False
-
-
-def run_lines(what: RunOverlay, page: Page) -> list[DrawingItem]:
-    """Return the lines of a run, what it was told to believe below the truth."""
-    items: list[DrawingItem] = [
-        Shape((page.ring(ring),), line=ROBOT, width=0.9, opacity=0.55) for ring in what.footprints
-    ]
-    if what.footprints:
-        last = page.ring(what.footprints[-1])
-        items.append(Shape((last,), fill=ROBOT, line=ROBOT, width=2.0, opacity=0.45))
-    if len(what.believed) > 1:
-        line = page.ring(what.believed)
-        items.append(Shape((line,), line=BELIEVED, width=1.6, dash=(6.0, 4.0), open=True))
-    if len(what.way) > 1:
-        items.append(Shape((page.ring(what.way),), line=DRIVEN, width=2.6, open=True))
-        items.append(Disc(page.point(what.way[-1]), 5.0, DRIVEN, FLOOR, 1.5))
-    items += [
-        Shape((page.ring(piece),), line=CLOSE, width=4.5, open=True)
-        for piece in what.close
-        if len(piece) > 1
-    ]
-    items += [Disc(page.point(goal), 2.6, APPARENT) for goal in what.apparent_goals]
-    for point in what.contacts:
-        x, y = page.point(point)
-        for way in (1.0, -1.0):
-            cross = ((x - 6.0, y - 6.0 * way), (x + 6.0, y + 6.0 * way))
-            items.append(Shape((cross,), line=TOUCHED, width=3.0, open=True))
-    return items
-
-
-def run_key(what: RunOverlay, page: Page) -> list[DrawingItem]:
-    """Return what the lines mean, in a row of its own at the foot of the page."""
-    entries = (
-        ("driven", DRIVEN, len(what.way) > 1),
-        ("believed", BELIEVED, len(what.believed) > 1),
-        ("inside the buffer", CLOSE, bool(what.close)),
-        ("contact", TOUCHED, bool(what.contacts)),
-        ("robot at the end of its way", ROBOT, len(what.footprints) == 1),
-        ("footprint, filled at the end", ROBOT, len(what.footprints) > 1),
-        ("the waypoint as the robot sees it", APPARENT, bool(what.apparent_goals)),
-    )
-    return legend_row(
-        [(text, colour) for text, colour, shown in entries if shown],
-        page.height - FOOT / 2.0 + 22.0,
-        lambda colour, x, y: Shape((((x, y), (x + 16.0, y)),), line=colour, width=4.0, open=True),
-    )
+    return Shape(((at, end),), line=ROUTE, width=3.0, open=True)

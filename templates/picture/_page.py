@@ -1,4 +1,4 @@
-"""The page: where the world lies on it, colours, title, legend, scale bar, axes of the map."""
+"""The page: where the world lies on it, title, legend, scale bar, axes of the map."""
 
 from __future__ import annotations
 
@@ -10,34 +10,47 @@ from typing import Final
 from grammars.model.geometry import Point2
 from grammars.model.kinematics import placed_links
 from grammars.model.scene import Scene
-from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape, TextLabel
+from templates.picture._drawing import (
+    DOOR,
+    FAINT,
+    FLOOR,
+    INK,
+    LOW,
+    PAPER,
+    ROBOT,
+    ROUTE,
+    SOFT,
+    SWING,
+    WALL,
+    Disc,
+    Drawing,
+    DrawingItem,
+    Shape,
+    TextLabel,
+)
 from templates.plan_shapes import Points
 
-PAPER: Final = "#faf8f4"
-FLOOR: Final = "#ffffff"
-WALL: Final = "#3b4048"
-LOW: Final = "#cfc9bd"
-DOOR: Final = "#c8553d"
-SWING: Final = "#e9a178"
-POST: Final = "#6d3023"
-ROUTE: Final = "#22638f"
-ROBOT: Final = "#2f9e6e"
-INK: Final = "#2b2f36"
-SOFT: Final = "#7b8089"
-FAINT: Final = "#b9b5ab"
-MOVER: Final = "#7d4f9e"
-
-LONGEST: Final = 1400.0
-"""Longer side of the page without its margins."""
-MARGIN: Final = 48.0
-HEAD: Final = 92.0
-FOOT: Final = 76.0
 _NARROWEST: Final = 720.0
 _LARGEST_SCALE: Final = 120.0
-_LYING: Final = 1.35
-"""Least width of a page that shows a part of the map, in its heights."""
 CUT: Final = 1.2
 """Height of the horizontal cut a plan shows [m], as architects draw it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Room around a map on its page: at both sides, above it and below it."""
+
+    side: float
+    head: float
+    foot: float
+
+
+TITLED: Final = Frame(48.0, 92.0, 76.0)
+"""Heading above; legend, key and scale below."""
+CAPTIONED: Final = Frame(48.0, 16.0, 76.0)
+"""Without a heading: the text around the picture has one."""
+BARE: Final = Frame(0.0, 0.0, 0.0)
+"""The map alone, with a small scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +64,14 @@ class Page:
     top: float
     width: float
     height: float
+    frame: Frame
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The part of the map on the page [m]: west, south, east, north."""
+        west = self.west - self.left / self.scale
+        north = self.north + self.top / self.scale
+        return west, north - self.height / self.scale, west + self.width / self.scale, north
 
     def point(self, at: Point2) -> Point2:
         """Return a point of the map on the page."""
@@ -58,13 +79,28 @@ class Page:
         y = self.top + (self.north - at[1]) * self.scale
         return (round(x, 2), round(y, 2))
 
+    def shows(self, ring: Iterable[Point2]) -> bool:
+        """Return whether the box around a ring of the page, and the page, share something."""
+        xs, ys = zip(*ring, strict=True)
+        inside = (max(xs) >= 0.0, min(xs) <= self.width, max(ys) >= 0.0, min(ys) <= self.height)
+        return all(inside)
+
     def ring(self, ring: Points) -> tuple[Point2, ...]:
         """Return a ring of the map on the page."""
         return tuple(self.point((float(x), float(y))) for x, y in ring)
 
 
-def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] = ()) -> Page:
-    """Return a page on which the whole scene as it starts and the points ``more`` have room."""
+def page_for(
+    scene: Scene,
+    start: Mapping[str, float],
+    more: tuple[Point2, ...],
+    frame: Frame,
+    longest: float,
+) -> Page:
+    """Return a page on which the whole scene as it starts and the points ``more`` have room.
+
+    ``longest`` is the longer side of the map.
+    """
     corners = [c for region in scene.regions for c in region.outline]
     corners += [c for solid in scene.solids for c in solid.polygon]
     corners += [
@@ -78,46 +114,53 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     xs, ys = [c[0] for c in corners] or [0.0, 1.0], [c[1] for c in corners] or [0.0, 1.0]
     wide, high = max(max(xs) - min(xs), 1.0), max(max(ys) - min(ys), 1.0)
     # A single room is not blown up to the size of a poster.
-    scale = min(LONGEST / max(wide, high), _LARGEST_SCALE)
-    width = max(wide * scale + 2 * MARGIN, _NARROWEST)
+    scale = min(longest / max(wide, high), _LARGEST_SCALE)
+    # The legend takes room.
+    width = max(wide * scale + 2 * frame.side, _NARROWEST if frame.foot else 0.0)
     left = (width - wide * scale) / 2.0
-    height = high * scale + HEAD + FOOT
-    return Page(scale, min(xs), max(ys), left, HEAD, round(width), round(height))
+    height = high * scale + frame.head + frame.foot
+    return Page(scale, min(xs), max(ys), left, frame.head, round(width), round(height), frame)
 
 
-def page_around(points: tuple[Point2, ...], beside: float, width: float) -> Page:
-    """Return a page of a ``width`` for ``points`` with ``beside`` [m] on every side, no more."""
+def page_around(
+    points: tuple[Point2, ...], beside: float, frame: Frame, width: float, lying: float
+) -> Page:
+    """Return a page of a ``width`` for ``points`` with ``beside`` [m] on every side, no more.
+
+    It is at least ``lying`` times as wide as high, also where a robot drives straight up.
+    """
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     west, south = min(xs) - beside, min(ys) - beside
     wide, high = max(xs) + beside - west, max(ys) + beside - south
-    # Lying, also where a robot drives straight up: a screen is, and so is a page of text.
-    wide = max(wide, _LYING * high)
-    scale = (width - 2 * MARGIN) / wide
-    height = high * scale + HEAD + FOOT
-    west -= (wide - (max(xs) + beside - west)) / 2.0
-    return Page(scale, west, max(ys) + beside, MARGIN, HEAD, width, round(height))
+    west -= max(lying * high - wide, 0.0) / 2.0
+    wide = max(wide, lying * high)
+    scale = (width - 2 * frame.side) / wide
+    height = high * scale + frame.head + frame.foot
+    return Page(scale, west, max(ys) + beside, frame.side, frame.head, width, round(height), frame)
 
 
 def margins(page: Page) -> list[DrawingItem]:
     """Return paper over everything beyond the part of the map that a page shows."""
-    right, low = page.width - MARGIN, page.height - FOOT
+    side, head = page.frame.side, page.frame.head
+    right, low = page.width - side, page.height - page.frame.foot
     sides = (
-        ((0.0, 0.0), (page.width, HEAD)),
+        ((0.0, 0.0), (page.width, head)),
         ((0.0, low), (page.width, page.height)),
-        ((0.0, 0.0), (MARGIN, page.height)),
+        ((0.0, 0.0), (side, page.height)),
         ((right, 0.0), (page.width, page.height)),
     )
     rings = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in sides)
-    frame = ((MARGIN, HEAD), (right, HEAD), (right, low), (MARGIN, low))
+    edge = ((side, head), (right, head), (right, low), (side, low))
     # One by one: where two of them lie on each other, together they would be a hole.
-    return [*(Shape((ring,), fill=PAPER) for ring in rings), Shape((frame,), line=FAINT)]
+    return [*(Shape((ring,), fill=PAPER) for ring in rings), Shape((edge,), line=FAINT)]
 
 
-def heading(figure: Drawing) -> list[DrawingItem]:
+def heading(figure: Drawing, page: Page) -> list[DrawingItem]:
     """Return title and subtitle."""
+    left = page.frame.side
     return [
-        TextLabel((MARGIN, 44.0), figure.title, 26.0, INK, "start", bold=True),
-        TextLabel((MARGIN, 70.0), figure.about, 14.0, SOFT, "start"),
+        TextLabel((left, 44.0), figure.title, 26.0, INK, "start", bold=True),
+        TextLabel((left, 70.0), figure.about, 14.0, SOFT, "start"),
     ]
 
 
@@ -125,17 +168,16 @@ def scale_bar(page: Page) -> list[DrawingItem]:
     """Return a bar of a round length, about a fifth of the page, in the lower right corner."""
     length = _round_length(page.width / 5.0 / page.scale)
     width = length * page.scale
-    x1, y = page.width - MARGIN, page.height - FOOT / 2.0
-    x0 = x1 - width
-    half = (x0 + x1) / 2.0
+    x1 = page.width - max(page.frame.side, 18.0)
+    y = page.height - max(page.frame.foot / 2.0, 8.0)
+    x0, half = x1 - width, x1 - width / 2.0
     bar = ((x0, y - 3.0), (x1, y - 3.0), (x1, y + 3.0), (x0, y + 3.0))
     dark = ((x0, y - 3.0), (half, y - 3.0), (half, y + 3.0), (x0, y + 3.0))
+    marks = ((x0, "0"), (half, f"{length / 2:g}"), (x1, f"{length:g} m"))
     return [
-        Shape((_settled(bar),), fill=FLOOR, line=INK, width=1.0),
-        Shape((_settled(dark),), fill=INK),
-        TextLabel((round(x0, 2), y - 9.0), "0", 11.0, INK),
-        TextLabel((round(half, 2), y - 9.0), f"{length / 2:g}", 11.0, INK),
-        TextLabel((round(x1, 2), y - 9.0), f"{length:g} m", 11.0, INK),
+        Shape((bar,), fill=FLOOR, line=INK, width=1.0),
+        Shape((dark,), fill=INK),
+        *(TextLabel((x, y - 9.0), text, 11.0, INK, halo=PAPER) for x, text in marks),
     ]
 
 
@@ -147,7 +189,7 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
     x, y = page.point((0.0, 0.0))
     if start is not None and math.dist(page.point(start), (x, y)) < 60.0:
         return []
-    if not (0.0 < x < page.width and 0.0 < y < page.height - FOOT):
+    if not (0.0 < x < page.width and 0.0 < y < page.height - page.frame.foot):
         return []
     length = 26.0
     return [
@@ -174,19 +216,22 @@ def legend(page: Page, *, doors: str, low: bool, mission: bool, robot: bool) -> 
         ring = ((x, y - 6.0), (x + 16.0, y - 6.0), (x + 16.0, y + 6.0), (x, y + 6.0))
         return Shape((ring,), fill=colour, opacity=0.45 if colour == SWING else 1.0)
 
-    return legend_row(entries, page.height - FOOT / 2.0, sample)
+    return legend_row(page, entries, 0.0, sample)
 
 
 def legend_row(
-    entries: Iterable[tuple[str, str]], y: float, sample: Callable[[str, float, float], DrawingItem]
+    page: Page,
+    entries: Iterable[tuple[str, str]],
+    below: float,
+    sample: Callable[[str, float, float], DrawingItem],
 ) -> list[DrawingItem]:
-    """Return texts and colours in a row at height ``y`` of the page, a sample before each text."""
-    x = MARGIN
+    """Return texts and colours in a row at the foot of the page, a sample before each text."""
+    x, y = page.frame.side, page.height - page.frame.foot / 2.0 + below
     items: list[DrawingItem] = []
     for text, colour in entries:
         items.append(sample(colour, x, y))
         items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, INK, "start"))
-        x = round(x + 23.0 + 7.2 * len(text) + 22.0, 2)
+        x += 23.0 + 7.2 * len(text) + 22.0
     return items
 
 
@@ -194,7 +239,3 @@ def _round_length(about: float) -> float:
     """Return the largest of 1, 2 or 5 times a power of ten that is not above ``about``."""
     power: float = 10.0 ** math.floor(math.log10(about))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about * 1.000001)
-
-
-def _settled(ring: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    return tuple((round(x, 2), round(y, 2)) for x, y in ring)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,11 +16,10 @@ from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Point2
 from grammars.model.scene import Scene
 from templates import plan_shapes
-from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
-from templates.picture._page import (
-    CUT,
+from templates.picture._drawing import (
     DOOR,
     FLOOR,
+    LETTER,
     LOW,
     MOVER,
     PAPER,
@@ -27,8 +27,13 @@ from templates.picture._page import (
     SOFT,
     SWING,
     WALL,
-    Page,
+    Disc,
+    DrawingItem,
+    Labels,
+    Shape,
+    TextLabel,
 )
+from templates.picture._page import CUT, Page
 from templates.plan_shapes import PlanShape, ShapeRole
 
 _GRID: Final = 1e-6
@@ -36,6 +41,16 @@ _ALONG: Final = (0.0, -0.12, 0.12, -0.24, 0.24, -0.34, 0.34)
 _ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
 """Where a name may stand, in sides of the space from its middle."""
 _BODIES: Final = {ShapeRole.DOOR: DOOR, ShapeRole.MOVER: DOOR, ShapeRole.POST: POST}
+
+
+def part_on_page(scene: Scene, page: Page) -> Scene:
+    """Return the scene without what stands still outside of a page."""
+    return replace(
+        scene,
+        regions=tuple(r for r in scene.regions if page.shows(page.ring(r.outline))),
+        doorways=tuple(d for d in scene.doorways if page.shows(page.ring(d.footprint))),
+        solids=tuple(s for s in scene.solids if page.shows(page.ring(s.polygon))),
+    )
 
 
 def floors(scene: Scene, page: Page) -> list[DrawingItem]:
@@ -75,11 +90,16 @@ def _polygon(shape: PlanShape) -> Polygon:
 
 
 def _drawn(shape: PlanShape, page: Page) -> tuple[tuple[Point2, ...], ...]:
-    return tuple(page.ring(part) for part in shape.parts)
+    """Return the rings or lines of a shape that reach into the page."""
+    rings = (page.ring(part) for part in shape.parts)
+    return tuple(ring for ring in rings if page.shows(ring))
 
 
 def _name(space: PlanShape, page: Page, labels: Labels) -> TextLabel | None:
-    floor = _polygon(space)
+    parts = shapely.get_parts(shapely.clip_by_rect(_polygon(space), *page.bounds))
+    floor = max(parts, key=shapely.area, default=None)
+    if floor is None:
+        return None
     corners = shapely.get_coordinates(shapely.oriented_envelope(floor))
     if floor.area <= 0.0 or len(corners) < 4:
         return None
@@ -118,7 +138,7 @@ def _union(areas: tuple[Polygon, ...]) -> Any:
 
 def _rings(area: Any, page: Page) -> tuple[tuple[tuple[float, float], ...], ...]:
     found = []
-    for part in shapely.get_parts(area):
+    for part in shapely.get_parts(shapely.clip_by_rect(area, *page.bounds)):
         if part.geom_type == "Polygon":
             for ring in (part.exterior, *part.interiors):
                 corners = shapely.get_coordinates(ring)[:-1].tolist()
@@ -131,6 +151,8 @@ def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[Drawing
     items: list[DrawingItem] = []
     for shape in plan_shapes.swing_shapes(scene, start):
         rings = _drawn(shape, page)
+        if not rings:
+            continue
         if shape.form == "area":
             items.append(Shape(rings, fill=SWING, opacity=0.28))
         elif shape.form == "line":
@@ -156,7 +178,8 @@ def bodies(scene: Scene, page: Page, start: Mapping[str, float]) -> list[Drawing
     items: list[DrawingItem] = []
     for shape in plan_shapes.body_shapes(scene, start):
         colour = _BODIES[shape.role]
-        items.append(Shape(_drawn(shape, page), fill=colour, line=colour, width=1.2))
+        if rings := _drawn(shape, page):
+            items.append(Shape(rings, fill=colour, line=colour, width=1.2))
     return items
 
 
@@ -168,26 +191,24 @@ def object_names(
     items: list[DrawingItem] = []
     for shape in plan_shapes.object_names(scene, start):
         corners = [corner for ring in _drawn(shape, page) for corner in ring]
+        if not corners:
+            continue
         text = shape.text.replace("_", " ")
-        words = TextLabel(_mean(corners), text, size, DOOR, halo=PAPER, centred=True)
-        items.append(labels.place(words, _around(corners, words)))
+        words = TextLabel(corners[0], text, size, DOOR, halo=PAPER, centred=True)
+        items.append(labels.place(words, spots_around(corners, words, page)))
     return items
 
 
-def _around(corners: list[Point2], words: TextLabel) -> list[Point2]:
-    """Return spots for a text around the box of ``corners``, nearer ones first."""
+def spots_around(corners: Sequence[Point2], words: TextLabel, page: Page) -> list[Point2]:
+    """Return spots on the page for a text around the box of ``corners``, nearer ones first."""
     xs, ys = [c[0] for c in corners], [c[1] for c in corners]
     x, y = (min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0
-    wide = (max(xs) - min(xs)) / 2.0 + LETTER * words.size * len(words.text) / 2.0 + 6.0
-    high = (max(ys) - min(ys)) / 2.0 + words.size * 0.6 + 5.0
+    half, up = LETTER * words.size * len(words.text) / 2.0, words.size * 0.6
+    wide, high = (max(xs) - min(xs)) / 2.0 + half + 6.0, (max(ys) - min(ys)) / 2.0 + up + 5.0
     ways = ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, 1), (1, 1), (-1, -1))
+    spots = [(x + far * a * wide, y + far * b * high) for far in (1.0, 1.4) for a, b in ways]
     return [
-        (round(x + far * a * wide, 2), round(y + far * b * high, 2))
-        for far in (1.0, 1.4)
-        for a, b in ways
-    ]
-
-
-def _mean(points: list[Point2]) -> Point2:
-    n = len(points)
-    return (sum(p[0] for p in points) / n, sum(p[1] for p in points) / n)
+        spot
+        for spot in spots
+        if half <= spot[0] <= page.width - half and up <= spot[1] <= page.height - up
+    ] or spots

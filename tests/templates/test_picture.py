@@ -5,12 +5,12 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from daemon.analysis.campaign_worlds import worlds_of_campaign
-from templates.picture import RunOverlay, draw_world
+from templates.picture import DrivenWay, MeasuredMark, RunOverlay, draw_world, write_drawing
 from templates.picture._drawing import Disc, Shape, TextLabel
-from templates.rendering import render
 from tests.templates.worlds import box, world
 
 ROOT = Path(__file__).parents[2]
@@ -31,6 +31,10 @@ def page(x, y):
 
 def pages(*points):
     return tuple((round(x, 2), round(y, 2)) for x, y in (page(*point) for point in points))
+
+
+def driven(*points, clearance=()):
+    return (DrivenWay(np.array(points), np.array(clearance), 0.2),)
 
 
 def test_a_swing_goes_around_its_hinge_from_limit_to_limit():
@@ -103,29 +107,26 @@ def test_robot_and_waypoints_show_where_they_look():
 
 
 def test_a_run_is_drawn_where_it_was():
-    way = ((0.4, 0.3), (1.0, 0.5), (1.5, 1.5))
+    way = ((0.4, 0.3), (1.0, 0.5), (1.2, 0.9), (1.5, 1.5))
     what = RunOverlay(
-        way,
+        driven(*way, clearance=(1.0, 1.0, 0.1, -0.1)),
         believed=((0.4, 0.4), (1.0, 0.7)),
-        close=(((0.5, 0.4), (1.0, 0.5)), ((1.5, 1.5),)),
         contacts=((1.0, 0.5),),
         footprints=(box(0.2, 0.2, 0.6, 0.4), box(1.4, 1.4, 1.6, 1.6)),
         apparent_goals=((1.4, 1.6),),
     )
     figure = draw_world(world(), what)
-    first, last, filled, believed, driven, close, *cross = shapes(figure, "driven")
+    first, last, filled, believed, clear, close, touching, cross = shapes(figure, "driven")
     assert first.rings[0] == pages(*what.footprints[0])
     assert last.rings == filled.rings == (pages(*what.footprints[1]),)
     assert (first.fill, last.fill, bool(filled.fill)) == ("", "", True)
     assert believed.rings[0] == pages(*what.believed)
-    assert driven.rings[0] == pages(*way)
-    assert close.rings[0] == pages(*what.close[0])
-    assert all(line.open for line in (believed, driven, close, *cross))
-    # A cross over the contact, at (228.5, 296).
-    assert [line.rings[0] for line in cross] == [
-        ((222.5, 290.0), (234.5, 302.0)),
-        ((222.5, 302.0), (234.5, 290.0)),
+    assert [line.rings for line in (clear, close, touching)] == [
+        (pages(*way[a : a + 2]),) for a in range(3)
     ]
+    assert all(line.open for line in (believed, clear, close, touching, cross))
+    # A cross over the contact, at (228.5, 296).
+    assert cross.rings == (((222.5, 290.0), (234.5, 302.0)), ((222.5, 302.0), (234.5, 290.0)))
     (items,) = (g.items for g in figure.groups if g.name == "driven")
     ends = [item.centre for item in items if isinstance(item, Disc)]
     assert tuple(ends) == pages((1.5, 1.5), (1.4, 1.6))
@@ -135,12 +136,40 @@ def test_a_run_is_drawn_where_it_was():
 
 
 def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key():
-    figure = draw_world(world(), RunOverlay(((0.4, 0.3), (1.0, 0.5))))
+    figure = draw_world(world(), RunOverlay(driven((0.4, 0.3), (1.0, 0.5))))
     assert len(shapes(figure, "driven")) == 1
     (key,) = (g.items for g in figure.groups if g.name == "key")
     assert [item.text for item in key if isinstance(item, TextLabel)] == ["driven"]
-    nowhere = draw_world(world(), RunOverlay(((0.4, 0.3),), contacts=((1.0, 0.5),)))
-    assert len(shapes(nowhere, "driven")) == 2
+    nowhere = draw_world(world(), RunOverlay(driven((0.4, 0.3)), contacts=((1.0, 0.5),)))
+    assert len(shapes(nowhere, "driven")) == 1
+
+
+@pytest.mark.parametrize("gap", [0.5, 0.02])
+def test_what_decides_is_found_and_its_measure_is_on_the_page(gap):
+    line = ((1.0, 0.5), (1.0 + gap, 0.5))
+    mark = MeasuredMark(line, "0.5 m", (box(1.0 + gap, 0.0, 2.0, 1.0),))
+    figure = draw_world(world(), RunOverlay(driven((0.4, 0.3), line[0]), mark=mark, closely=True))
+    (items,) = (g.items for g in figure.groups if g.name == "mark")
+    thing, measured = (item for item in items if isinstance(item, Shape))
+    assert thing.fill == thing.line == measured.line
+    discs = [item.centre for item in items if isinstance(item, Disc)]
+    assert tuple(discs[:2]) == measured.rings[0]
+    # What is too short to be seen has a circle around it.
+    assert len(discs) == (3 if gap < 0.1 else 2)
+    (label,) = (item for item in items if isinstance(item, TextLabel))
+    assert 0.0 < label.at[0] < figure.width
+
+
+def test_a_small_map_has_no_names_and_shows_what_is_near_alone():
+    whole = draw_world(world(), names=False)
+    assert not {"left", "right", "entrance", "start, cart"} & set(words(whole))
+    near = RunOverlay(driven((0.4, 0.3), (0.5, 0.3)), closely=True)
+    part = draw_world(world(), near, names=False)
+    assert len(shapes(part, "doors")) < len(shapes(whole, "doors"))
+    for shape in (*shapes(part, "walls"), *shapes(part, "floors")):
+        corners = np.array([corner for ring in shape.rings for corner in ring])
+        assert (corners >= -0.1).all()
+        assert (corners <= (part.width + 0.1, part.height + 0.1)).all()
 
 
 def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends():
@@ -151,7 +180,7 @@ def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends():
 
     free = name_of_room(draw_world(world()))
     x, y = (free.at[0] - 108.5) / 120.0, (356.0 - free.at[1]) / 120.0
-    way = ((x - 0.2, y), (x + 0.2, y))
+    way = driven((x - 0.2, y), (x + 0.2, y))
     figure = draw_world(world(), RunOverlay(way, footprints=(box(0.2, 0.2, 0.6, 0.4),)))
     assert name_of_room(figure).at != free.at
     groups = [group.name for group in figure.groups]
@@ -161,9 +190,9 @@ def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends():
     assert said == ["driven", "robot at the end of its way"]
 
 
-def test_the_documentation_shows_the_flat_of_the_demo_as_it_is():
+def test_the_documentation_shows_the_flat_of_the_demo_as_it_is(tmp_path):
     """``python -m tests.pictures`` draws it again."""
     worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")
     (busy,) = (w for w in worlds if w.name == "busy-house")
-    drawn = render("picture.svg.j2", figure=draw_world(busy))
+    drawn = write_drawing(draw_world(busy), tmp_path / "flat.svg").read_text(encoding="utf-8")
     assert drawn == (ROOT / "docs" / "flat.svg").read_text(encoding="utf-8")

@@ -1,18 +1,18 @@
-"""Texts of drawings as PNG: every letter is there, whatever fonts the machine has."""
+"""Texts of drawings as PNG and PDF: every letter is there, whatever fonts the machine has."""
 
 import pytest
 
-from templates.picture import Drawing, write_png
-from templates.picture._drawing import TextLabel
+from templates.picture import Drawing, write_drawing
+from templates.picture._drawing import INK, TextLabel
 
 SAID = "−–—×·→←°±²³…∞≤≥µσΩ“”’½äöüßéñçøåłşПж✓✗▶"
 """What we say ourselves (minus, dashes, arrows, units), and letters of names in Europe."""
 
 
 def painted(text, path, *, bold=False):
-    drawing = Drawing(60.0, 40.0, "#ffffff", "letters", "")
-    drawing.add("words", [TextLabel((30.0, 25.0), text, 20.0, "#000000", bold=bold)])
-    return write_png(drawing, path).read_bytes()
+    drawing = Drawing(60.0, 40.0, "letters", "")
+    drawing.add("words", [TextLabel((30.0, 25.0), text, 20.0, INK, bold=bold)])
+    return write_drawing(drawing, path).read_bytes()
 
 
 @pytest.mark.parametrize("bold", [False, True])
@@ -27,3 +27,9 @@ def test_no_letter_comes_out_as_a_box(tmp_path, bold):
 def test_bold_texts_are_bold(tmp_path):
     plain, bold = (painted("door", tmp_path / "a.png", bold=bold) for bold in (False, True))
     assert plain != bold
+
+
+def test_a_pdf_has_our_face(tmp_path):
+    document = painted("door", tmp_path / "a.pdf")
+    assert document.startswith(b"%PDF-")
+    assert b"ScenarioSans" in document

@@ -7,8 +7,6 @@ from daemon.analysis.report._formatting import GLYPHS, mean_and_deviation, verdi
 from daemon.analysis.report._junit import write_junit
 from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._page import SuggestedCommand, headline, write_page
-from daemon.analysis.report._recorded_run import plot_recorded_way
-from daemon.analysis.report._run_picture import draw_moment, draw_run
 from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
 from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import thinned_indices
@@ -23,12 +21,9 @@ __all__ = [
     "ReportRun",
     "Sheet",
     "SuggestedCommand",
-    "draw_moment",
-    "draw_run",
     "headline",
     "mean_and_deviation",
     "oracle_limit",
-    "plot_recorded_way",
     "read_report_data",
     "safety_buffer",
     "thinned_indices",

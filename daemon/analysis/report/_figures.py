@@ -31,10 +31,10 @@ from daemon.analysis.report._references import (
     compared_references,
     comparison_marks,
 )
-from daemon.analysis.report._run_picture import draw_moment
 from daemon.analysis.report._safety_buffer import SafetyBuffer, oracle_limit
 from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import RunTracks, TriggerEncounter, extract_tracks
+from daemon.analysis.report.run_maps import draw_moment
 from daemon.judging.assessment import base_name
 from daemon.model.assessments import DELAY, CellVerdict, ExpectationStatus
 from daemon.model.status import RunRow
@@ -86,7 +86,7 @@ class _FigureTask:
 
     figure: ReportFigure
     label: str
-    draw: Callable[[], PagePicture | None]
+    draw: Callable[[], PagePicture | str | None]
     trace: str = ""
 
 
@@ -129,7 +129,9 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
 def _draw_task(numbered: tuple[int, _FigureTask]) -> tuple[int, ReportFigure]:
     number, task = numbered
     drawn = task.draw()
-    svg = "" if drawn is None else drawn.svg(f"f{number}", task.label)
+    if drawn is None or isinstance(drawn, str):
+        return number, replace(task.figure, svg=drawn or "")
+    svg = drawn.svg(f"f{number}", task.label)
     return number, replace(task.figure, svg=svg)
 
 
@@ -159,12 +161,13 @@ def _moments(data: ReportData) -> Iterator[_FigureTask]:
         time = float(run.tracks.time[-1]) if seen.time is None else seen.time
         when = "the end" if seen.time is None else f"{time:.1f} s"
         caption = f"repeat {worst.repeat}, the seconds before {when}"
+        label = f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}"
         yield _FigureTask(
             ReportFigure(
                 "moment", oracle.scenario, oracle.sut, caption, subject=oracle.oracle
             ),
-            f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
-            partial(draw_moment, Path(run.record.trace), time),
+            label,
+            partial(draw_moment, Path(run.record.trace), worst.verdict, label),
             run.record.trace,
         )  # fmt: skip
 

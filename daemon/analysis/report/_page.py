@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from daemon.analysis.charts import SERIES, page_script
-from daemon.analysis.report._building import draw_building
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._figures import (
     MOST_CELLS,
@@ -29,6 +28,7 @@ from daemon.analysis.report._formatting import (
 from daemon.analysis.report._measures import measure_columns
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
+from daemon.analysis.report.run_maps import draw_building
 from daemon.analysis.results import Results
 from daemon.judging.assessment import severity
 from daemon.judging.statistics import cut_percentage

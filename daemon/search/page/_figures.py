@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from daemon.analysis.report import Axes, PagePicture, Sheet, draw_moment, plot_recorded_way
+from daemon.analysis.report import Axes, PagePicture, Sheet
+from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.status import RunRow
@@ -23,7 +24,7 @@ MOST_PAIRED: Final = 4
 NO_TRACES: Final[Mapping[str, Path]] = {}
 _LETTER: Final = 3.8
 """Width of a letter beside a bar [points]."""
-_Figure = tuple[str, str, PagePicture | None]
+_Figure = tuple[str, str, PagePicture | str | None]
 """Name, the words that are read out where pictures are not seen, and picture."""
 
 
@@ -46,7 +47,7 @@ def search_figures(
     steps = point_trials(row.task, proposals, "nearest")
     drawn = _figures(row, trials, steps, point_trials(row.task, baseline), traces)
     return {
-        name: sheet.svg(f"f{number}", label)
+        name: sheet if isinstance(sheet, str) else sheet.svg(f"f{number}", label)
         for number, (name, label, sheet) in enumerate(drawn)
         if sheet is not None
     }
@@ -70,10 +71,11 @@ def _figures(
     if shown is None or shown.run not in traces:
         return
     trace = traces[shown.run]
-    time = shown.verdict.evidence.time if shown.verdict is not None else None
-    if time is not None:
-        yield "moment", f"The robot at {time:.1f} s of {shown.label}", draw_moment(trace, time)
-    yield "way", f"The way driven in {shown.label}", plot_recorded_way(trace)
+    if shown.verdict is not None and (time := shown.verdict.evidence.time) is not None:
+        label = f"The robot at {time:.1f} s of {shown.label}"
+        yield "moment", label, draw_moment(trace, shown.verdict, label)
+    label = f"The way driven in {shown.label}"
+    yield "way", label, draw_recorded_way(trace, label, shown.verdict)
 
 
 def _of_space(row: SearchRow, trials: Sequence[Trial], steps: Sequence[Trial]) -> Iterator[_Figure]:

@@ -135,7 +135,7 @@ CASES = (
     ("export demo/flat.fpm map -o taken/x", "taken"),
     ("export demo/flat.fpm prov --timestamp noon", "is no time"),
     ("export none.mcap picture -o x.svg", "none.mcap"),
-    ("export none.mcap picture -o x.txt", ".svg or .png"),
+    ("export none.mcap picture -o x.txt", ".svg, .png or .pdf"),
     ("vary none.variation", "none.variation"),
     ("import none.yaml", "none.yaml"),
     ("import demo/campaign.yaml", "campaign.yaml"),

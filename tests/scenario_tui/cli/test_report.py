@@ -82,16 +82,17 @@ def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger):
     assert "queued" in page
 
 
-@pytest.mark.parametrize("name", ["run.svg", "run.png"])
-def test_one_run_is_drawn(ledger, name):
-    assert invoke(["export", "corr-1.0", "picture", "-o", name]) == 0
-    if name.endswith(".svg"):
-        text = Path(name).read_text(encoding="utf-8")
-        assert "inside the buffer" in text
-        assert "1 contact" in text
-    else:
-        with Image.open(name) as picture:
-            assert picture.size[0] > 500
+def test_one_run_is_drawn(ledger):
+    for name in ("run.svg", "run.png", "run.pdf"):
+        assert invoke(["export", "corr-1.0", "picture", "-o", name]) == 0
+    text = Path("run.svg").read_text(encoding="utf-8")
+    assert "inside the buffer" in text
+    assert "1 contact" in text
+    # It fails: what decides is in red.
+    assert ET.fromstring(text).find(".//*[@id='mark']") is not None
+    with Image.open("run.png") as picture:
+        assert picture.size[0] > 500
+    assert Path("run.pdf").read_bytes().startswith(b"%PDF-")
 
 
 def test_a_part_of_a_run_is_drawn_closely(ledger):
@@ -130,7 +131,7 @@ def test_what_cannot_be_is_said(here, capsys, arguments, words):
     ("arguments", "words"),
     [
         (["nothing", "picture"], "nothing is no trace"),
-        (["traces/a.mcap", "picture", "-o", "run.gif"], "must end in .svg or .png"),
+        (["traces/a.mcap", "picture", "-o", "run.gif"], "must end in .svg, .png or .pdf"),
         (
             ["traces/a.mcap", "picture", "--from", "30"],
             "no part of a run that goes from 0 s to 20 s",

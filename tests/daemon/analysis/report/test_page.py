@@ -397,7 +397,7 @@ def test_what_nobody_noted_is_left_out(page, tree):
 def test_the_building_is_there_small_and_with_its_names(tree):
     drawn = {}
     for name in ("answer", "building"):
-        plans = [e for e in section(tree, name).iter() if e.get("class") == "plan"]
+        plans = [e for e in section(tree, name).iter() if e.get("class") == "map"]
         (drawn[name],) = plans
     names = {
         name: [words(e) for e in plan.iter() if str(e.tag).endswith("}text")]
@@ -420,7 +420,9 @@ def test_each_failure_has_a_still_of_its_moment(page, tree):
     for figure in found:
         (caption,) = [words(e) for e in tree.iter() if figure in list(e)]
         assert re.match(r"repeat \d+, the seconds before (the end|[\d.]+ s)", caption)
-    drawn = re.findall(r"<svg viewBox(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL)
+    drawn = re.findall(
+        r"<svg class=\"map\"(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL
+    )
     assert max(len(figure.encode()) for figure in drawn) < 60_000
     assert "<animate" not in page
 

@@ -1,0 +1,172 @@
+"""What decides a verdict, as a place on the map: the object, and its distance to the robot then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+
+from daemon.analysis.report._tracks import RunTracks
+from daemon.judging.oracles import SignalSampler
+from daemon.model.verdicts import Verdict
+from daemon.trace import MotionTrack, PoseTrack, Trace
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.kinematics import placed_links
+from grammars.model.scene import Link, Scene, Solid
+from grammars.oracle import object_signals, parse_oracle
+from grammars.text.diagnostics import InputError, Where
+from templates.picture import MeasuredMark
+
+_REACHED: Final = 0.25
+"""Radius [m] of a waypoint that no oracle gives another one."""
+_TOUCHING: Final = 0.002
+"""Distance [m] from which on something touches: contacts are recorded a little apart."""
+_OF_OBSTACLES: Final = frozenset({"clearance", "distance", "contact", "contact.depth"})
+"""Signals about the obstacle that is nearest."""
+
+
+def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
+    """Return what decides a verdict, red, and its measured distance to the robot at that moment.
+
+    ``None`` if the verdict is about nothing that has a place.
+    """
+    trace, time = sampler.trace, deciding_time(sampler, verdict)
+    pose = pose_at(trace.ground_truth, time)
+    try:
+        oracle = parse_oracle(verdict.oracle, verdict.text, Where(verdict.oracle))
+        names = [signal.name for signal in oracle.signals()]
+    except InputError:
+        # Judged by another version of the language.
+        names = []
+    moved = object_signals(trace.scene)
+    about = verdict.evidence.object
+    about = about or next((moved[name].object.name for name in names if name in moved), "")
+    waypoints = trace.spec.mission.waypoints
+    for number, waypoint in enumerate(waypoints, start=1):
+        if waypoint.id == about:
+            return _waypoint_mark(verdict, pose, (waypoint.x, waypoint.y), number)
+    if about or any(name in _OF_OBSTACLES for name in names):
+        return _object_mark(trace, verdict, pose, time, about)
+    current = current_waypoint(trace, time)
+    if current and any(name.startswith("mission.") for name in names):
+        goal = waypoints[current - 1]
+        return _waypoint_mark(verdict, pose, (goal.x, goal.y), current)
+    if len(trace.estimate.time) and any(name.startswith("loc.") for name in names):
+        believed = pose_at(trace.estimate, time)
+        line = ((pose.x, pose.y), (believed.x, believed.y))
+        return MeasuredMark(line, _measure_text(verdict, math.dist(*line)))
+    return None
+
+
+def _waypoint_mark(verdict: Verdict, pose: Pose2, goal: Point2, number: int) -> MeasuredMark:
+    line = ((pose.x, pose.y), goal)
+    metres = verdict.unit == "m" and verdict.evidence.limit
+    circle = shapely.Point(goal).buffer(metres or _REACHED)
+    place = _points(circle.exterior)
+    words = f"waypoint {number}: {_measure_text(verdict, math.dist(*line))}"
+    return MeasuredMark(line, words, place=place)
+
+
+def _object_mark(
+    trace: Trace, verdict: Verdict, pose: Pose2, time: float, about: str
+) -> MeasuredMark | None:
+    """Return the obstacle or place called ``about``, without a name the nearest obstacle."""
+    scene, robot = trace.scene, trace.spec.robot
+    parts = list(_obstacle_parts(scene, robot.height, joint_positions(trace, time), about))
+    places = {region.name: region.outline for region in scene.regions}
+    places |= {doorway.name: doorway.footprint for doorway in scene.doorways}
+    place = () if parts else places.get(about, ())
+    if not parts and not place:
+        return None
+    body = Polygon(pose.apply_ring(robot.footprint))
+    # Of a wall in several pieces, or of an object in several links, the nearest one.
+    shapes = [MultiPolygon([(ring, ()) for ring in rings]) for rings in parts or [(place,)]]
+    index = int(np.argmin(shapely.distance(body, shapes)))
+    start, end = _points(shapely.shortest_line(body, shapes[index]))
+    distance = body.distance(shapes[index])
+    words = _measure_text(verdict, distance)
+    if distance < _TOUCHING and verdict.unit != "m":
+        words = f"touches {about.partition('.')[0].replace('_', ' ')}"
+    return MeasuredMark((start, end), words, parts[index] if parts else (), place)
+
+
+def _obstacle_parts(
+    scene: Scene, height: float, positions: Mapping[str, float], name: str
+) -> Iterator[tuple[Ring, ...]]:
+    """Yield the outlines of each solid and link below a ``height`` [m] that belongs to ``name``.
+
+    Of all of them without a name.
+    """
+    parts: list[tuple[str, Solid | Link, tuple[Ring, ...]]] = [
+        (solid.owner, solid, (solid.polygon,)) for solid in scene.solids
+    ]
+    for thing in scene.objects:
+        for link, rings in placed_links(thing, positions):
+            parts.append((f"{thing.name}.{link.name}", link, rings))
+    for owner, part, rings in parts:
+        is_meant = not name or owner == name or owner.startswith(f"{name}.")
+        if rings and is_meant and part.z_min < height and part.z_max > 0.0:
+            yield rings
+
+
+def _points(geometry: Any) -> tuple[Point2, ...]:
+    return tuple((x, y) for x, y in shapely.get_coordinates(geometry).tolist())
+
+
+def _measure_text(verdict: Verdict, distance: float) -> str:
+    """Return what was judged with its limit if it is a length, otherwise a distance [m]."""
+    value, limit = verdict.evidence.value, verdict.evidence.limit
+    if verdict.unit != "m" or value is None:
+        return _metres(distance)
+    return _metres(value) if limit is None else f"{_metres(value)}, limit {limit:g} m"
+
+
+def _metres(value: float) -> str:
+    """Return a length in millimetres of resolution, ten metres and more in decimetres."""
+    digits = 3 if abs(value) < 10.0 else 1
+    return f"{value:.{digits}f} m".replace("-", "−")
+
+
+def nearest_mark(runs: Iterable[RunTracks]) -> MeasuredMark | None:
+    """Return where a robot came nearest to an obstacle; ``None`` if no clearance is known."""
+    known = [run for run in runs if not np.isnan(run.clearance).all()]
+    if not known:
+        return None
+    run = min(known, key=lambda run: float(np.nanmin(run.clearance)))
+    index = int(np.nanargmin(run.clearance))
+    place, clearance = (float(run.x[index]), float(run.y[index])), float(run.clearance[index])
+    return MeasuredMark((place, place), _metres(clearance), fails=clearance <= 0.0)
+
+
+def deciding_time(sampler: SignalSampler, verdict: Verdict) -> float:
+    """Return the moment [s] that decides; the end for what never happened."""
+    time = verdict.evidence.time
+    return float(sampler.time_base.time[-1]) if time is None else time
+
+
+def joint_positions(trace: Trace, time: float) -> dict[str, float]:
+    """Return where joints are [rad or m] at a moment, by scene-wide name."""
+    joints = trace.joints
+    return {
+        name: float(np.interp(time, joints.time, joints.position[:, index]))
+        for index, name in enumerate(joints.names)
+        if len(joints.time)
+    }
+
+
+def current_waypoint(trace: Trace, time: float) -> int | None:
+    """Return the number, from one, of the waypoint that the robot drives to at a moment."""
+    current = [record.current for record in trace.progress if record.time <= time]
+    if not current or not 0 <= current[-1] < len(trace.spec.mission.waypoints):
+        return None
+    return current[-1] + 1
+
+
+def pose_at(track: MotionTrack | PoseTrack, time: float) -> Pose2:
+    """Return the last recorded pose at or before a moment."""
+    index = max(int(np.searchsorted(track.time, time, side="right")) - 1, 0)
+    return Pose2(float(track.x[index]), float(track.y[index]), float(track.yaw[index]))

@@ -1,0 +1,357 @@
+"""Maps of runs: a whole run, a part of it, the moment that decides, the ways of repeats.
+
+Also the building of a campaign. All of them are drawn by :mod:`templates.picture`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from daemon.analysis.report._data import ReportData
+from daemon.analysis.report._deciding import (
+    current_waypoint,
+    deciding_mark,
+    deciding_time,
+    joint_positions,
+    nearest_mark,
+    pose_at,
+)
+from daemon.analysis.report._safety_buffer import buffer_of_run
+from daemon.analysis.report._tracks import RunTracks, extract_tracks
+from daemon.judging import oracles
+from daemon.judging.oracles import SignalSampler
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.trace import (
+    PoseTrack,
+    Trace,
+    TraceError,
+    read_scene,
+    read_spec,
+    read_trace,
+)
+from grammars.model.geometry import Point2, Pose2
+from grammars.model.mission import Mission
+from grammars.model.scene import Scene
+from grammars.text.words import count_noun, format_quantity
+from templates.picture import (
+    BARE,
+    CAPTIONED,
+    DrivenWay,
+    RunOverlay,
+    draw_world,
+    page_svg,
+    write_drawing,
+)
+from templates.world import ArtefactWorld, BehaviourDraw
+
+_POINTS: Final = 2000
+_APART: Final = 1.5
+_FOOTPRINTS: Final = 24
+"""Seconds from one footprint to the next, if that makes no more of them than this."""
+_BEFORE: Final = 7.0
+"""Seconds of a run that lead to a moment."""
+_AFTER: Final = 0.2
+"""What decides may be recorded this long [s] after the sample that is judged."""
+_AT_LEAST: Final = 1.0
+"""Seconds that are shown of a moment at the very start."""
+_MOMENT_WIDTH: Final = 620.0
+_SMALL_WIDTH: Final = 480.0
+"""Widths of maps on a page, where their words are as large as those around them."""
+
+
+def draw_run(
+    trace_path: Path, picture: Path, *, since: float | None = None, until: float | None = None
+) -> None:
+    """Draw the run of a trace as ``.svg``, ``.png`` or ``.pdf``, by the ending of ``picture``.
+
+    With ``since`` or ``until`` [s] only that part of the run, with its surroundings closely.
+    Raises :class:`daemon.trace.TraceError` for an unusable trace, and ``ValueError`` for a part
+    that lies outside of the run.
+    """
+    trace = read_trace(trace_path)
+    part = None if since is None and until is None else _part(trace, since, until)
+    # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
+    problems = oracles.trace_problems(trace)
+    if problems:
+        way = DrivenWay(np.column_stack((trace.ground_truth.x, trace.ground_truth.y)))
+        run = RunOverlay((way,), about=f"not to be trusted: {'; '.join(problems)}")
+    else:
+        run = _judged_run(SignalSampler(trace), part)
+    write_drawing(draw_world(_world(trace), run), picture)
+
+
+def draw_moment(trace_path: Path, verdict: Verdict, label: str) -> Markup | None:
+    """Return the seconds before the moment that decides a verdict, as an element of a page.
+
+    Doors and robot are where they are at that moment, what decides is red. ``label`` is read out
+    where pictures are not seen. ``None`` if the trace is gone, empty or not to be trusted.
+    """
+    sampler = _usable_sampler(trace_path)
+    if sampler is None:
+        return None
+    trace, stamps = sampler.trace, sampler.time_base.time
+    first, last = float(stamps[0]), float(stamps[-1])
+    time = deciding_time(sampler, verdict)
+    until = min(max(time + _AFTER, first + _AT_LEAST), last)
+    part = _RunPart(max(min(time, last) - _BEFORE, first), until)
+    overlay = _overlay(sampler, _tracks(sampler, part), part)
+    overlay = replace(overlay, mark=deciding_mark(sampler, verdict))
+    figure = draw_world(_world(trace), overlay, width=_MOMENT_WIDTH, frame=BARE)
+    return page_svg(figure, label)
+
+
+def draw_ways(
+    runs: Mapping[int, RunTracks],
+    scene: Scene,
+    label: str,
+    decided: tuple[Path, Verdict] | None = None,
+) -> Markup:
+    """Return the ways of runs, by repeat, as an element of a page.
+
+    Ways are coloured by the distance to obstacles. The building is as it starts, and the nearest
+    place has its measure. With the trace and the verdict that ``decided``, what decides is red and
+    doors are where they were at that moment. Scripts find the places of each repeat in
+    ``data-way``, in units of the ``viewBox``; the ways themselves are the group ``driven``.
+    """
+    sampler = _usable_sampler(decided[0]) if decided else None
+    mark, positions = None, {}
+    if decided and sampler:
+        mark = deciding_mark(sampler, decided[1])
+        positions = joint_positions(sampler.trace, deciding_time(sampler, decided[1]))
+    ways = tuple(
+        DrivenWay(np.column_stack((run.x, run.y)), run.clearance, run.limit, repeat, run.time)
+        for repeat, run in runs.items()
+    )
+    overlay = RunOverlay(
+        ways,
+        contacts=tuple((x, y) for run in runs.values() for _, _, x, y in run.contacts),
+        positions=positions,
+        mark=mark or nearest_mark(runs.values()),
+        closely=True,
+    )
+    world = ArtefactWorld(name=scene.name, scene=scene)
+    figure = draw_world(world, overlay, width=_SMALL_WIDTH, frame=BARE, names=False)
+    return page_svg(figure, label)
+
+
+def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> Markup | None:
+    """Return :func:`draw_ways` of a single run; ``None`` for a trace that cannot be used."""
+    sampler = _usable_sampler(trace_path)
+    if sampler is None:
+        return None
+    runs = {sampler.trace.spec.repeat: _tracks(sampler, None)}
+    decided = (trace_path, verdict) if verdict else None
+    return draw_ways(runs, sampler.trace.scene, label, decided)
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingPicture:
+    """A building twice: ``small`` without words, ``large`` with them; ``about`` describes it."""
+
+    small: Markup
+    large: Markup
+    about: str
+
+
+def draw_building(data: ReportData) -> BuildingPicture | None:
+    """Return the building that most runs were in, as they found it; ``None`` without a trace.
+
+    With the mission, if all runs in it have the same one.
+    """
+    scenes = Counter(run.tracks.scene for run in data.runs if run.tracks.scene)
+    if not scenes:
+        return None
+    ((digest, _),) = scenes.most_common(1)
+    traces: dict[str, Path] = {}
+    for run in data.runs:
+        if run.tracks.scene == digest and run.record.trace:
+            traces.setdefault(run.record.scenario, Path(run.record.trace))
+    if not traces:
+        return None
+    try:
+        specs = [read_spec(trace) for trace in traces.values()]
+        scene = read_scene(next(iter(traces.values())))
+    except TraceError:
+        # Read a moment ago and gone now.
+        return None
+    first = specs[0]
+    missions: set[Mission] = {spec.mission for spec in specs}
+    mission = first.mission if len(missions) == 1 else None
+    world = ArtefactWorld(
+        name=scene.name,
+        scene=scene,
+        mission=mission,
+        robot=first.robot if mission else None,
+        draws=(BehaviourDraw("", first.behaviours),),
+    )
+    about = f"{scene.name}, as {first.scenario} begins"
+    if mission:
+        about = f"{scene.name} with the mission {mission.name}, as {first.scenario} begins"
+    if len(scenes) > 1:
+        about += f"; the campaign has {len(scenes)} such scenes"
+    small = draw_world(world, width=_SMALL_WIDTH, frame=BARE, names=False)
+    large = draw_world(world, frame=CAPTIONED)
+    return BuildingPicture(page_svg(small, about), page_svg(large, about), about)
+
+
+def _world(trace: Trace) -> ArtefactWorld:
+    spec = trace.spec
+    return ArtefactWorld(
+        name=spec.label,
+        scene=trace.scene,
+        mission=spec.mission,
+        robot=spec.robot,
+        draws=(BehaviourDraw("", spec.behaviours),),
+        resolution=spec.map.resolution,
+    )
+
+
+def _usable_sampler(trace_path: Path) -> SignalSampler | None:
+    """Return the signals of a trace; ``None`` if it is gone, empty or not to be trusted."""
+    try:
+        trace = read_trace(trace_path)
+    except TraceError:
+        return None
+    sampler = SignalSampler(trace)
+    usable = len(sampler.time_base.time) > 1 and not oracles.trace_problems(trace)
+    return sampler if usable else None
+
+
+@dataclass(frozen=True, slots=True)
+class _RunPart:
+    """From ``since`` to ``until`` [s] of a run."""
+
+    since: float
+    until: float
+
+    def of(self, time: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+        return (time >= self.since) & (time <= self.until)
+
+
+def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
+    time = trace.ground_truth.time
+    if not len(time):
+        raise ValueError("nothing was recorded")
+    first, last = float(time[0]), float(time[-1])
+    part = _RunPart(first if since is None else since, last if until is None else until)
+    if np.count_nonzero(part.of(time)) < 2:
+        raise ValueError(
+            f"{part.since:g} s to {part.until:g} s is no part of a run that goes from {first:g} s "
+            f"to {last:g} s"
+        )
+    return part
+
+
+def _judged_run(sampler: SignalSampler, part: _RunPart | None) -> RunOverlay:
+    """Return a run, or a part of it, with its outcome and the first failure that it shows."""
+    oracles.warm_up()
+    verdicts = oracles.judge(sampler.trace, sampler.trace.spec.oracles, sampler=sampler)
+    outcome = str(oracles.overall_outcome(sampler.trace, verdicts))
+    tracks = _tracks(sampler, part)
+    overlay = _overlay(sampler, tracks, part)
+    failures = (
+        verdict
+        for verdict in verdicts
+        if verdict.outcome is Outcome.FAIL
+        and (part is None or part.since <= deciding_time(sampler, verdict) <= part.until)
+    )
+    marks = (deciding_mark(sampler, verdict) for verdict in failures)
+    mark = next((mark for mark in marks if mark), None)
+    contacts = len(overlay.contacts)
+    return replace(overlay, mark=mark, about=_about(sampler, tracks, part, outcome, contacts))
+
+
+def _tracks(sampler: SignalSampler, part: _RunPart | None) -> RunTracks:
+    trace = sampler.trace
+    # Of a part every sample counts: what is looked at may be a few centimetres.
+    points = _POINTS if part is None else 3 * len(sampler.time_base.time)
+    return extract_tracks(trace.spec.label, trace, sampler, buffer_of_run(trace.spec), (), points)
+
+
+def _about(
+    sampler: SignalSampler, tracks: RunTracks, part: _RunPart | None, outcome: str, contacts: int
+) -> str:
+    """Return the heading of a picture of a run, or of a part of it."""
+    spec, measures = sampler.trace.spec, tracks.measures
+    if part is None:
+        parts = [
+            outcome,
+            f"campaign {spec.campaign}",
+            f"ended after {format_quantity(measures.get('duration'), 's')}",
+            f"nearest {format_quantity(measures.get('min clearance'), 'm')}",
+            f"{format_quantity(measures.get('time in buffer'), 's')} in the buffer of "
+            f"{buffer_of_run(spec).size}",
+        ]
+    else:
+        nearest = float(np.nanmin(tracks.clearance[part.of(tracks.time)]))
+        parts = [
+            outcome,
+            f"{part.since:.1f} s to {part.until:.1f} s of {measures['duration']:.1f} s",
+            f"nearest {format_quantity(nearest, 'm')}",
+        ]
+    return "  ·  ".join((*parts, count_noun(contacts, "contact")))
+
+
+def _overlay(sampler: SignalSampler, tracks: RunTracks, part: _RunPart | None) -> RunOverlay:
+    trace = sampler.trace
+    shown = np.ones(len(tracks.time), np.bool_) if part is None else part.of(tracks.time)
+    contacts = [c for c in tracks.contacts if part is None or part.since <= c[0] <= part.until]
+    places = np.column_stack((tracks.x, tracks.y))[shown]
+    overlay = RunOverlay(
+        ways=(DrivenWay(places, tracks.clearance[shown], tracks.limit),),
+        believed=_believed(trace.estimate, part),
+        contacts=tuple((x, y) for _, _, x, y in contacts),
+        footprints=(pose_at(trace.ground_truth, math.inf).apply_ring(trace.spec.robot.footprint),),
+    )
+    return overlay if part is None else replace(overlay, **_closely(trace, part))
+
+
+def _closely(trace: Trace, part: _RunPart) -> dict[str, Any]:
+    """Return the further fields of the picture of a part of a run."""
+    truth = trace.ground_truth
+    steps = min(_FOOTPRINTS, max(2, round((part.until - part.since) / _APART)))
+    moments = np.linspace(part.since, min(part.until, float(truth.time[-1])), steps)
+    footprint = trace.spec.robot.footprint
+    poses = [pose_at(truth, moment) for moment in moments.tolist()]
+    return {
+        "footprints": tuple(pose.apply_ring(footprint) for pose in poses),
+        "apparent_goals": _apparent_goals(trace, part),
+        "positions": joint_positions(trace, part.until),
+        "closely": True,
+    }
+
+
+def _apparent_goals(trace: Trace, part: _RunPart) -> tuple[Point2, ...]:
+    """Return where the waypoint of the part's end lies for the robot, at each of its estimates.
+
+    It knows the waypoint in the map, and its own estimated pose. It drives to the waypoint as seen
+    from there, which is off by the error of its localisation, turned by that of its heading.
+    """
+    number = current_waypoint(trace, part.until)
+    if number is None:
+        return ()
+    goal, estimate = trace.spec.mission.waypoints[number - 1], trace.estimate
+    chosen = np.flatnonzero(part.of(estimate.time))
+    step = max(1, len(chosen) // _POINTS)
+    goals = []
+    for index in chosen[::step].tolist():
+        believed = Pose2(*(float(v[index]) for v in (estimate.x, estimate.y, estimate.yaw)))
+        seen = believed.inverse().apply((goal.x, goal.y))
+        goals.append(pose_at(trace.ground_truth, float(estimate.time[index])).apply(seen))
+    return tuple(goals)
+
+
+def _believed(estimate: PoseTrack, part: _RunPart | None) -> tuple[Point2, ...]:
+    time = estimate.time
+    chosen = np.arange(len(time)) if part is None else np.flatnonzero(part.of(time))
+    kept = chosen[:: max(1, len(chosen) // _POINTS)]
+    return tuple(zip(estimate.x[kept].tolist(), estimate.y[kept].tolist(), strict=True))

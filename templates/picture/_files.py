@@ -1,0 +1,70 @@
+"""Drawings as files, SVG, PNG or PDF, and as elements of a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from markupsafe import Markup
+
+from templates.picture._compose import draw_world
+from templates.picture._drawing import COLOURS, Drawing, Shape
+from templates.rendering import number, render
+from templates.world import ExportJob
+
+PNG_SCALE: Final = 1.5
+"""Pixels of the PNG in a unit of the page."""
+_FACES: Final = Path(__file__).parent / "face"
+_PAINTED_FAMILY: Final = "'Scenario Sans', sans-serif"
+"""The family of the faces there: with those of the machine no two would paint the same picture."""
+_FAMILY: Final = "'Helvetica Neue', Helvetica, Arial, 'DejaVu Sans', sans-serif"
+_PAGE_COLOURS: Final = {name: f"var(--map-{name},{value})" for name, value in COLOURS.items()}
+
+
+def write_drawing(figure: Drawing, path: Path) -> Path:
+    """Write a drawing as ``.svg``, ``.png`` or ``.pdf``, by the ending of ``path``.
+
+    A PNG is :data:`PNG_SCALE` times as large as the page. Parts of a PDF have no fixed order.
+    """
+    if path.suffix == ".svg":
+        path.write_text(_file_text(figure, _FAMILY), encoding="utf-8", newline="\n")
+        return path
+    # It takes a third of a second to load, which commands without a picture do not spend.
+    import vl_convert
+
+    vl_convert.register_font_directory(str(_FACES))
+    svg = _file_text(figure, _PAINTED_FAMILY)
+    if path.suffix == ".png":
+        path.write_bytes(vl_convert.svg_to_png(svg, scale=PNG_SCALE))
+    else:
+        path.write_bytes(vl_convert.svg_to_pdf(svg))
+    return path
+
+
+def write_picture(job: ExportJob) -> tuple[Path, ...]:
+    """Write ``<world>.svg`` and ``<world>.png``."""
+    figure = draw_world(job.world)
+    endings = ("svg", "png")
+    return tuple(write_drawing(figure, job.path(f"{job.name}.{ending}")) for ending in endings)
+
+
+def page_svg(figure: Drawing, label: str) -> Markup:
+    """Return a drawing as an element of a page, with the colours that its style sheet gives.
+
+    ``label`` is read out where pictures are not seen.
+    """
+    svg = render("map.svg.j2", figure=figure, label=label, colours=_PAGE_COLOURS, path=_path)
+    return Markup(svg)
+
+
+def _file_text(figure: Drawing, family: str) -> str:
+    return render("picture.svg.j2", figure=figure, family=family, colours=COLOURS, path=_path)
+
+
+def _path(shape: Shape) -> str:
+    """Return the data of a path, in tenths of a unit."""
+    end = "" if shape.open else "Z"
+    return "".join(
+        f"M{' '.join(number(value, 1) for point in ring for value in point)}{end}"
+        for ring in shape.rings
+    )

@@ -1,0 +1,208 @@
+"""What happened in runs, on the page: ways, footprints, contacts, and what decides a verdict."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from grammars.model.geometry import Point2, Ring
+from templates.picture._drawing import (
+    APPARENT,
+    BELIEVED,
+    CLOSE,
+    DRIVEN,
+    FLOOR,
+    INK,
+    ROBOT,
+    TOUCHED,
+    Disc,
+    DrawingItem,
+    Labels,
+    Shape,
+    TextLabel,
+)
+from templates.picture._page import Page, legend_row
+from templates.picture._scene import spots_around
+from templates.plan_shapes import ShapeRole, trail_shapes
+
+Samples: TypeAlias = npt.NDArray[np.floating[Any]]
+_DEVIATION: Final = 0.15
+"""Page units that a line may pass beside the samples it is drawn from."""
+_PLACES: Final = 150
+"""Places of a way that scripts find by their time."""
+_SHORT: Final = 10.0
+"""A measured line shorter than this on the page gets a circle, which is to be found."""
+_LINES: Final = {
+    ShapeRole.TRAIL: (DRIVEN, 1.8),
+    ShapeRole.NEAR_TRAIL: (CLOSE, 3.2),
+    ShapeRole.TOUCHING_TRAIL: (TOUCHED, 4.5),
+}
+"""Colour and width of a way that is clear of everything, inside the buffer, or touches."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrivenWay:
+    """Places (n, 2) [m] of a robot, with the ``clearance`` (n,) [m] there, NaN where unknown.
+
+    Below ``limit`` [m] something is inside of the safety buffer. Scripts of a page find places by
+    ``repeat`` and ``time`` (n,) [s].
+    """
+
+    points: Samples
+    clearance: Samples = field(default_factory=lambda: np.empty(0))
+    limit: float = 0.0
+    repeat: int = 0
+    time: Samples = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredMark:
+    """What decides, or comes nearest, in the map frame [m]; red if it ``fails``.
+
+    ``line`` goes from the robot to the object, ``words`` are its measure. ``rings`` outline the
+    object, ``place`` is an area on the floor or a waypoint.
+    """
+
+    line: tuple[Point2, Point2]
+    words: str
+    rings: tuple[Ring, ...] = ()
+    place: Ring = ()
+    fails: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class RunOverlay:
+    """What happened, in the map frame [m]: ways of one or several runs, lines, and single points.
+
+    The last of the ``footprints`` is where the run ends, or the part of it that is shown. Of a part
+    there are others now and then before it, and ``apparent_goals``: where the waypoint lies that
+    the robot drives to, as far as it knows. ``positions`` [rad or m] of joints by scene-wide name
+    are those at the end; ``closely`` shows the surroundings of the ways alone.
+    """
+
+    ways: tuple[DrivenWay, ...]
+    believed: tuple[Point2, ...] = ()
+    contacts: tuple[Point2, ...] = ()
+    about: str = ""
+    footprints: tuple[Ring, ...] = ()
+    apparent_goals: tuple[Point2, ...] = ()
+    positions: Mapping[str, float] = field(default_factory=dict)
+    mark: MeasuredMark | None = None
+    closely: bool = False
+
+    @property
+    def points(self) -> tuple[Point2, ...]:
+        """All points of the ways."""
+        return tuple((x, y) for way in self.ways for x, y in way.points.tolist())
+
+
+def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
+    """Return the lines of a run, what it was told to believe below the truth."""
+    items: list[DrawingItem] = [
+        Shape((page.ring(ring),), line=ROBOT, width=0.9, opacity=0.55) for ring in run.footprints
+    ]
+    if run.footprints:
+        last = page.ring(run.footprints[-1])
+        items.append(Shape((last,), fill=ROBOT, line=ROBOT, width=2.0, opacity=0.45))
+    if len(run.believed) > 1:
+        line = page.ring(run.believed)
+        items.append(Shape((line,), line=BELIEVED, width=1.6, dash=(6.0, 4.0), open=True))
+    pieces = [
+        (shape.role, _simple_line(page.ring(part)))
+        for way in run.ways
+        for shape in trail_shapes(way.points.tolist(), way.clearance.tolist(), way.limit)
+        for part in shape.parts
+    ]
+    for role, (colour, width) in _LINES.items():
+        lines = tuple(line for its_role, line in pieces if its_role is role)
+        if lines:
+            items.append(Shape(lines, line=colour, width=width, open=True))
+    if len(run.ways) == 1:
+        items.append(Disc(page.point(run.points[-1]), 5.0, DRIVEN, FLOOR, 1.5))
+    items += [Disc(page.point(goal), 2.6, APPARENT) for goal in run.apparent_goals]
+    for point in run.contacts:
+        x, y = page.point(point)
+        cross = (
+            ((x - 6.0, y - 6.0), (x + 6.0, y + 6.0)),
+            ((x - 6.0, y + 6.0), (x + 6.0, y - 6.0)),
+        )
+        items.append(Shape(cross, line=TOUCHED, width=3.0, open=True))
+    return items
+
+
+def _simple_line(line: tuple[Point2, ...]) -> tuple[Point2, ...]:
+    """Return a line of the page without the points that make no difference."""
+    simple = shapely.simplify(shapely.LineString(line), _DEVIATION)
+    return tuple((x, y) for x, y in shapely.get_coordinates(simple).tolist())
+
+
+def way_data(run: RunOverlay, page: Page) -> str:
+    """Return the ways over time as JSON: ``repeat``, ``t`` [s], ``x`` and ``y`` on the page each.
+
+    Empty if no way has times.
+    """
+    found = []
+    for way in run.ways:
+        kept = slice(None, None, 1 + len(way.time) // _PLACES)
+        places = [page.point((x, y)) for x, y in way.points[kept].tolist()]
+        if len(way.time):
+            found.append(
+                {
+                    "repeat": way.repeat,
+                    "t": np.round(way.time[kept].astype(np.float64), 1).tolist(),
+                    "x": [round(x, 1) for x, _ in places],
+                    "y": [round(y, 1) for _, y in places],
+                }
+            )
+    return json.dumps(found, separators=(",", ":")) if found else ""
+
+
+def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingItem]:
+    """Return what decides: the object in red, the measured line, its words beside it."""
+    items: list[DrawingItem] = []
+    if mark.rings:
+        rings = tuple(page.ring(ring) for ring in mark.rings)
+        items.append(Shape(rings, fill=TOUCHED, line=TOUCHED, width=1.6))
+    if mark.place:
+        place = page.ring(mark.place)
+        items.append(Shape((place,), line=TOUCHED, width=2.0, dash=(5.0, 3.0)))
+    ends = [page.point(end) for end in mark.line]
+    colour = TOUCHED if mark.fails else INK
+    items.append(Shape((tuple(ends),), line=colour, width=1.2, open=True))
+    items += [Disc(end, 2.2, colour, FLOOR, 0.8) for end in ends]
+    if math.dist(*ends) < _SHORT:
+        items.append(Disc(ends[0], 12.0, line=colour, width=1.6))
+    words = TextLabel(ends[0], mark.words, 13.0, colour, bold=True, halo=FLOOR, centred=True)
+    shown = [(x, y) for x, y in ends if 0.0 <= x <= page.width and 0.0 <= y <= page.height]
+    around = [(x + d, y + d) for x, y in shown or ends for d in (-12.0, 12.0)]
+    items.append(labels.place(words, spots_around(around, words, page)))
+    return items
+
+
+def run_key(run: RunOverlay, page: Page) -> list[DrawingItem]:
+    """Return what the lines mean, in a row of its own at the foot of the page."""
+    nearest = min((float(np.nanmin(w.clearance, initial=math.inf)) for w in run.ways), default=0.0)
+    limit = max((way.limit for way in run.ways), default=0.0)
+    entries = (
+        ("driven", DRIVEN, len(run.points) > 1),
+        ("believed", BELIEVED, len(run.believed) > 1),
+        ("inside the buffer", CLOSE, nearest < limit),
+        ("contact", TOUCHED, bool(run.contacts)),
+        ("what decides", TOUCHED, run.mark is not None and run.mark.fails),
+        ("robot at the end of its way", ROBOT, len(run.footprints) == 1),
+        ("footprint, filled at the end", ROBOT, len(run.footprints) > 1),
+        ("the waypoint as the robot sees it", APPARENT, bool(run.apparent_goals)),
+    )
+    return legend_row(
+        page,
+        [(text, colour) for text, colour, shown in entries if shown],
+        22.0,
+        lambda colour, x, y: Shape((((x, y), (x + 16.0, y)),), line=colour, width=4.0, open=True),
+    )
