@@ -27,7 +27,6 @@ from daemon.analysis.report._safety_buffer import (
 from daemon.judging.oracles import SignalSampler, footprint_box, judge
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
-from grammars.model.scene import Joint, SceneObject
 from grammars.oracle import Signal, object_signals
 
 if TYPE_CHECKING:
@@ -60,6 +59,10 @@ class TriggerEncounter:
     turning: ThinnedSamples
 
 
+def _no_samples() -> ThinnedSamples:
+    return np.empty(0, np.float32)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTracks:
     """Tracks and measures of one run. Tracks have the shape (n,), all on ``time`` [s].
@@ -78,13 +81,13 @@ class RunTracks:
     body: Point2 = (0.0, 0.0)
     buffer: Point2 = (0.0, 0.0)
     limit: float = 0.0
-    time: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    clearance: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    error: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    sigma_x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    sigma_y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    time: ThinnedSamples = field(default_factory=_no_samples)
+    x: ThinnedSamples = field(default_factory=_no_samples)
+    y: ThinnedSamples = field(default_factory=_no_samples)
+    clearance: ThinnedSamples = field(default_factory=_no_samples)
+    error: ThinnedSamples = field(default_factory=_no_samples)
+    sigma_x: ThinnedSamples = field(default_factory=_no_samples)
+    sigma_y: ThinnedSamples = field(default_factory=_no_samples)
     returns: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
     contacts: tuple[tuple[float, str, float, float], ...] = ()
     encounters: tuple[TriggerEncounter, ...] = ()
@@ -104,62 +107,42 @@ def find_encounters(
     what stands still to the base).
     """
     own = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
+    fired: dict[str, float] = {}
+    for event in trace.events:
+        if event.source in own and joint_event(event.text) is JointEvent.TRIGGERED:
+            fired.setdefault(event.source, event.time)
     # Section 4.4.1 asks what a door that shuts costs a robot: the same moment is needed in the
     # static sibling of the scenario, where nothing fires.
-    found = [
-        _encounter(sampler, joint, time, fired=True)
-        for joint, time in _fired_triggers(trace).items()
+    moments = [(time, joint, True) for joint, time in fired.items()]
+    moments += [
+        (time, watch.joint, False)
+        for watch in watches
+        if watch.joint not in own and (time := _approach_time(sampler, watch)) is not None
     ]
-    for watch in watches:
-        if watch.joint not in own:
-            time = _approach_time(trace, sampler, watch)
-            if time is not None:
-                found.append(_encounter(sampler, watch.joint, time, fired=False))
-    return tuple(sorted(found, key=lambda p: (p.time, p.joint)))
+    return tuple(_encounter(sampler, *moment) for moment in sorted(moments))
 
 
-def _fired_triggers(trace: Trace) -> dict[str, float]:
-    """Return when each trigger fired first, as the simulator says in the log of the run."""
-    triggers = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
-    found: dict[str, float] = {}
-    for event in trace.events:
-        if event.source in triggers and joint_event(event.text) is JointEvent.TRIGGERED:
-            found.setdefault(event.source, event.time)
-    return found
-
-
-def _approach_time(trace: Trace, sampler: SignalSampler, trigger: Trigger) -> float | None:
+def _approach_time(sampler: SignalSampler, trigger: Trigger) -> float | None:
+    """Return when the robot was first as near as ``trigger`` asks, ``None`` if never or unknown."""
+    scene, distance = sampler.trace.scene, f"{trigger.joint}.distance"
+    reference = object_signals(scene).get(distance)
     # Only what stands still can be measured from afterwards: a leaf that swings in another
     # scenario, or a footprint beside it, is somewhere else here.
-    if trigger.to != "base" or trigger.of == "leaf":
+    if reference is None or trigger.to != "base" or trigger.of == "leaf":
         return None
-    for item in trace.scene.objects:
-        for joint in item.joints:
-            if f"{item.name}.{joint.name}" == trigger.joint:
-                away = _distance(trace, sampler, item, joint, trigger)
-                near = np.flatnonzero(away < trigger.distance)
-                return float(sampler.time_base.time[near[0]]) if len(near) else None
-    return None
+    if trigger.of == "hinge" and reference.joint.kind == "revolute":
+        away = sampler.sample(Signal(distance)).values
+    else:
+        x, y = reference.object.pose.x, reference.object.pose.y
+        doorways = {doorway.name: doorway.footprint for doorway in scene.doorways}
+        if trigger.of == "doorway" and (ring := doorways.get(reference.object.doorway)):
+            x, y = np.mean(ring, axis=0)
+        away = np.hypot(sampler.x - x, sampler.y - y)
+    near = np.flatnonzero(away < trigger.distance)
+    return float(sampler.time_base.time[near[0]]) if len(near) else None
 
 
-def _distance(
-    trace: Trace, sampler: SignalSampler, item: SceneObject, joint: Joint, trigger: Trigger
-) -> Floats:
-    if trigger.of == "hinge" and joint.kind == "revolute":
-        for name, reference in object_signals(trace.scene).items():
-            here = reference.object is item and reference.joint is joint
-            if here and name.endswith(".distance"):
-                return sampler.sample(Signal(name)).values
-    x_still, y_still = item.pose.x, item.pose.y
-    if trigger.of == "doorway":
-        for doorway in trace.scene.doorways:
-            if doorway.name == item.doorway:
-                xs, ys = zip(*doorway.footprint, strict=True)
-                x_still, y_still = sum(xs) / len(xs), sum(ys) / len(ys)
-    return np.hypot(sampler.x - x_still, sampler.y - y_still)
-
-
-def _encounter(sampler: SignalSampler, joint: str, time: float, *, fired: bool) -> TriggerEncounter:
+def _encounter(sampler: SignalSampler, time: float, joint: str, fired: bool) -> TriggerEncounter:
     """Return speed and turning speed around ``time``, thinned to five samples a second."""
     stamps, truth = sampler.time_base.time, sampler.trace.ground_truth
     first, last = np.searchsorted(stamps, (time - BEFORE, time + AFTER))
