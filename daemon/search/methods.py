@@ -20,7 +20,6 @@ from daemon.model.search import SPACE_FILLING, Point, SearchTask
 from daemon.search.boundary import MOST_PARAMETERS, BoundaryMesh
 from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import did_you_mean
-from grammars.variation.designs import halton_points
 
 if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution
@@ -143,6 +142,9 @@ class SearchMethod:
 
 def _unguided_places(task: SearchTask) -> Iterator[Sequence[float]]:
     """Yield places of the unit cube, (d,), that no result has a part in."""
+    # Loaded where a search runs: a check only asks whether its method fits.
+    from grammars.variation.designs import halton_points
+
     if task.method != "random":
         yield from halton_points(len(task.parameters), task.seed)
     rng = np.random.default_rng(task.seed)
