@@ -1,8 +1,8 @@
 """From a point of a search to its run: the scenario with the point's values, composed.
 
-A search composes thousands of points that differ in a few values. What a point does not change is
-loaded and composed once, so that one costs milliseconds; what comes out is what loading the found
-campaign file gives, digest by digest.
+A search composes thousands of points that differ in a few values. Whatever a point does not change
+is loaded and composed once, so a point costs milliseconds. The result equals that of loading the
+found campaign file, digest by digest.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 class SearchCase:
     """A search with the campaign it is about, loaded once.
 
-    ``cell`` is the scenario as written, ``sut`` the place of the searched system under test among
-    those of the scenario.
+    ``cell`` is the scenario as written, ``sut`` the index of its system under test in the search.
     """
 
     task: SearchTask
@@ -53,7 +52,7 @@ class SearchCase:
         Noise and chance are those that a scenario of the campaign has in that repeat. Raises
         :class:`InputError` for values that a layer refuses, or the geometry.
         """
-        # What executes runs is loaded for that: who only checks a search composes its points.
+        # It loads all that executes runs: a check only composes points.
         from daemon.analysis.blame import Candidate
 
         cell = self.cell_at(point, number, repeat)
@@ -72,24 +71,23 @@ class SearchCase:
     def found_text(self, result: Trial, *, comment: str, why: str = "") -> str:
         """Return a campaign file beside that of the campaign with the scenario of a point alone.
 
-        Its runs are those of the proposal, digest by digest, and it says only what is not as
-        written. ``comment`` stands above it. What fails is expected to, where ``why`` is given.
+        Its runs are those of the proposal, digest by digest, and it has only the values that are
+        not as written. ``comment`` stands above it. With ``why`` its oracle is expected to fail.
         """
-        point, number = result.point, result.number
         expected: list[dict[str, str]] = []
         if why and result.fails and result.verdict is not None:
             expected.append({"oracle": result.verdict.oracle, "verdict": "fail", "why": why})
         return campaign_text(
             self.campaign,
-            self._found_scenario(point, number),
-            name=self.task.scenario_of(number),
+            self._found_scenario(result.point, result.number),
+            name=self.task.scenario_of(result.number),
             expect=expected,
             sut=self.sut,
             about=f"Found by the search {self.task.name} of {self.campaign.name}.",
             comment=comment,
         )
 
-    def scenario_at(
+    def _scenario_at(
         self, point: Point, number: int, *, only_changed: bool = False
     ) -> ResolvedScenario:
         """Return the scenario with the values of a point written beside its layers.
@@ -98,26 +96,27 @@ class SearchCase:
         """
         scenario = replace(self.cell.scenario, name=self.task.scenario_of(number))
         for parameter, value in zip(self.task.parameters, point, strict=True):
-            written = parameter.written is not None and is_as_written(parameter, value)
-            if not (only_changed and written):
+            if not (
+                only_changed and parameter.written is not None and is_as_written(parameter, value)
+            ):
                 override = {parameter.key: parameter.override(value)}
                 scenario = with_overrides(scenario, parameter.slot, parameter.index, override)
         return scenario
 
     def _found_scenario(self, point: Point, number: int) -> ResolvedScenario:
-        """Return the scenario of a point that says what is not as written, and the same run."""
-        scenarios = [self.scenario_at(point, number, only_changed=one) for one in (True, False)]
-        cells = (self._composer.cell(self.cell, one, 0) for one in scenarios)
-        digests = [self._spec(cell, 0).digest for cell in cells]
+        """Return the shortest scenario of a point that has the same run."""
+        short = self._scenario_at(point, number, only_changed=True)
+        digest = self._spec(self._composer.cell(self.cell, short, 0), 0).digest
         # Written with more digits than a value of a point has, say, it would be another run.
-        return scenarios[0] if digests[0] == digests[1] else scenarios[1]
+        is_same = digest == self._spec(self.cell_at(point, number, 0), 0).digest
+        return short if is_same else self._scenario_at(point, number)
 
     def cell_at(self, point: Point, number: int, repeat: int) -> CampaignCell:
         """Return the loaded scenario of a point, with the behaviours of one repeat alone.
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
-        return self._composer.cell(self.cell, self.scenario_at(point, number), repeat)
+        return self._composer.cell(self.cell, self._scenario_at(point, number), repeat)
 
     def _spec(self, cell: CampaignCell, repeat: int) -> RunSpec:
         return run_spec(
@@ -133,11 +132,10 @@ class SearchCase:
 
 def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
     """Return a search of a loaded campaign; raises :class:`InputError` if it has no such cell."""
-    cells = [cell for cell in campaign.cells if cell.scenario.name == task.scenario]
     place = Where(campaign.file)
-    if len(cells) != 1:
+    cell = next((one for one in campaign.cells if one.scenario.name == task.scenario), None)
+    if cell is None:
         raise InputError.at(place, f'no scenario "{task.scenario}" to search')
-    (cell,) = cells
     names = [sut.name for sut in cell.suts]
     if task.sut not in names:
         raise InputError.at(place, f'{task.scenario} has no system under test "{task.sut}"')
@@ -145,9 +143,9 @@ def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
         try:
             with_overrides(cell.scenario, parameter.slot, parameter.index, {})
         except ValueError as error:
-            # A task that comes from elsewhere may be of another file.
+            # A task of an earlier submission may be of another file.
             raise InputError.at(place, f"{parameter.name}: {error}") from error
-    # Without what comparisons of scenarios measure: a search compares none.
+    # Without the measures of comparisons: a search compares no scenarios.
     picked = {reference.name for reference in cell.scenario.oracles}
     oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles if o.name in picked)
     folder = Path(campaign.file).parent

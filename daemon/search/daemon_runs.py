@@ -74,6 +74,10 @@ class PatientClient:
         """Return the answer; raises :class:`daemon.batch.errors.Refused`."""
         return self._patiently(lambda: self.client.ask(verb, request))
 
+    def send_files(self, runs: tuple[RunSpec, ...]) -> None:
+        """Send the files that runs need, as far as they are here and the daemon lacks them."""
+        self._patiently(lambda: self.client.send_files(runs))
+
     def _patiently(self, act: Callable[[], A]) -> A:
         pause = _FIRST_PAUSE
         while True:
@@ -85,10 +89,6 @@ class PatientClient:
                 self._problem = str(error)
                 time.sleep(pause)
                 pause = min(2 * pause, _LONGEST_PAUSE)
-
-    def send_files(self, runs: tuple[RunSpec, ...]) -> None:
-        """Send the files that runs need, as far as they are here and the daemon lacks them."""
-        self._patiently(lambda: self.client.send_files(runs))
 
 
 class DaemonRuns:
@@ -106,7 +106,6 @@ class DaemonRuns:
         self._began = time.monotonic() - max(0.0, time.time() - submitted_at)
         self._rows: list[RunRow] = []
         self._earlier = 0
-        self._unsettled = 0
         self._sent: set[str] = set()
         self._changed = threading.Event()
         self._leaving = False
@@ -120,7 +119,6 @@ class DaemonRuns:
         while page := self._page(len(self._rows), _PAGE):
             self._rows.extend(page)
         self._earlier = len(self._rows)
-        self._skip_settled()
 
     def note_event(self, event: ChangeEvent) -> None:
         """Look again soon if an event of the search is about an end; called by any thread."""
@@ -147,12 +145,10 @@ class DaemonRuns:
             if known.digest != candidate.spec.digest:
                 raise SearchDivergedError(
                     f"run {proposal.position} of the search is another one than it was before"
-                    f" ({known.label}): the software was changed"
-                    " meanwhile: start it again with --fresh"
+                    f" ({known.label}): the software has changed: start it again with --fresh"
                 )
             return
-        spec = candidate.spec
-        files = set(spec.files)
+        spec, files = candidate.spec, set(candidate.spec.files)
         if not files <= self._sent:
             self._daemon.send_files((spec,))
         try:
@@ -168,14 +164,14 @@ class DaemonRuns:
 
         Raises :class:`SearchStoppedError` when the search is over, or its client leaves.
         """
-        self._reached = max(self._reached, position)
-        while not self._has_result(position):
+        self._reached = position
+        while position >= len(self._rows) or not _has_result(self._rows[position]):
             # Before the look: what happens from now on is an event.
             self._changed.clear()
             if self._leaving:
                 raise SearchStoppedError(f"the search {self._campaign} is left")
             self._refresh(position)
-            if self._has_result(position):
+            if _has_result(self._rows[position]):
                 break
             if self._rows[position].state is RunState.CANCELLED:
                 self._require_ours()
@@ -237,16 +233,10 @@ class DaemonRuns:
         query = RunQuery(self._campaign, offset=offset, limit=limit, results=True)
         return self._ask(RUNS, query).rows
 
-    def _has_result(self, position: int) -> bool:
-        """Return whether a run has told what it can; a cancelled one is queued again later."""
-        if position >= len(self._rows):
-            return False
-        row = self._rows[position]
-        return row.settled and row.state is not RunState.CANCELLED
-
     def _refresh(self, position: int) -> None:
         """Read rows from the first unsettled one on again, up to a position at least."""
-        start, end = self._unsettled, max(len(self._rows), position + 1)
+        unsettled = (n for n, row in enumerate(self._rows) if not _has_result(row))
+        start, end = next(unsettled, len(self._rows)), max(len(self._rows), position + 1)
         while start < end:
             page = self._page(start, min(_PAGE, end - start))
             if not page:
@@ -255,11 +245,6 @@ class DaemonRuns:
                 raise SearchDivergedError(message)
             self._rows[start : start + len(page)] = page
             start += len(page)
-        self._skip_settled()
-
-    def _skip_settled(self) -> None:
-        while self._has_result(self._unsettled):
-            self._unsettled += 1
 
     def _extend(self, proposal: Proposal, candidate: Candidate, *, with_scene: bool) -> None:
         """Enter a run into the ledger; the daemon keeps scenes and files that it has."""
@@ -267,3 +252,8 @@ class DaemonRuns:
         runs = Submission.of(self._campaign, (candidate.spec,), scenes)
         self._daemon.ask(EXTEND, ExtendRequest(self._progress.client, (proposal,), runs))
         self._reported_at = time.monotonic()
+
+
+def _has_result(row: RunRow) -> bool:
+    """Return whether a run has told what it can; a cancelled one is queued again later."""
+    return row.settled and row.state is not RunState.CANCELLED

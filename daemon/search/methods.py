@@ -58,14 +58,6 @@ class MethodProposal:
     guided: bool
 
 
-@dataclass(frozen=True, slots=True)
-class MethodProblem:
-    """The reason why a method cannot be used, and in ``hint`` what can."""
-
-    message: str
-    hint: str
-
-
 class SearchMethod:
     """Proposes points: the scenario as written, then those of the task's method.
 
@@ -246,18 +238,18 @@ class _Guide:
             )
 
 
-def method_problem(task: SearchTask) -> MethodProblem | None:
-    """Return why the method of a search cannot be used, ``None`` when it can."""
+def method_problem(task: SearchTask) -> tuple[str, str] | None:
+    """Return why the method of a search cannot be used, and what can; ``None`` when it can."""
     method, count = task.method, len(task.parameters)
     lists = [parameter.name for parameter in task.parameters if parameter.choices]
     if method not in METHODS:
-        return MethodProblem(f'there is no method "{method}"', did_you_mean(method, METHODS))
+        return f'there is no method "{method}"', did_you_mean(method, METHODS)
     if method == "boundary" and count > MOST_PARAMETERS:
         message = f"the method boundary takes one or two parameters, not {count}"
-        return MethodProblem(message, "write method: auto, or vary less")
+        return message, "write method: auto, or vary less"
     if method == "cma" and count < 2:
-        return MethodProblem("the method cma takes two parameters or more", "write method: tpe")
+        return "the method cma takes two parameters or more", "write method: tpe"
     if method in ("boundary", "cma") and lists:
         message = f"the method {method} takes ranges alone, {lists[0]} is a list"
-        return MethodProblem(message, "write method: tpe")
+        return message, "write method: tpe"
     return None

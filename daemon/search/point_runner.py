@@ -1,4 +1,4 @@
-"""Having points run: numbers and positions, repeats where runs differ, each point only once."""
+"""The runs of points: numbers and positions, repeats where runs differ, each point only once."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class PointRunner:
         return proposal
 
     def finish(self, begun: Proposal) -> Trial:
-        """Wait for the runs of a point and return what they say."""
+        """Wait for the runs of a point and return their trial."""
         if begun.number in self._refused:
             trial = Trial(begun)
         else:
@@ -76,13 +76,13 @@ class PointRunner:
         return read_trial(self.case.task, self.wait(position))
 
     def is_known(self, point: Point) -> bool:
-        """Return whether nothing is run to find out about a point."""
+        """Return whether no run is needed to judge a point."""
         return point in self._known or not self.allowed(point)
 
     def results(self, points: Iterable[tuple[Point, str]], phase: Phase) -> list[Trial | None]:
-        """Return what points say, run at the same time, each with a few words on what is tried.
+        """Return the trials of points, run at the same time, each with a few words about it.
 
-        What breaks a constraint of the search is not run: ``None``.
+        A point that breaks a constraint of the search is not run: ``None``.
         """
         tried = list(points)
         new = {point: note for point, note in tried if not self.is_known(point)}
@@ -112,7 +112,7 @@ class PointRunner:
         return False if len(known) - failed > self.others - half else None
 
     def judge(self, results: Sequence[Trial | None]) -> list[Trial | None]:
-        """Return results; in place of failures that do not hold, what their other noises say.
+        """Return results, and the median of the passing repeats for failures that do not hold.
 
         Half of the repeats decide where they agree, otherwise the rest is run as well.
         """
@@ -132,7 +132,7 @@ class PointRunner:
         return [self._repeats[key] for key in keys if key in self._repeats]
 
     def repeat(self, result: Trial, times: int) -> list[Trial]:
-        """Return what so many repeats of a point say, with other noise than the first run."""
+        """Return so many repeats of a point, with other noise than the first run."""
         repeats = range(self.repeats, self.repeats + times)
         self._run_repeats([(result, repeat) for repeat in repeats])
         return [self._repeats[result.number, repeat] for repeat in repeats]
@@ -142,15 +142,14 @@ class PointRunner:
         window = self.case.task.window
         new = [(r, repeat) for r, repeat in wanted if (r.number, repeat) not in self._repeats]
         for start in range(0, len(new), window):
-            positions: dict[tuple[int, int], int] = {}
-            for trial, repeat in new[start : start + window]:
-                number, point = trial.number, trial.point
-                positions[number, repeat] = self.issue(
-                    Proposal(self.position, number, repeat, "confirm", "repeat", True, point),
-                    self.case.candidate(point, number, repeat),
-                )
-            for key, position in positions.items():
-                self._repeats[key] = self._trial(position)
+            batch = [(one, r, self._begin_repeat(one, r)) for one, r in new[start : start + window]]
+            for trial, repeat, position in batch:
+                self._repeats[trial.number, repeat] = self._trial(position)
+
+    def _begin_repeat(self, trial: Trial, repeat: int) -> int:
+        number, point = trial.number, trial.point
+        proposal = Proposal(self.position, number, repeat, "confirm", "repeat", True, point)
+        return self.issue(proposal, self.case.candidate(point, number, repeat))
 
     def issue(self, proposal: Proposal, candidate: Candidate) -> int:
         """Issue one run at the next position, and return that."""

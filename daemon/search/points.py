@@ -39,15 +39,13 @@ def changed_parameters(task: SearchTask, point: Point) -> tuple[int, ...]:
 
 def change_size(parameter: SearchParameter, value: PointValue) -> float:
     """Return how far a value is from the written one, as a share of the range; 1 for a choice."""
-    written = parameter.written
     if is_as_written(parameter, value):
         return 0.0
-    if isinstance(value, str) or not isinstance(written, float | int) or parameter.choices:
+    if parameter.choices:
         return 1.0
-    low, high = parameter.low, parameter.high
-    if parameter.log and min(low, value, written) > 0.0 and high > low:
-        return abs(math.log(value / written)) / math.log(high / low)
-    return abs(value - written) / (high - low) if high > low else 1.0
+    places = position_in_range(parameter, value), position_in_range(parameter, parameter.written)
+    size = abs(places[0] - places[1])
+    return size if math.isfinite(size) else 1.0
 
 
 def distance_from_written(task: SearchTask, point: Point) -> float:
@@ -72,14 +70,11 @@ def value_between(
     parameter: SearchParameter, one: PointValue, other: PointValue
 ) -> PointValue | None:
     """Return a value in the middle, a multiple of the step; ``None`` between neighbours."""
-    if parameter.choices or isinstance(one, str) or isinstance(other, str):
-        return None
     step = parameter.step or (parameter.high - parameter.low) / _STEPS
-    if step <= 0.0:
+    if parameter.choices or isinstance(one, str) or isinstance(other, str) or step <= 0.0:
         return None
-    middle = 0.5 * (one + other)
-    if parameter.log and min(one, other) > 0.0:
-        middle = math.sqrt(one * other)
+    is_log = parameter.log and min(one, other) > 0.0
+    middle = math.sqrt(one * other) if is_log else 0.5 * (one + other)
     found = float(f"{round(middle / step) * step:.10g}")
     inside = min(one, other) < found < max(one, other)
     apart = min(abs(found - one), abs(found - other)) > _SAME * abs(found)

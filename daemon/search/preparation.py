@@ -135,7 +135,8 @@ class _SearchCheck:
         task = self.case.task
         problem = method_problem(task)
         if problem is not None:
-            yield self._finding(f"{task.name}: {problem.message}", problem.hint, "method")
+            message, hint = problem
+            yield self._finding(f"{task.name}: {message}", hint, "method")
         try:
             space = SearchSpace(task)
         except ValueError as error:

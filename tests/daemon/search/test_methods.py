@@ -205,8 +205,8 @@ def test_all_methods_take_two_ranges(method):
 def test_a_method_that_does_not_fit_is_told_with_a_remedy(method, parameters, message, hint):
     problem = method_problem(search_task(*parameters, method=method))
     assert problem is not None
-    assert message in problem.message
-    assert hint in problem.hint
+    assert message in problem[0]
+    assert hint in problem[1]
 
 
 def test_even_and_random_searches_do_not_load_optuna():
