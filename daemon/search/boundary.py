@@ -83,12 +83,12 @@ class BoundaryMesh:
         waiting, self._waiting = self._waiting, []
         for cell in waiting:
             corners = [self._point(corner) for corner in _corners(cell)]
-            known = [values[point] for point in corners if point in values]
+            results = [values[point] for point in corners if point in values]
             # A corner that is not allowed never has a result: the others decide.
-            if len(known) < sum(map(self._space.allowed, corners)):
+            if len(results) < sum(map(self._space.allowed, corners)):
                 self._waiting.append(cell)
                 continue
-            margins = [value for value in known if value is not None]
+            margins = [value for value in results if value is not None]
             if margins and cell[1] >= self._finest:
                 bisect.insort(self._ready, (_need(margins, cell[1]), cell))
 

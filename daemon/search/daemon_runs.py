@@ -141,11 +141,11 @@ class DaemonRuns:
         where another run is at its position.
         """
         if proposal.position < self._earlier:
-            known = self._rows[proposal.position]
-            if known.digest != candidate.spec.digest:
+            row = self._rows[proposal.position]
+            if row.digest != candidate.spec.digest:
                 raise SearchDivergedError(
                     f"run {proposal.position} of the search is another one than it was before"
-                    f" ({known.label}): the software has changed: start it again with --fresh"
+                    f" ({row.label}): the software has changed: start it again with --fresh"
                 )
             return
         spec, files = candidate.spec, set(candidate.spec.files)

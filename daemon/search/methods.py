@@ -95,9 +95,9 @@ class SearchMethod:
             self._guide.learn(value)
 
     def _next(self, number: int) -> MethodProposal | None:
-        written = self._space.written
-        if number == 0 and written is not None:
-            return self._drawn(written, "written", guided=False)
+        first = self._space.written
+        if number == 0 and first is not None:
+            return self._unsampled(first, "written", guided=False)
         if self._mesh is not None:
             choice = self._mesh.choose(self._values, self._is_new)
             if choice is not None:
@@ -110,7 +110,7 @@ class SearchMethod:
                 return MethodProposal(point, method, True)
         points = map(self._space.at, itertools.islice(self._places, _MOST_TRIES))
         point = next(filter(self._is_new, points), None)
-        return None if point is None else self._drawn(point, method, guided=guided)
+        return None if point is None else self._unsampled(point, method, guided=guided)
 
     def _method_at(self, number: int) -> str:
         """Return the method of a proposal, which does not depend on the budget."""
@@ -123,7 +123,7 @@ class SearchMethod:
         adapts = method == "auto" and ranges and self._space.dimensions > 1
         return "cma" if adapts and number >= COVARIANCE_FROM else "tpe"
 
-    def _drawn(self, point: Point, method: str, *, guided: bool) -> MethodProposal:
+    def _unsampled(self, point: Point, method: str, *, guided: bool) -> MethodProposal:
         if self._guide is not None:
             self._guide.take(point)
         return MethodProposal(point, method, guided)
@@ -205,20 +205,22 @@ class _Guide:
         else:
             self._study.tell(trial, value + _JITTER * self._chance.random())
 
-    def _follow(self, method: str, drawn: int) -> None:
+    def _follow(self, method: str, candidates: int) -> None:
         """Let a sampler propose from now on."""
-        name = f"{method} {drawn}" if method == "tpe" else method
+        name = f"{method} {candidates}" if method == "tpe" else method
         if name != self._sampler:
             self._sampler = name
-            self._study.sampler = self._covariance() if method == "cma" else self._estimator(drawn)
+            self._study.sampler = (
+                self._covariance() if method == "cma" else self._estimator(candidates)
+            )
 
-    def _estimator(self, drawn: int) -> BaseSampler:
+    def _estimator(self, candidates: int) -> BaseSampler:
         """Return tree-structured Parzen estimators, of all parameters together.
 
         Falkner, S.; Klein, A.; Hutter, F.: BOHB, ICML 2018. Points that are out count as bad ones.
         """
         return self._optuna.samplers.TPESampler(
-            n_startup_trials=1, n_ei_candidates=drawn, seed=self._seed
+            n_startup_trials=1, n_ei_candidates=candidates, seed=self._seed
         )
 
     def _covariance(self) -> BaseSampler:

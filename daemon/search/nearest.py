@@ -71,7 +71,7 @@ def find_nearest(
     if not near:
         return None
     approach.is_spent = False
-    approach.left += NEAREST_POINTS - _TAKING_BACK
+    approach.budget += NEAREST_POINTS - _TAKING_BACK
     fewest = min(len(approach.changed(failing)) for failing in near)
     finalists = [failing for failing in near if len(approach.changed(failing)) == fewest]
     finalists.sort(key=lambda failing: distance_from_written(task, failing.point))
@@ -132,12 +132,12 @@ class _Near:
 class _Approach:
     """Brings failures near; ``order`` has the parameters of most influence first.
 
-    ``is_spent`` tells that a point could not be tried because none was ``left``.
+    ``is_spent`` tells that a point could not be tried because the ``budget`` was spent.
     """
 
     points: PointRunner
     order: tuple[int, ...]
-    left: int = _TAKING_BACK
+    budget: int = _TAKING_BACK
     is_spent: bool = False
     _tried: dict[Point, Trial | None] = field(default_factory=dict)
 
@@ -150,20 +150,20 @@ class _Approach:
         """Return a failure with parameters back as written, every one of the others needed."""
         task, start, changed = self.points.case.task, failing.point, self.changed(failing)
 
-        def point_of(kept: tuple[int, ...]) -> Point:
-            return taken_back(task, start, [index for index in changed if index not in kept])
+        def point_of(changes: tuple[int, ...]) -> Point:
+            return taken_back(task, start, [index for index in changed if index not in changes])
 
         def first_failing(groups: Sequence[tuple[int, ...]]) -> int | None:
             for first in range(0, len(groups), _AT_A_TIME):
-                batch = [point_of(kept) for kept in groups[first : first + _AT_A_TIME]]
+                batch = [point_of(changes) for changes in groups[first : first + _AT_A_TIME]]
                 for number, trial in enumerate(self._try(batch), first):
                     if trial is not None and trial.fails:
                         return number
             return None
 
         with suppress(_SpentError):
-            for kept in ddmin(changed, first_failing):
-                failing = self._tried[point_of(kept)] or failing
+            for changes in ddmin(changed, first_failing):
+                failing = self._tried[point_of(changes)] or failing
         return failing
 
     def halve(self, failing: Trial) -> _Near:
@@ -199,10 +199,10 @@ class _Approach:
         """Return what points say with most noises; raises :class:`_SpentError`."""
         new = {point for point in tried if not self.points.is_known(point)}
         # A whole batch or none: half of one would make the answer depend on what is left.
-        if len(new) > self.left:
+        if len(new) > self.budget:
             self.is_spent = True
             raise _SpentError
-        self.left -= len(new)
+        self.budget -= len(new)
         notes = [changes_text(self.points.case.task, point) for point in tried]
         results = self.points.results(zip(tried, notes, strict=True), "nearest")
         trials = self.points.judge(results)

@@ -37,13 +37,13 @@ class PointRunner:
     number: int = 0
     executed: int = 0
     reused: int = 0
-    _known: dict[Point, Trial] = field(default_factory=dict)
+    _trials: dict[Point, Trial] = field(default_factory=dict)
     _refused: set[int] = field(default_factory=set)
     _repeats: dict[tuple[int, int], Trial] = field(default_factory=dict)
 
     @property
     def repeats(self) -> int:
-        """How many runs a point takes."""
+        """The number of runs that a point takes."""
         return 1 if self.case.task.repeatable else MEDIAN_OF
 
     def begin(
@@ -62,14 +62,14 @@ class PointRunner:
             self.issue(replace(proposal, repeat=repeat), candidate)
         return proposal
 
-    def finish(self, begun: Proposal) -> Trial:
+    def finish(self, proposal: Proposal) -> Trial:
         """Wait for the runs of a point and return their trial."""
-        if begun.number in self._refused:
-            trial = Trial(begun)
+        if proposal.number in self._refused:
+            trial = Trial(proposal)
         else:
-            positions = range(begun.position, begun.position + self.repeats)
+            positions = range(proposal.position, proposal.position + self.repeats)
             trial = median_trial([self._trial(position) for position in positions])
-        self._known.setdefault(begun.values, trial)
+        self._trials.setdefault(proposal.values, trial)
         return trial
 
     def _trial(self, position: int) -> Trial:
@@ -77,7 +77,7 @@ class PointRunner:
 
     def is_known(self, point: Point) -> bool:
         """Return whether no run is needed to judge a point."""
-        return point in self._known or not self.allowed(point)
+        return point in self._trials or not self.allowed(point)
 
     def results(self, points: Iterable[tuple[Point, str]], phase: Phase) -> list[Trial | None]:
         """Return the trials of points, run at the same time, each with a few words about it.
@@ -86,13 +86,13 @@ class PointRunner:
         """
         tried = list(points)
         new = {point: note for point, note in tried if not self.is_known(point)}
-        for begun in [self.begin(point, phase, phase, note=note) for point, note in new.items()]:
-            self.finish(begun)
-        return [self._known.get(point) for point, _ in tried]
+        for proposal in [self.begin(point, phase, phase, note=note) for point, note in new.items()]:
+            self.finish(proposal)
+        return [self._trials.get(point) for point, _ in tried]
 
     @property
     def others(self) -> int:
-        """How many repeats with other noise say whether a failure holds.
+        """The number of repeats with other noise that say whether a failure holds.
 
         They are the first that confirm one. Run 0 does not count: it was chosen for failing.
         """
@@ -105,11 +105,11 @@ class PointRunner:
         """
         if not result.fails or self.repeats > 1:
             return result.fails
-        known = self._others_of(result)
-        failed, half = sum(one.fails for one in known), _half(self.others)
+        others = self._others_of(result)
+        failed, half = sum(one.fails for one in others), _half(self.others)
         if failed >= half:
             return True
-        return False if len(known) - failed > self.others - half else None
+        return False if len(others) - failed > self.others - half else None
 
     def judge(self, results: Sequence[Trial | None]) -> list[Trial | None]:
         """Return results, and the median of the passing repeats for failures that do not hold.
@@ -137,10 +137,10 @@ class PointRunner:
         self._run_repeats([(result, repeat) for repeat in repeats])
         return [self._repeats[result.number, repeat] for repeat in repeats]
 
-    def _run_repeats(self, wanted: Sequence[tuple[Trial, int]]) -> None:
+    def _run_repeats(self, repeats: Sequence[tuple[Trial, int]]) -> None:
         """Run repeats of points that were not run before, a window at a time."""
         window = self.case.task.window
-        new = [(r, repeat) for r, repeat in wanted if (r.number, repeat) not in self._repeats]
+        new = [(r, repeat) for r, repeat in repeats if (r.number, repeat) not in self._repeats]
         for start in range(0, len(new), window):
             batch = [(one, r, self._begin_repeat(one, r)) for one, r in new[start : start + window]]
             for trial, repeat, position in batch:

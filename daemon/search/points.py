@@ -1,4 +1,4 @@
-"""How far a point is from the scenario as written, and the points in between."""
+"""Distances of points from the scenario as written, and the points in between."""
 
 from __future__ import annotations
 
@@ -75,10 +75,10 @@ def value_between(
         return None
     is_log = parameter.log and min(one, other) > 0.0
     middle = math.sqrt(one * other) if is_log else 0.5 * (one + other)
-    found = float(f"{round(middle / step) * step:.10g}")
-    inside = min(one, other) < found < max(one, other)
-    apart = min(abs(found - one), abs(found - other)) > _SAME * abs(found)
-    return found if inside and apart else None
+    value = float(f"{round(middle / step) * step:.10g}")
+    inside = min(one, other) < value < max(one, other)
+    apart = min(abs(value - one), abs(value - other)) > _SAME * abs(value)
+    return value if inside and apart else None
 
 
 def position_in_range(parameter: SearchParameter, value: PointValue | None) -> float:

@@ -156,15 +156,15 @@ class _SearchCheck:
         name, texts = self.case.task.name, ", ".join(self.case.task.constraints)
         # With a seed of its own: findings do not depend on that of the search.
         draws = np.random.default_rng(0).random((_DRAWN, space.dimensions))
-        kept = sum(space.allowed(space.at(draw)) for draw in draws)
+        count = sum(space.allowed(space.at(draw)) for draw in draws)
         warn = partial(self._finding, severity=Severity.WARNING)
-        if not kept:
+        if not count:
             message = f"{name}: no point of the ranges keeps to all of such that: {texts}"
             hint = "widen the ranges, or leave one of them out"
             yield self._finding(message, hint, "such that")
             return
-        if kept < _RARE:
-            message = f"{name}: of {_DRAWN} points {kept} keep to such that"
+        if count < _RARE:
+            message = f"{name}: of {_DRAWN} points {count} keep to such that"
             yield warn(message, "narrow the ranges", "such that")
         if space.written is not None and not space.allowed(space.written):
             message = f"{name}: the scenario as written does not keep to such that: {texts}"
@@ -176,13 +176,13 @@ class _SearchCheck:
         pairs = zip(task.parameters, centre, strict=True)
         base = tuple(middle if p.written is None else p.written for p, middle in pairs)
         try:
-            written = self.case.cell_at(base, 0, 0)
+            base_cell = self.case.cell_at(base, 0, 0)
         except InputError as error:
             words = _first(error.diagnostics)
             yield self._finding(f"{task.name}: the scenario as written makes no run: {words}", "")
             return
         # Problems of the scenario as it stands are reported once, not of every value.
-        known = frozenset(_errors(written))
+        reported = frozenset(_errors(base_cell))
 
         def refusal(point: Point) -> str:
             """Return why an allowed point makes no run; empty for one that does."""
@@ -192,7 +192,9 @@ class _SearchCheck:
                 cell = self.case.cell_at(point, 0, 0)
             except InputError as error:
                 return _first(error.diagnostics)
-            return next((words for words in _errors(cell, written.scene) if words not in known), "")
+            return next(
+                (words for words in _errors(cell, base_cell.scene) if words not in reported), ""
+            )
 
         are_sound = True
         for index, parameter in enumerate(task.parameters):

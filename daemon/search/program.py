@@ -71,7 +71,7 @@ class _StopRules:
     errors: int = 0
     quiet: int = 0
     _best: float = float("inf")
-    _seen: set[FailureKey] = field(default_factory=set)
+    _kinds: set[FailureKey] = field(default_factory=set)
 
     def learn(self, trial: Trial) -> bool:
         """Take in a trial, and return whether it is a better or a new one."""
@@ -85,8 +85,8 @@ class _StopRules:
             self._best = trial.compared
         if trial.fails:
             self.failures += 1
-            news = news or failure_key(trial) not in self._seen
-            self._seen.add(failure_key(trial))
+            news = news or failure_key(trial) not in self._kinds
+            self._kinds.add(failure_key(trial))
         if news:
             self.quiet = 0
         return news
@@ -127,7 +127,7 @@ class _SearchProgram:
         """Return the answer so far."""
         # Where runs differ every point is a median of several, and none is repeated to judge it.
         failures = self._failures() if self.task.repeatable else []
-        known = [self.points.holds(failure) for failure in failures]
+        answers = [self.points.holds(failure) for failure in failures]
         return make_answer(
             self.task,
             self.explored,
@@ -137,7 +137,7 @@ class _SearchProgram:
             confirmed=self.confirmed,
             nearest=self.nearest,
             shrunk=self.shrunk,
-            holding=[holds for holds in known if holds is not None],
+            holding=[holds for holds in answers if holds is not None],
         )
 
     def run(self) -> SearchAnswer:
@@ -149,9 +149,9 @@ class _SearchProgram:
             if "nearest" in self.task.then:
                 self._bring_near()
             if "shrink" in self.task.then:
-                told = first if self.nearest is None else self.nearest.result
-                self._report("shrink", f"shrinking run {told.number}")
-                self.shrunk = shrink_failure(self.points, told)
+                failure = first if self.nearest is None else self.nearest.result
+                self._report("shrink", f"shrinking run {failure.number}")
+                self.shrunk = shrink_failure(self.points, failure)
         return self.with_found(self.answer(ended))
 
     def _failures(self) -> list[Trial]:
@@ -187,8 +187,8 @@ class _SearchProgram:
         issued = self.runs.issued(self.points.position)
         return "" if issued is not None and issued.phase == "explore" else "time"
 
-    def _learn(self, begun: Proposal, method: SearchMethod, rules: _StopRules) -> None:
-        trial = self.points.finish(begun)
+    def _learn(self, proposal: Proposal, method: SearchMethod, rules: _StopRules) -> None:
+        trial = self.points.finish(proposal)
         method.learn(None if trial.value is None else trial.value.value)
         self.explored.append(trial)
         # Not after every run: an answer so far is large, and most change nothing.
