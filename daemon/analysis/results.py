@@ -63,12 +63,12 @@ class Results:
     @property
     def watches(self) -> tuple[Trigger, ...]:
         """The triggers of all scenarios: of each joint the first one at each distance."""
-        found: dict[tuple[str, float], Trigger] = {}
+        triggers: dict[tuple[str, float], Trigger] = {}
         for spec in self.specs:
             for behaviour in spec.behaviours:
                 if isinstance(behaviour, Trigger):
-                    found.setdefault((behaviour.joint, behaviour.distance), behaviour)
-        return tuple(found.values())
+                    triggers.setdefault((behaviour.joint, behaviour.distance), behaviour)
+        return tuple(triggers.values())
 
 
 def campaign_results(source: CampaignSource, row: CampaignRow, where: str) -> Results:

@@ -39,7 +39,7 @@ def newest_results() -> Path | None:
 
 @contextmanager
 def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
-    """Where a daemon knows nothing of what was ``named``, say which commands read traces.
+    """Name the commands that read traces where a daemon does not know what was ``named``.
 
     ``command`` is the one that asks a daemon, ``hint`` its parameter. A trace or a folder of this
     machine is wrong usage; without a daemon the newest folder of `scenario run` is named.
@@ -147,8 +147,8 @@ def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> No
 
 
 def _say_progress(campaign: CampaignRow, traces: int) -> None:
-    if left := unfinished_text(campaign):
-        say(f"{campaign.id} goes on ({left}): {count_noun(traces, 'run')} finished so far")
+    if rest := unfinished_text(campaign):
+        say(f"{campaign.id} goes on ({rest}): {count_noun(traces, 'run')} finished so far")
 
 
 def why_without_traces(name: str, target: DaemonTarget) -> str:
@@ -227,12 +227,12 @@ def transfer_progress(total: int) -> Iterator[ByteProgress]:
 
 
 def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
-    """Whether a daemon that was named has to be asked."""
+    """Return True if a daemon that was named has to be asked."""
     return target.named and not name.endswith(".mcap") and not names_traces(name)
 
 
 def names_traces(name: str) -> bool:
-    """Whether ``name`` is a file here, or a folder with traces in it.
+    """Return True if ``name`` is a file here, or a folder with traces in it.
 
     `scenario new patrol` makes a folder that is called like its campaign and holds none.
     """

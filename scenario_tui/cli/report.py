@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -16,7 +16,7 @@ from scenario_tui.cli.options import AsJson, Connect, Processes, State, check_wr
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
-    from daemon.analysis.report import ReportData, SuggestedCommand
+    from daemon.analysis.report import SuggestedCommand
     from daemon.analysis.results import Results
     from daemon.model.assessments import ReferenceComparison
     from scenario_tui.cli.target import DaemonTarget
@@ -32,7 +32,7 @@ _RUN_COMMANDS: Final = (
 
 
 class ReportOutput(Output, schema="report"):
-    """What a campaign or a search comes to, and the files ``written`` about it by their kind.
+    """Outcome of a campaign or a search, and the files ``written`` about it by their kind.
 
     ``references`` are what others found of the same beside what was found here.
     """
@@ -86,41 +86,49 @@ def report(
 ) -> None:
     """Write a campaign or a search as one page with figures, a campaign as tables, too."""
     from daemon.analysis.report import (
+        headline,
         read_report_data,
         write_csv,
         write_junit,
         write_page,
         write_parquet,
     )
+    from daemon.judging.assessment import reference_comparisons
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
-    for option, file in (
-        ("--output", output), ("--junit", junit), ("--csv", csv), ("--parquet", parquet),
-    ):  # fmt: skip
-        if file is not None:
-            check_writable(file, option)
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    for option, file in ({"output": output} | tables).items():
+        if file is not None:
+            check_writable(file, f"--{option}")
     if _report_search(campaign, output, target, tables, exit_status=exit_status, as_json=as_json):
         return
-    # Who asks for tables only gets no page besides.
+    # With table formats only, no page is written.
     page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
-    chosen = _choose_campaign(campaign, target)
+    results = _choose_campaign(campaign, target)
     bar = partial(track_progress, description="reading traces")
-    material = read_report_data(chosen, processes=processes, watched=bar)
+    material = read_report_data(results, processes=processes, watched=bar)
     if page is not None:
         text = write_page(material, _run_commands(), processes=processes)
         page.write_text(text, encoding="utf-8")
     if junit is not None:
         records = tuple(run.record for run in material.runs)
-        write_junit(material.input.name, material.assessment, records, junit)
+        write_junit(results.name, material.assessment, records, junit)
     for writer, path in ((write_csv, csv), (write_parquet, parquet)):
         if path is not None:
             writer(material, path)
-    written = {"page": page} | tables
-    _print_written(
-        material, {kind: path for kind, path in written.items() if path}, as_json=as_json
+    answer = headline(material.assessment, material.runs)
+    summary = ReportOutput(
+        results.name,
+        len(material.runs),
+        f"{answer.word}. {answer.sentence}",
+        material.assessment.exit_code,
+        {kind: str(path) for kind, path in ({"page": page} | tables).items() if path},
+        reference_comparisons(results.declared.references, material.assessment),
     )
+    # A folder may be called like a campaign: say which of them this is about.
+    subject = f"{results.name} ({results.id or results.where})"
+    _tell(summary, subject, results.unread, as_json=as_json)
     if exit_status:
         raise typer.Exit(ExitCode(material.assessment.exit_code))
 
@@ -134,7 +142,7 @@ def _report_search(
     exit_status: bool,
     as_json: bool,
 ) -> bool:
-    """Write the page of a search; whether it is one that is meant.
+    """Write the page of a search; return False when a campaign is meant.
 
     Tables are left to campaigns: nothing is expected of what a search tries.
     """
@@ -154,26 +162,19 @@ def _report_search(
     page = output or _DEFAULT_PAGE
     write_search_page(material, page)
     code = search_code(row)
-    written = {"page": str(page)}
-    answer = headline(row)
-    if as_json:
-        ReportOutput(row.name, len(material.proposals), answer, int(code), written).emit()
-    else:
-        console = stdout_console()
-        console.print(f"{row.task.name} ({row.campaign}): {answer}", markup=False, soft_wrap=True)
-        size = page.stat().st_size / 1e6
-        console.print(f"{page} ({size:.2f} MB)", markup=False, soft_wrap=True)
+    summary = ReportOutput(
+        row.name, len(material.proposals), headline(row), int(code), {"page": str(page)}
+    )
+    _tell(summary, f"{row.task.name} ({row.campaign})", as_json=as_json)
     if exit_status:
         raise typer.Exit(code)
     return True
 
 
 def _choose_campaign(campaign: str, target: DaemonTarget) -> Results:
-    """Return what is meant: a folder of traces, else a campaign of the state directory.
+    """Return what is meant: a folder of traces, otherwise a campaign with its traces brought here.
 
-    A folder without any is meant when no campaign is called so.
-
-    Of a daemon that was named, the traces are brought here.
+    A folder without traces is meant when no campaign has its name.
     """
     from daemon.analysis.results import folder_results
     from daemon.batch.errors import DaemonError
@@ -204,10 +205,10 @@ def _submitted_campaign(campaign: str, target: DaemonTarget) -> Results:
 
     if target.named:
         with target.open() as daemon:
-            found = campaign_results(daemon, find_campaign(daemon, campaign), target.endpoint)
-            size = sum(run.result.trace.size for run in found.records if run.result is not None)
+            results = campaign_results(daemon, find_campaign(daemon, campaign), target.endpoint)
+            size = sum(run.result.trace.size for run in results.records if run.result is not None)
             with transfer_progress(size) as advance:
-                return bring_traces(found, partial(local_copy, source=daemon, progress=advance))
+                return bring_traces(results, partial(local_copy, source=daemon, progress=advance))
     if not campaign and not target.paths.ledger.is_file() and (newest := newest_results()):
         message = f"{target.paths.state} is no state directory: nothing was submitted here"
         command = f"scenario report {shlex.quote(str(newest))}"
@@ -225,27 +226,20 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
     return tuple(SuggestedCommand(*command) for command in (_MOMENT_COMMAND, *_RUN_COMMANDS))
 
 
-def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
-    from daemon.analysis.report import headline
-    from daemon.judging.assessment import reference_comparisons
-
-    said = headline(material.assessment, material.runs)
+def _tell(
+    summary: ReportOutput,
+    subject: str,
+    unread: Iterable[tuple[str, str]] = (),
+    *,
+    as_json: bool,
+) -> None:
+    """Print the outcome and the files that were written."""
     if as_json:
-        ReportOutput(
-            material.input.name,
-            len(material.runs),
-            f"{said.word}. {said.sentence}",
-            material.assessment.exit_code,
-            {kind: str(path) for kind, path in written.items()},
-            reference_comparisons(material.input.declared.references, material.assessment),
-        ).emit()
+        summary.emit()
         return
-    console = stdout_console()
-    # A folder may be called like a campaign: say which of them this is about.
-    about = f"{material.input.name} ({material.input.id or material.input.where})"
-    console.print(f"{about}: {said.word}. {said.sentence}", markup=False, soft_wrap=True)
-    for file, problem in material.input.unread:
-        console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
-    for path in written.values():
-        size = path.stat().st_size / 1e6
-        console.print(f"{path} ({size:.2f} MB)", markup=False, soft_wrap=True)
+    lines = [f"{subject}: {summary.answer}"]
+    lines += [f"not read: {file}: {problem}" for file, problem in unread]
+    for path in summary.written.values():
+        lines.append(f"{path} ({Path(path).stat().st_size / 1e6:.2f} MB)")
+    for line in lines:
+        stdout_console().print(line, markup=False, soft_wrap=True)

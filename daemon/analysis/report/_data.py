@@ -1,4 +1,4 @@
-"""Reading the traces of a campaign in parallel, and judging runs nobody has judged yet."""
+"""Data of a report: the traces of a campaign, read in parallel, and judged where nobody has."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ProgressWrapper: TypeAlias = Callable[[Iterable["ReportRun"], int], Iterable["Re
 
 @dataclass(frozen=True, slots=True)
 class ReportRun:
-    """A run, judged, and what its trace says; ``versions`` are of what can change it, by name."""
+    """A run, judged, and its trace in numbers; ``versions`` of all that can change it, by name."""
 
     record: RunRow
     tracks: RunTracks
@@ -57,26 +57,26 @@ class ReportData:
 
 
 def read_report_data(
-    chosen: Results, *, processes: int | None = None, watched: ProgressWrapper | None = None
+    results: Results, *, processes: int | None = None, watched: ProgressWrapper | None = None
 ) -> ReportData:
     """Read all traces and assess the campaign; ``watched`` may show how far it is.
 
     Runs that are not judged yet are judged by the oracles inside of their traces. A trace that is
     missing or damaged leaves a run without tracks, never without its verdicts.
     """
-    buffer = safety_buffer(chosen.oracles, chosen.footprints)
-    points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(chosen.records), 1)))
+    buffer = safety_buffer(results.oracles, results.footprints)
+    points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(results.records), 1)))
     oracles.warm_up()
     task = partial(
-        _read_run, buffer=buffer, watches=chosen.watches, points=points, machine=chosen.machine
+        _read_run, buffer=buffer, watches=results.watches, points=points, machine=results.machine
     )
-    found: Iterable[ReportRun] = parallel_map(
-        task, chosen.records, doing="that reads traces", processes=processes
+    reading: Iterable[ReportRun] = parallel_map(
+        task, results.records, doing="that reads traces", processes=processes
     )
-    runs = tuple(found if watched is None else watched(found, len(chosen.records)))
-    assessment = assess(chosen.declared, (run.record for run in runs))
+    runs = tuple(reading if watched is None else watched(reading, len(results.records)))
+    assessment = assess(results.declared, (run.record for run in runs))
     coverage = sum_coverage([run.coverage for run in runs if run.coverage is not None])
-    return ReportData(chosen, runs, assessment, buffer, coverage)
+    return ReportData(results, runs, assessment, buffer, coverage)
 
 
 def _read_run(

@@ -67,16 +67,16 @@ def _measure_rows(tracks: RunTracks) -> Iterator[Row]:
 
 def _verdict_rows(record: RunRow) -> Iterator[Row]:
     for verdict in record.verdicts:
-        seen = verdict.evidence
+        evidence = verdict.evidence
         measure = verdict.outcome is Outcome.MEASURE
         yield (
             "oracle-measure" if measure else "oracle",
             verdict.oracle,
-            seen.value if measure else verdict.margin,
+            evidence.value if measure else verdict.margin,
             verdict.unit,
             str(verdict.outcome),
-            seen.time,
-            seen.object,
+            evidence.time,
+            evidence.object,
         )
 
 

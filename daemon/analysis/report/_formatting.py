@@ -44,11 +44,11 @@ def verdict_details(verdict: Verdict) -> str:
 
     Margins without a unit only say true or false and are left out.
     """
-    seen = verdict.evidence
+    evidence = verdict.evidence
     parts = [format_quantity(verdict.margin, verdict.unit, signed=True)]
     if verdict.unit == "" or verdict.margin is None:
         parts = []
-    parts.append("" if seen.time is None else f"at {seen.time:.1f} s")
+    parts.append("" if evidence.time is None else f"at {evidence.time:.1f} s")
     # What a stack printed stands below the first line, and in the list of runs.
-    parts.extend((seen.object, seen.note_text.partition("\n")[0]))
+    parts.extend((evidence.object, evidence.note_text.partition("\n")[0]))
     return ", ".join(part for part in parts if part)

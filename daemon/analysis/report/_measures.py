@@ -110,8 +110,8 @@ def standard_names(texts: Mapping[str, str], buffer: SafetyBuffer) -> dict[str, 
     campaign has without an oracle.
     """
     standard = {_meaning(m.text): m.name for m in standard_measures(buffer) if m.text}
-    found = {DURATION: DURATION} | {n: standard.get(_meaning(t), "") for n, t in texts.items()}
-    return {name: same for name, same in found.items() if same}
+    same = {DURATION: DURATION} | {n: standard.get(_meaning(t), "") for n, t in texts.items()}
+    return {name: measure for name, measure in same.items() if measure}
 
 
 def _meaning(text: str) -> object:

@@ -1,7 +1,6 @@
-"""Where the numbers of a report are from: when, which file at which commit, on what, with what.
+"""Provenance of the numbers of a report: when, which file at which commit, on what, with what.
 
-A page is a function of what it is about: no clock and no folder is asked here. What nobody noted is
-left out.
+A page is a function of its data: no clock and no folder is read here. Unknown facts are left out.
 """
 
 from __future__ import annotations
@@ -27,11 +26,12 @@ def provenance(data: ReportData) -> tuple[tuple[str, str], ...]:
 
 
 def _facts(data: ReportData) -> Iterator[tuple[str, str]]:
-    chosen = data.input
-    yield "executed", _span(chosen.submitted_at, chosen.finished_at)
-    yield "campaign file", _file(chosen.origin)
-    yield "version control", _commit(chosen.origin)
-    yield "seed", "" if chosen.origin.seed is None else str(chosen.origin.seed)
+    origin = data.input.origin
+    yield "executed", _span(data.input.submitted_at, data.input.finished_at)
+    if origin.file:
+        yield "campaign file", f"{origin.file}, SHA-256 {origin.digest[:_SHOWN_OF_HASH]}…"
+        yield "version control", _commit(origin)
+    yield "seed", "" if origin.seed is None else str(origin.seed)
     results = [run.record.result for run in data.runs if run.record.result is not None]
     machines = Counter(result.machine for result in results if result.machine)
     yield "machine", _kinds(machines, len(results))
@@ -54,15 +54,7 @@ def _span(start: float | None, end: float | None) -> str:
     return f"{began:%Y-%m-%d, %H:%M} to {day}{ended:%H:%M} UTC"
 
 
-def _file(origin: CampaignOrigin) -> str:
-    if not origin.file:
-        return ""
-    return f"{origin.file}, SHA-256 {origin.digest[:_SHOWN_OF_HASH]}…"
-
-
 def _commit(origin: CampaignOrigin) -> str:
-    if not origin.file:
-        return ""
     if origin.changed is None:
         return "no git repository"
     commit = f"commit {origin.commit[:_SHOWN_OF_HASH]}" if origin.commit else "no commit yet"
@@ -71,21 +63,18 @@ def _commit(origin: CampaignOrigin) -> str:
     return f"{commit}{branch}, {changed}"
 
 
-def _versions(found: Iterable[tuple[str, str]]) -> str:
+def _versions(versions: Iterable[tuple[str, str]]) -> str:
     """Return versions as a trace has them in a line, our own first."""
-    known = dict(found)
-    engine = known.pop("engine", "")
-    own = known.pop("scenario-tui", "")
-    ours = [f"scenario-tui {own}"] if own else []
-    ours += [f"engine {engine}"] if engine else []
-    return ", ".join((*ours, *(f"{name} {version}" for name, version in sorted(known.items()))))
+    others = dict(versions)
+    ours = [f"{n} {others.pop(n)}" for n in ("scenario-tui", "engine") if others.get(n)]
+    return ", ".join((*ours, *(f"{name} {version}" for name, version in sorted(others.items()))))
 
 
-def _kinds(found: Counter[str], whole: int) -> str:
+def _kinds(counts: Counter[str], whole: int) -> str:
     """Return one thing as it is, of several how many runs each has."""
-    if len(found) > _MOST_KINDS:
-        return f"{len(found)} different ones"
-    alone = len(found) == 1 and sum(found.values()) == whole
+    if len(counts) > _MOST_KINDS:
+        return f"{len(counts)} different ones"
+    alone = len(counts) == 1 and counts.total() == whole
     return "; ".join(
-        name if alone else f"{name} ({count_noun(count, 'run')})" for name, count in found.items()
+        name if alone else f"{name} ({count_noun(count, 'run')})" for name, count in counts.items()
     )

@@ -99,7 +99,7 @@ def buffer_of_run(spec: RunSpec) -> SafetyBuffer:
 
 
 def _is_around(half: Point2, footprints: Iterable[Ring]) -> bool:
-    """Whether a box leaves room on every side of one of the footprints."""
+    """Return True if a box leaves room on every side of one of the footprints."""
     return any(
         all(abs(x) < half[0] and abs(y) < half[1] for x, y in footprint) for footprint in footprints
     )
@@ -117,7 +117,7 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
 
     Empty if the trace was read without its scans.
     """
-    found = [np.empty((0, 2))]
+    parts = [np.empty((0, 2))]
     for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
         mount = laser.mount
         # Lost rays and those without a return are no numbers, or infinite.
@@ -130,8 +130,8 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
         x = mount.x + ranges * np.cos(bearing)[rays] - centre[0]
         y = mount.y + ranges * np.sin(bearing)[rays] - centre[1]
         within = (np.abs(x) < half[0]) & (np.abs(y) < half[1])
-        found.append(np.column_stack((x, y))[within] + centre)
-    inside = np.concatenate(found)
+        parts.append(np.column_stack((x, y))[within] + centre)
+    inside = np.concatenate(parts)
     if len(inside) > _POINTS:
         inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
     return inside.astype(np.float32)
@@ -139,7 +139,7 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
 
 def oracle_limit(texts: Iterable[str], signal: str) -> float | None:
     """Return the smallest constant that an oracle holds ``signal`` below at each sample, if any."""
-    found = [
+    limits = [
         number.value
         for text in texts
         for part, holds in _judged_parts(text)
@@ -149,4 +149,4 @@ def oracle_limit(texts: Iterable[str], signal: str) -> float | None:
         and part.left == Signal(signal)
         and part.operator in ("<=", "<")
     ]
-    return min(found, default=None)
+    return min(limits, default=None)
