@@ -176,9 +176,10 @@ def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingIt
     ends = [page.point(end) for end in mark.line]
     colour = TOUCHED if mark.fails else INK
     items.append(Shape((tuple(ends),), line=colour, width=1.2, open=True))
-    items += [Disc(end, 2.2, colour, FLOOR, 0.8) for end in ends]
     if math.dist(*ends) < _SHORT:
         items.append(Disc(ends[0], 12.0, line=colour, width=1.6))
+    else:
+        items += [Disc(end, 2.2, colour, FLOOR, 0.8) for end in ends]
     words = TextLabel(ends[0], mark.words, 13.0, colour, bold=True, halo=FLOOR, centred=True)
     shown = [(x, y) for x, y in ends if 0.0 <= x <= page.width and 0.0 <= y <= page.height]
     around = [(x + d, y + d) for x, y in shown or ends for d in (-12.0, 12.0)]

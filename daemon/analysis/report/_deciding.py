@@ -90,7 +90,7 @@ def _object_mark(
     distance = body.distance(shapes[index])
     words = _measure_text(verdict, distance)
     if distance < _TOUCHING and verdict.unit != "m":
-        words = f"touches {about.partition('.')[0].replace('_', ' ')}"
+        words = f"touches {about.partition('.')[0].replace('_', ' ')}".rstrip()
     return MeasuredMark((start, end), words, parts[index] if parts else (), place)
 
 

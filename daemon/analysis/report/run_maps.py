@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,6 @@ from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import (
-    PoseTrack,
     Trace,
     TraceError,
     read_scene,
@@ -78,7 +77,7 @@ def draw_run(
     that lies outside of the run.
     """
     trace = read_trace(trace_path)
-    part = None if since is None and until is None else _part(trace, since, until)
+    part = _part(trace, since, until)
     # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
     problems = oracles.trace_problems(trace)
     if problems:
@@ -102,8 +101,8 @@ def draw_moment(trace_path: Path, verdict: Verdict, label: str) -> Markup | None
     first, last = float(stamps[0]), float(stamps[-1])
     time = deciding_time(sampler, verdict)
     until = min(max(time + _AFTER, first + _AT_LEAST), last)
-    part = _RunPart(max(min(time, last) - _BEFORE, first), until)
-    overlay = _overlay(sampler, _tracks(sampler, part), part)
+    part = _RunPart(max(min(time, last) - _BEFORE, first), until, closely=True)
+    overlay = _overlay(trace, _tracks(sampler, closely=True), part)
     overlay = replace(overlay, mark=deciding_mark(sampler, verdict))
     figure = draw_world(_world(trace), overlay, width=_MOMENT_WIDTH, frame=BARE)
     return page_svg(figure, label)
@@ -148,7 +147,7 @@ def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> 
     sampler = _usable_sampler(trace_path)
     if sampler is None:
         return None
-    runs = {sampler.trace.spec.repeat: _tracks(sampler, None)}
+    runs = {sampler.trace.spec.repeat: _tracks(sampler)}
     decided = (trace_path, verdict) if verdict else None
     return draw_ways(runs, sampler.trace.scene, label, decided)
 
@@ -228,10 +227,11 @@ def _usable_sampler(trace_path: Path) -> SignalSampler | None:
 
 @dataclass(frozen=True, slots=True)
 class _RunPart:
-    """From ``since`` to ``until`` [s] of a run."""
+    """From ``since`` to ``until`` [s] of a run, shown ``closely`` or all of it."""
 
     since: float
     until: float
+    closely: bool
 
     def of(self, time: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
         return (time >= self.since) & (time <= self.until)
@@ -242,8 +242,12 @@ def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
     if not len(time):
         raise ValueError("nothing was recorded")
     first, last = float(time[0]), float(time[-1])
-    part = _RunPart(first if since is None else since, last if until is None else until)
-    if np.count_nonzero(part.of(time)) < 2:
+    part = _RunPart(
+        first if since is None else since,
+        last if until is None else until,
+        closely=since is not None or until is not None,
+    )
+    if part.closely and np.count_nonzero(part.of(time)) < 2:
         raise ValueError(
             f"{part.since:g} s to {part.until:g} s is no part of a run that goes from {first:g} s "
             f"to {last:g} s"
@@ -251,107 +255,90 @@ def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
     return part
 
 
-def _judged_run(sampler: SignalSampler, part: _RunPart | None) -> RunOverlay:
-    """Return a run, or a part of it, with its outcome and the first failure that it shows."""
-    oracles.warm_up()
-    verdicts = oracles.judge(sampler.trace, sampler.trace.spec.oracles, sampler=sampler)
-    outcome = str(oracles.overall_outcome(sampler.trace, verdicts))
-    tracks = _tracks(sampler, part)
-    overlay = _overlay(sampler, tracks, part)
-    failures = (
-        verdict
-        for verdict in verdicts
-        if verdict.outcome is Outcome.FAIL
-        and (part is None or part.since <= deciding_time(sampler, verdict) <= part.until)
-    )
-    marks = (deciding_mark(sampler, verdict) for verdict in failures)
-    mark = next((mark for mark in marks if mark), None)
-    contacts = len(overlay.contacts)
-    return replace(overlay, mark=mark, about=_about(sampler, tracks, part, outcome, contacts))
-
-
-def _tracks(sampler: SignalSampler, part: _RunPart | None) -> RunTracks:
+def _tracks(sampler: SignalSampler, *, closely: bool = False) -> RunTracks:
     trace = sampler.trace
     # Of a part every sample counts: what is looked at may be a few centimetres.
-    points = _POINTS if part is None else 3 * len(sampler.time_base.time)
+    points = 3 * len(sampler.time_base.time) if closely else _POINTS
     return extract_tracks(trace.spec.label, trace, sampler, buffer_of_run(trace.spec), (), points)
 
 
-def _about(
-    sampler: SignalSampler, tracks: RunTracks, part: _RunPart | None, outcome: str, contacts: int
-) -> str:
-    """Return the heading of a picture of a run, or of a part of it."""
-    spec, measures = sampler.trace.spec, tracks.measures
-    if part is None:
-        parts = [
-            outcome,
-            f"campaign {spec.campaign}",
-            f"ended after {format_quantity(measures.get('duration'), 's')}",
-            f"nearest {format_quantity(measures.get('min clearance'), 'm')}",
-            f"{format_quantity(measures.get('time in buffer'), 's')} in the buffer of "
-            f"{buffer_of_run(spec).size}",
-        ]
+def _judged_run(sampler: SignalSampler, part: _RunPart) -> RunOverlay:
+    """Return a run, or a part of it, with its outcome and the first failure that it shows."""
+    oracles.warm_up()
+    verdicts = oracles.judge(sampler.trace, sampler.trace.spec.oracles, sampler=sampler)
+    marks = (
+        deciding_mark(sampler, verdict)
+        for verdict in verdicts
+        if verdict.outcome is Outcome.FAIL
+        and part.since <= deciding_time(sampler, verdict) <= part.until
+    )
+    tracks = _tracks(sampler, closely=part.closely)
+    overlay = _overlay(sampler.trace, tracks, part)
+    facts = (
+        str(oracles.overall_outcome(sampler.trace, verdicts)),
+        *_facts(sampler.trace, tracks, part),
+        count_noun(len(overlay.contacts), "contact"),
+    )
+    return replace(overlay, mark=next(filter(None, marks), None), about="  ·  ".join(facts))
+
+
+def _facts(trace: Trace, tracks: RunTracks, part: _RunPart) -> Iterator[str]:
+    """Yield what the heading of a picture says of a run, or of a part of it."""
+    lasted = tracks.measures.get("duration", math.nan)
+    if part.closely:
+        yield f"{part.since:.1f} s to {part.until:.1f} s of {lasted:.1f} s"
     else:
-        nearest = float(np.nanmin(tracks.clearance[part.of(tracks.time)]))
-        parts = [
-            outcome,
-            f"{part.since:.1f} s to {part.until:.1f} s of {measures['duration']:.1f} s",
-            f"nearest {format_quantity(nearest, 'm')}",
-        ]
-    return "  ·  ".join((*parts, count_noun(contacts, "contact")))
+        yield f"campaign {trace.spec.campaign}"
+        yield f"ended after {format_quantity(lasted, 's')}"
+    nearest = np.nanmin(tracks.clearance[part.of(tracks.time)], initial=math.inf)
+    if math.isfinite(nearest):
+        yield f"nearest {format_quantity(float(nearest), 'm')}"
+    if not part.closely:
+        inside = format_quantity(tracks.measures.get("time in buffer"), "s")
+        yield f"{inside} in the buffer of {buffer_of_run(trace.spec).size}"
 
 
-def _overlay(sampler: SignalSampler, tracks: RunTracks, part: _RunPart | None) -> RunOverlay:
-    trace = sampler.trace
-    shown = np.ones(len(tracks.time), np.bool_) if part is None else part.of(tracks.time)
-    contacts = [c for c in tracks.contacts if part is None or part.since <= c[0] <= part.until]
+def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
+    truth, estimate = trace.ground_truth, trace.estimate
+    shown, kept = part.of(tracks.time), np.flatnonzero(part.of(estimate.time))
+    kept = kept[:: max(1, len(kept) // _POINTS)]
+    steps = min(_FOOTPRINTS, max(2, round((part.until - part.since) / _APART)))
+    moments = np.linspace(part.since, min(part.until, float(truth.time[-1])), steps).tolist()
     places = np.column_stack((tracks.x, tracks.y))[shown]
     overlay = RunOverlay(
         ways=(DrivenWay(places, tracks.clearance[shown], tracks.limit),),
-        believed=_believed(trace.estimate, part),
-        contacts=tuple((x, y) for _, _, x, y in contacts),
-        footprints=(pose_at(trace.ground_truth, math.inf).apply_ring(trace.spec.robot.footprint),),
+        believed=tuple(zip(estimate.x[kept].tolist(), estimate.y[kept].tolist(), strict=True)),
+        contacts=tuple(
+            (x, y) for time, _, x, y in tracks.contacts if part.since <= time <= part.until
+        ),
+        footprints=tuple(
+            pose_at(truth, moment).apply_ring(trace.spec.robot.footprint)
+            for moment in (moments if part.closely else moments[-1:])
+        ),
     )
-    return overlay if part is None else replace(overlay, **_closely(trace, part))
+    if not part.closely:
+        return overlay
+    return replace(
+        overlay,
+        apparent_goals=_apparent_goals(trace, part.until, kept),
+        positions=joint_positions(trace, part.until),
+        closely=True,
+    )
 
 
-def _closely(trace: Trace, part: _RunPart) -> dict[str, Any]:
-    """Return the further fields of the picture of a part of a run."""
-    truth = trace.ground_truth
-    steps = min(_FOOTPRINTS, max(2, round((part.until - part.since) / _APART)))
-    moments = np.linspace(part.since, min(part.until, float(truth.time[-1])), steps)
-    footprint = trace.spec.robot.footprint
-    poses = [pose_at(truth, moment) for moment in moments.tolist()]
-    return {
-        "footprints": tuple(pose.apply_ring(footprint) for pose in poses),
-        "apparent_goals": _apparent_goals(trace, part),
-        "positions": joint_positions(trace, part.until),
-        "closely": True,
-    }
-
-
-def _apparent_goals(trace: Trace, part: _RunPart) -> tuple[Point2, ...]:
-    """Return where the waypoint of the part's end lies for the robot, at each of its estimates.
+def _apparent_goals(trace: Trace, until: float, kept: npt.NDArray[np.int64]) -> tuple[Point2, ...]:
+    """Return where the waypoint of a moment lies for the robot, at each of its ``kept`` estimates.
 
     It knows the waypoint in the map, and its own estimated pose. It drives to the waypoint as seen
     from there, which is off by the error of its localisation, turned by that of its heading.
     """
-    number = current_waypoint(trace, part.until)
+    number = current_waypoint(trace, until)
     if number is None:
         return ()
     goal, estimate = trace.spec.mission.waypoints[number - 1], trace.estimate
-    chosen = np.flatnonzero(part.of(estimate.time))
-    step = max(1, len(chosen) // _POINTS)
     goals = []
-    for index in chosen[::step].tolist():
+    for index in kept.tolist():
         believed = Pose2(*(float(v[index]) for v in (estimate.x, estimate.y, estimate.yaw)))
         seen = believed.inverse().apply((goal.x, goal.y))
         goals.append(pose_at(trace.ground_truth, float(estimate.time[index])).apply(seen))
     return tuple(goals)
-
-
-def _believed(estimate: PoseTrack, part: _RunPart | None) -> tuple[Point2, ...]:
-    time = estimate.time
-    chosen = np.arange(len(time)) if part is None else np.flatnonzero(part.of(time))
-    kept = chosen[:: max(1, len(chosen) // _POINTS)]
-    return tuple(zip(estimate.x[kept].tolist(), estimate.y[kept].tolist(), strict=True))
