@@ -90,10 +90,8 @@ class CandidateRunner:
         one that fails. Raises :class:`BudgetSpentError` when the budget does not last so far.
         """
         for start in range(0, len(candidates), SLOTS):
-            batch = candidates[start : start + SLOTS]
-            self._execute([candidate for candidate in batch if candidate is not None])
-            for index, candidate in enumerate(batch, start):
-                if candidate is not None and self._known[candidate.spec.digest].word == "fail":
+            for index, end in enumerate(self.results(candidates[start : start + SLOTS]), start):
+                if end is not None and end.word == "fail":
                     return index
         return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,42 +29,14 @@ from daemon.campaign import (
     required,
 )
 from daemon.model.attachments import FILES_PARAMETER, stored_file
-from daemon.model.spec import RunSpec, SutReference
+from daemon.model.spec import RunSpec
 from daemon.run_map import stored_map
 from daemon.stacks.registry import stack_kind
 from grammars.jsonld import scene_document
 from grammars.model.map_files import write_map
-from grammars.text.sources import is_jsonld
 from grammars.text.yaml_text import yaml_text
 
 SCENARIO: Final = "minimal"
-
-
-@dataclass(frozen=True, slots=True)
-class _Folder:
-    """Files to be, by their names."""
-
-    path: Path
-
-    def write(self, name: str, text: str) -> str:
-        """Write a file and return its name."""
-        target = self.path / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(text, encoding="utf-8")
-        return name
-
-    def copy(self, name: str, source: Path) -> str:
-        """Copy a file, or a folder that is one layer, and return its name here."""
-        target = self.path / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if source.is_dir():
-            shutil.copytree(source, target, dirs_exist_ok=True)
-            return name
-        # The line that tells editors where the schema is leads nowhere from here.
-        lines = source.read_bytes().splitlines(keepends=True)
-        kept = (line for line in lines if not line.startswith(b"# yaml-language-server:"))
-        target.write_bytes(b"".join(kept))
-        return name
 
 
 def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: CandidateRunner) -> Path:
@@ -76,18 +48,16 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
     not fail in the same way.
     """
     path.mkdir(parents=True, exist_ok=True)
-    folder = _Folder(path)
     smallest, repeat = _earliest_repeat(case, found, runner)
     (oracle,) = smallest.spec.oracles
     here = case.cell.scenario.where
-    scenario = _copied(case, case.scenario(found.away), folder)
     scenario = replace(
-        scenario,
+        _copied(case, case.scenario(found.away), path),
         about="",
-        suts=(LayerReference(_sut(case, found, folder), {}, here),),
+        suts=(LayerReference(_write_sut(case, found, path), {}, here),),
         oracles=(LayerReference(oracle.name, {}, here),),
     )
-    oracles = folder.write("minimal.oracles.yaml", yaml_text({oracle.name: oracle.text}))
+    oracles = _write(path, "minimal.oracles.yaml", yaml_text({oracle.name: oracle.text}))
     text = campaign_text(
         replace(case.campaign, name=_name(case), oracle_layers=(oracles,)),
         scenario,
@@ -96,9 +66,27 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         about=f"{case.spec.label} of {case.campaign.name}, reduced to what makes it fail",
         comment=_comment(found.story, repeat),
     )
-    file = path / folder.write("campaign.yaml", text)
+    file = path / _write(path, "campaign.yaml", text)
     _verify(file, smallest.spec)
     return file
+
+
+def _write(folder: Path, name: str, text: str) -> str:
+    """Write a file and return its name."""
+    target = folder / name
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(text, encoding="utf-8")
+    return name
+
+
+def _copy(source: Path, folder: Path, name: str) -> None:
+    """Copy a file, or a folder that is one layer."""
+    target = folder / name
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if source.is_dir():
+        shutil.copytree(source, target, dirs_exist_ok=True)
+    else:
+        shutil.copyfile(source, target)
 
 
 def _earliest_repeat(
@@ -118,9 +106,8 @@ def _earliest_repeat(
         return smallest, repeat  # what was found is kept
 
 
-def _copied(case: RunCase, scenario: ResolvedScenario, folder: _Folder) -> ResolvedScenario:
+def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> ResolvedScenario:
     """Return a scenario that names copies of its layers, in ``folder``."""
-
     copies: dict[Path, str] = {}
 
     def copy(reference: LayerReference, kind: LayerKind) -> LayerReference:
@@ -129,18 +116,26 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: _Folder) -> Resol
             name = f"{kind.folder}/{source.name}"
             if name in copies.values():  # a layer in another folder is called so as well
                 name = f"{kind.folder}/{len(copies)}/{source.name}"
-            copies[source] = folder.copy(name, source)
+            copies[source] = name
+            _copy(source, folder, name)
         return replace(reference, name=copies[source])
 
-    settings, map_file = case.spec.map, None
-    if settings.file:
-        grid, height = stored_map(settings.file), case.spec.robot.laser.z
-        _, written = write_map(grid, folder.path / "map", laser_height=height)
+    map_file = None
+    if case.spec.map.file:
+        grid, height = stored_map(case.spec.map.file), case.spec.robot.laser.z
+        _, written = write_map(grid, folder / "map", laser_height=height)
         map_file = LayerReference(written.name, {}, scenario.where)
+    if scenario.vary is None:
+        plan = copy(required(scenario.floorplan), FLOORPLAN)
+    else:
+        # Who gets the folder must not have to draw the variant again.
+        text = json.dumps(scene_document(case.cell.plan), indent=1)
+        name = _write(folder, f"floorplans/{case.cell.plan.name}.jsonld", text)
+        plan = LayerReference(name, {}, scenario.where)
     return replace(
         scenario,
         vary=None,
-        floorplan=_plan(case, scenario, folder) or copy(required(scenario.floorplan), FLOORPLAN),
+        floorplan=plan,
         objects=tuple(copy(one, SCENERY) for one in scenario.objects),
         behaviours=tuple(copy(one, SCENERY) for one in scenario.behaviours),
         mission=copy(required(scenario.mission), MISSION),
@@ -149,42 +144,25 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: _Folder) -> Resol
     )
 
 
-def _plan(case: RunCase, scenario: ResolvedScenario, folder: _Folder) -> LayerReference | None:
-    """Write a plan that is no single file: a variant, or a model in several JSON files."""
-    if scenario.vary is None:
-        source = find_layer(case.folder, required(scenario.floorplan), FLOORPLAN)
-        if source.suffix == ".jsonld" or not is_jsonld(source):
-            return None
-    # Who gets the folder must not have to draw the variant again.
-    plan = case.cell.plan
-    text = json.dumps(scene_document(plan), indent=1)
-    name = folder.write(f"floorplans/{plan.name}.jsonld", text)
-    return LayerReference(name, {}, scenario.where)
-
-
-def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
-    """Write the system under test, as differences from the one it is like where it has any."""
+def _write_sut(case: RunCase, found: BlameResult, folder: Path) -> str:
+    """Write the system under test, as differences from the one it is like if it has any."""
     sut, settings = found.smallest.spec.sut, case.settings
-    file = f"suts/{sut.name}.yaml"
+    text: dict[str, Any] = {"kind": sut.kind, "parameters": sut.parameters}
     changes = parameter_tree(settings.remaining(found.away))
-    if stack_kind(sut.kind).keys or sut.files or not settings.like or not changes:
-        return folder.write(file, yaml_text(_whole_sut(sut, folder)))
-    # The saved system keeps its name, which verdicts show; the one it is like makes room.
-    like = settings.like if settings.like != sut.name else f"{sut.name}-base"
-    base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
-    folder.write(f"suts/{like}.yaml", yaml_text(base))
-    return folder.write(file, yaml_text({"sut": sut.name, "like": like, "parameters": changes}))
-
-
-def _whole_sut(sut: SutReference, folder: _Folder) -> dict[str, Any]:
-    """Return what the file of a system says; the files it needs are copied beside it."""
-    keys: dict[str, Any] = {"parameters": sut.parameters}
     if own := stack_kind(sut.kind).keys:
         keys = {name: sut.parameters[name] for name in own if name in sut.parameters}
+        text = {"kind": sut.kind, **keys}
+    elif settings.like and changes and not sut.files:
+        # The saved system keeps its name, which verdicts show; the one it is like makes room.
+        like = settings.like if settings.like != sut.name else f"{sut.name}-base"
+        base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
+        _write(folder, f"suts/{like}.yaml", yaml_text(base))
+        text = {"like": like, "parameters": changes}
+    if sut.files:
+        text[FILES_PARAMETER] = {name: f"files/{name}" for name in sut.files}
     for name, digest in sut.files.items():
-        folder.copy(f"suts/files/{name}", stored_file(digest))
-    files = {FILES_PARAMETER: {name: f"files/{name}" for name in sut.files}} if sut.files else {}
-    return {"sut": sut.name, "kind": sut.kind, **keys, **files}
+        _copy(stored_file(digest), folder, f"suts/files/{name}")
+    return _write(folder, f"suts/{sut.name}.yaml", yaml_text({"sut": sut.name, **text}))
 
 
 def _name(case: RunCase) -> str:
@@ -205,12 +183,11 @@ def _comment(story: Blame, repeat: int) -> str:
     return "\n".join(lines)
 
 
-def _verify(file: Path, wanted: RunSpec) -> None:
+def _verify(file: Path, expected: RunSpec) -> None:
     """Hold the written campaign to specifying the run it was written for."""
     runs = expand(load_campaign(file)).specs
-    found = next(run for run in runs if run.repeat == wanted.repeat)
-    for name in ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit"):
-        if getattr(found, name) != getattr(wanted, name):
+    written = next(run for run in runs if run.repeat == expected.repeat)
+    names = ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit", "sut")
+    for name in names:
+        if getattr(written, name) != getattr(expected, name):
             raise ValueError(f"{file} would specify another run: its {name} differs")
-    if replace(found.sut, name=wanted.sut.name) != wanted.sut:
-        raise ValueError(f"{file} would specify another run: its system under test differs")
