@@ -21,6 +21,15 @@ def run_log(trace: Trace) -> list[LogLine]:
     return sorted(lines, key=lambda line: line.time)
 
 
+def ended_run_log(trace: Trace) -> tuple[LogLine, ...]:
+    """Return the lines of a run that is over; the last one says how it ended."""
+    end = trace.ended or "cut off: the recording has no end"
+    lines = run_log(trace)
+    # The reason of a system that cannot go on is an event, too.
+    note = "" if any(line.text == trace.note for line in lines) else trace.note
+    return (*lines, LogLine(trace.valid_until, "run", f"{end}{f', {note}' if note else ''}"))
+
+
 def _mission(trace: Trace) -> Iterator[LogLine]:
     names = [waypoint.id for waypoint in trace.spec.mission.waypoints]
     before = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +13,18 @@ from scenario_tui.cli.output import Output, stdout_console
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from daemon.analysis.run_history import RunStep
+    from daemon.batch.paths import StatePaths
     from daemon.model.live_judgement import LogLine
     from scenario_tui.cli.target import DaemonTarget
+
+
+@dataclass(frozen=True, slots=True)
+class RunStep:
+    """A step in the life of a run: the state it came to, when, and why if there is a reason."""
+
+    at: float
+    state: str
+    note: str
 
 
 class LogsOutput(Output, schema="logs"):
@@ -142,15 +152,14 @@ def _print_output(text: str) -> None:
 
 def _recorded(trace: Path) -> tuple[tuple[LogLine, ...], dict[str, str]]:
     """Return what a trace recorded in words, and what it keeps that was printed."""
-    from daemon.analysis.run_history import read_run_log
-    from daemon.trace import read_outputs
+    from daemon.judging.run_log import ended_run_log
+    from daemon.trace import read_outputs, read_trace
 
-    return read_run_log(trace), read_outputs(trace)
+    return ended_run_log(read_trace(trace)), read_outputs(trace)
 
 
 def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     """Return what a run left; a daemon elsewhere does not tell of attempts."""
-    from daemon.analysis.run_history import read_outputs, read_steps
     from daemon.batch.ledger import LedgerReader
     from scenario_tui.cli.named_traces import one_trace
     from scenario_tui.cli.target import find_campaign, find_run
@@ -163,7 +172,28 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
         campaign = None if row.trace else find_campaign(source, row.campaign)
     # Attempts and what they print are files of the state directory: no verb of the bus has them.
     if not target.named:
-        steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
+        steps, output = _read_steps(target.paths, row.id), _read_outputs(target.paths, row.id)
     recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
     standing = "" if row.trace else without_trace_text(row, campaign)
     return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded, printed, standing)
+
+
+def _read_steps(paths: StatePaths, run: str) -> tuple[RunStep, ...]:
+    """Return the steps the ledger remembers, the oldest first; the earliest may be forgotten."""
+    from daemon.batch.ledger import LedgerReader
+
+    with LedgerReader.open(paths) as ledger:
+        return tuple(RunStep(*step) for step in ledger.steps(run))
+
+
+def _read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
+    """Return what attempts on this machine printed that are running or not yet handed over.
+
+    Of each the first and the last part, about a MiB at most.
+    """
+    from daemon.batch.run_process import OUTPUT, read_output
+    from grammars.text.files import matching_paths
+
+    files = sorted(matching_paths(paths.spool, f"*/{run}/attempt-*/{OUTPUT}"))
+    texts = (read_output(file.parent).decode("utf-8", "replace").strip() for file in files)
+    return tuple(filter(None, texts))

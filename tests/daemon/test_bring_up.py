@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.analysis.run_history import read_run_log
 from daemon.campaign import expand, load_campaign
+from daemon.judging.run_log import ended_run_log
 from daemon.model.spec import RunResult, SutReference
 from daemon.model.sut import Decision, Progress, SutEvent, SutFailure
 from daemon.model.verdicts import Outcome
@@ -113,7 +113,7 @@ def test_what_a_system_said_before_it_failed_is_in_the_log(demo, tmp_path, monke
         ("sut", "bye", "info"),
         ("sut", "it ended with exit code 9", "error"),
     ]
-    said = [line.text for line in read_run_log(tmp_path / "run.mcap")]
+    said = [line.text for line in ended_run_log(read_trace(tmp_path / "run.mcap"))]
     assert said[-1] == "crashed"
     assert said.count("it ended with exit code 9") == 1
 
