@@ -19,8 +19,8 @@ R = TypeVar("R")
 
 _CHUNK: Final = 8
 """Items a child takes at a time: fewer where that leaves one without work at the end."""
-FEW_ITEMS: Final = 8
-"""So few traces are read sooner than other processes are started."""
+_FEW: Final = 8
+"""This many traces are read sooner than other processes are started."""
 
 
 def parallel_map(
@@ -39,7 +39,7 @@ def parallel_map(
     :class:`daemon.batch.errors.DaemonError`, saying what it was ``doing``, when a child dies.
     """
     count = min(processes or available_cores(), len(items))
-    if not always_forked and (count < 2 or len(items) <= FEW_ITEMS):
+    if not always_forked and (count < 2 or len(items) <= _FEW):
         yield from map(task, items)
         return
     # Forked: children start with oracles loaded and kernels compiled, not each by itself.
