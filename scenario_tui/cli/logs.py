@@ -170,20 +170,13 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     with target.open() if target.named else LedgerReader.open(target.paths) as source:
         row = find_run(source, run).row
         campaign = None if row.trace else find_campaign(source, row.campaign)
-    # Attempts and what they print are files of the state directory: no verb of the bus has them.
-    if not target.named:
-        steps, output = _read_steps(target.paths, row.id), _read_outputs(target.paths, row.id)
+        # Attempts and what they print are of the state directory: no verb of the bus has them.
+        if isinstance(source, LedgerReader):
+            steps = tuple(RunStep(*step) for step in source.steps(row.id))
+            output = _read_outputs(target.paths, row.id)
     recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
     standing = "" if row.trace else without_trace_text(row, campaign)
     return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded, printed, standing)
-
-
-def _read_steps(paths: StatePaths, run: str) -> tuple[RunStep, ...]:
-    """Return the steps the ledger remembers, the oldest first; the earliest may be forgotten."""
-    from daemon.batch.ledger import LedgerReader
-
-    with LedgerReader.open(paths) as ledger:
-        return tuple(RunStep(*step) for step in ledger.steps(run))
 
 
 def _read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
