@@ -27,7 +27,7 @@ from daemon.analysis.report._safety_buffer import (
 from daemon.judging.oracles import SignalSampler, footprint_box, judge
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
-from grammars.oracle import Signal, object_signals
+from grammars.oracle import ROBOT, Signal, object_signals
 
 if TYPE_CHECKING:
     from daemon.trace import Trace
@@ -37,7 +37,6 @@ AFTER: Final = 15.0
 """Seconds around a trigger that are shown: the approach, and the way around what shuts."""
 _RATE: Final = 5.0
 """Samples a second that are kept of it."""
-_ROBOT: Final = "robot"
 
 Indices: TypeAlias = npt.NDArray[np.int64]
 
@@ -147,17 +146,17 @@ def _encounter(sampler: SignalSampler, time: float, joint: str, fired: bool) -> 
     stamps, truth = sampler.time_base.time, sampler.trace.ground_truth
     first, last = np.searchsorted(stamps, (time - BEFORE, time + AFTER))
     rate = len(stamps) / max(float(stamps[-1] - stamps[0]), 1e-9) if len(stamps) > 1 else _RATE
-    kept = slice(int(first), int(last), max(1, round(rate / _RATE)))
-    speed = np.hypot(truth.vx[kept], truth.vy[kept])
+    window = slice(int(first), int(last), max(1, round(rate / _RATE)))
+    speed = np.hypot(truth.vx[window], truth.vy[window])
     then = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
     return TriggerEncounter(
         joint=joint,
         time=time,
         fired=fired,
         speed_then=float(np.hypot(truth.vx[then], truth.vy[then])),
-        since=(stamps[kept] - time).astype(np.float32),
+        since=(stamps[window] - time).astype(np.float32),
         speed=speed.astype(np.float32),
-        turning=np.asarray(truth.wz[kept], dtype=np.float32),
+        turning=np.asarray(truth.wz[window], dtype=np.float32),
     )
 
 
@@ -177,7 +176,7 @@ def extract_tracks(
     centre, half = buffer.box(footprint)
     names = ("clearance", "loc.error", "loc.sigma.x", "loc.sigma.y")
     clearance, error, sigma_x, sigma_y = (sampler.sample(Signal(name)).values for name in names)
-    kept = thinned_indices(clearance, error, points)
+    indices = thinned_indices(clearance, error, points)
     encounters = find_encounters(trace, sampler, watches)
     measures = measured_values(judge(trace, standard_oracles(buffer), sampler=sampler))
     if speeds := [encounter.speed_then for encounter in encounters if encounter.fired]:
@@ -188,13 +187,13 @@ def extract_tracks(
         body=body,
         buffer=half,
         limit=min(half[0] - body[0], half[1] - body[1]),
-        time=_pick_samples(sampler.time_base.time, kept),
-        x=_pick_samples(sampler.x, kept),
-        y=_pick_samples(sampler.y, kept),
-        clearance=_pick_samples(clearance, kept),
-        error=_pick_samples(error, kept),
-        sigma_x=_pick_samples(sigma_x, kept),
-        sigma_y=_pick_samples(sigma_y, kept),
+        time=_pick_samples(sampler.time_base.time, indices),
+        x=_pick_samples(sampler.x, indices),
+        y=_pick_samples(sampler.y, indices),
+        clearance=_pick_samples(clearance, indices),
+        error=_pick_samples(error, indices),
+        sigma_x=_pick_samples(sigma_x, indices),
+        sigma_y=_pick_samples(sigma_y, indices),
         returns=returns_inside(trace, centre, half),
         contacts=_contacts(trace),
         encounters=encounters,
@@ -203,12 +202,6 @@ def extract_tracks(
         top_speed=float(np.fmax.reduce(np.hypot(truth.vx, truth.vy), initial=0.0)),
         top_turning=float(np.fmax.reduce(np.abs(truth.wz), initial=0.0)),
     )
-
-
-def unbroken_runs(held: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Return where ``held`` begins to be true, and where it is not any more."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
-    return edges[::2], edges[1::2]
 
 
 def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:
@@ -226,25 +219,24 @@ def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:
 
     def worst(values: Floats) -> Indices:
         whole = np.append(np.nan_to_num(values, nan=-np.inf), np.full(padded, -np.inf))
-        found: Indices = starts + whole.reshape(-1, width).argmax(axis=1)
-        return found
+        indices: Indices = starts + whole.reshape(-1, width).argmax(axis=1)
+        return indices
 
-    kept = np.concatenate((starts, worst(-clearance), worst(error), [count - 1]))
-    return np.unique(kept)
+    return np.unique(np.concatenate((starts, worst(-clearance), worst(error), [count - 1])))
 
 
-def _pick_samples(values: Floats, kept: Indices) -> ThinnedSamples:
-    thin: ThinnedSamples = values[kept].astype(np.float32)
+def _pick_samples(values: Floats, indices: Indices) -> ThinnedSamples:
+    thin: ThinnedSamples = values[indices].astype(np.float32)
     return thin
 
 
 def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:
     """Return when and where the robot touched what; one entry for each second and object."""
-    found: dict[tuple[int, str], tuple[float, str, float, float]] = {}
+    contacts: dict[tuple[int, str], tuple[float, str, float, float]] = {}
     for record in trace.contacts:
         # A contact is recorded for as long as it lasts: one cross in a figure will do.
-        if _ROBOT in (record.first, record.second):
-            other = record.second if record.first == _ROBOT else record.first
+        if ROBOT in (record.first, record.second):
+            other = record.second if record.first == ROBOT else record.first
             entry = (record.time, other, record.point[0], record.point[1])
-            found.setdefault((int(record.time), other), entry)
-    return tuple(found.values())
+            contacts.setdefault((int(record.time), other), entry)
+    return tuple(contacts.values())
