@@ -229,7 +229,10 @@ def test_every_number_of_the_tables_of_measures_is_what_judge_says(data, tree):
         for run in data.runs
     }
     compared = set()
-    for table in section(tree, "measures").iter(f"{HTML}table"):
+    *tables, oracles = section(tree, "measures").iter(f"{HTML}table")
+    texts = {words(row[0]): words(row[1]) for row in elements(oracles, "tr")}
+    assert texts.items() >= {o.name: o.text for o in layer if o.name != "recoveries"}.items()
+    for table in tables:
         head, *rows = elements(table, "tr")
         for row, cell in zip(rows, data.assessment.cells, strict=True):
             for column, number in list(zip(head, row, strict=True))[2:]:
