@@ -9,38 +9,24 @@ from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Point2
 from templates.picture import _mission, _page, _run, _scene
 from templates.picture._drawing import Drawing, DrawingItem, Labels
-from templates.picture._page import CUT, TITLED, Frame, page_around, page_for
+from templates.picture._page import CUT, FILE, PageStyle, page_around, page_for
 from templates.picture._run import RunOverlay
 from templates.plan_shapes import is_below
 from templates.world import ArtefactWorld
 
-_LONGEST: Final = 1400.0
-"""Longer side of a page without its margins."""
 _BESIDE: Final = 0.9
 """Room [m] around a way that is shown closely: the robot, and what it may have met."""
 _FAR: Final = 6.0
 """A measured line that is longer [m] leads out of a picture that is close."""
-_LYING: Final = 1.35
-_UPRIGHT: Final = 0.85
-"""Least width of a page that shows a part of the map, in its heights.
-
-A screen lies and so does a page of text; small maps without names stand beside each other.
-"""
 
 
 def draw_world(
-    world: ArtefactWorld,
-    run: RunOverlay | None = None,
-    *,
-    width: float = _LONGEST,
-    frame: Frame = TITLED,
-    names: bool = True,
+    world: ArtefactWorld, run: RunOverlay | None = None, style: PageStyle = FILE
 ) -> Drawing:
     """Return the drawing of a world as it is at time 0 of its first repeat.
 
     With a ``run`` of it, also the way the robot took; of a part of a run that is shown closely,
-    its surroundings as they were at its end, on a page of that ``width``. Without ``names``
-    spaces, objects and the start have none: a small picture.
+    its surroundings as they were at its end.
     """
     mission = world.mission
     points: tuple[Point2, ...] = ()
@@ -50,11 +36,9 @@ def draw_world(
     start = {**start_positions(world.scene, behaviours), **(run.positions if run else {})}
     closely = run is not None and run.closely and bool(run.points)
     if run and closely:
-        lying = _LYING if names else _UPRIGHT
-        page = page_around(_shown(run), _BESIDE, frame, width, lying)
+        page = page_around(_close_points(run), _BESIDE, style)
     else:
-        shown = (*points, *run.points) if run else points
-        page = page_for(world.scene, start, shown, frame, width)
+        page = page_for(world.scene, start, (*points, *run.points) if run else points, style)
     about = run.about if run and run.about else _about(world)
     ways = _run.way_data(run, page) if run else ""
     figure = Drawing(page.width, page.height, world.name, about, ways)
@@ -65,7 +49,7 @@ def draw_world(
     figure.add("floors", _scene.floors(scene, page))
     figure.add("swings", swings)
     figure.add("walls", walls)
-    axes = _page.axes(page, points[0] if points else None) if frame.foot else []
+    axes = _page.axes(page, points[0] if points else None) if style.foot else []
     figure.add("axes", axes)
     figure.add("walks", _scene.walks(behaviours, page))
     figure.add("doors", bodies)
@@ -91,7 +75,7 @@ def draw_world(
         on_top.append(("mark", _run.mark_items(run.mark, page, labels)))
     # Names of doors are placed before those of spaces, which have far more spots to go to;
     # waypoints and the robot are painted last, since a mission is what one looks for.
-    if names:
+    if style.names:
         object_names = _scene.object_names(scene, page, start, labels)
         if mission and not closely:
             on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
@@ -101,10 +85,10 @@ def draw_world(
     figure.add("driven", driven)
     for name, items in on_top:
         figure.add(name, items)
-    if frame.foot:
+    if style.foot:
         if closely:
             figure.add("margins", _page.margins(page))
-        if frame is TITLED:
+        if style is FILE:
             figure.add("heading", _page.heading(figure, page))
         low = any(is_below(s, CUT) for s in scene.solids)
         late = closely or (run is not None and bool(run.positions))
@@ -120,7 +104,7 @@ def draw_world(
     return figure
 
 
-def _shown(run: RunOverlay) -> tuple[Point2, ...]:
+def _close_points(run: RunOverlay) -> tuple[Point2, ...]:
     """Return the points that a close picture of a run is around."""
     if run.mark is None or math.dist(*run.mark.line) > _FAR:
         return run.points

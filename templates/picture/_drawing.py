@@ -1,4 +1,4 @@
-"""What a picture is made of, in the order it is painted, and where its texts find room.
+"""Items of a picture in the order they are painted, and room for its texts.
 
 Page units are pixels of the SVG, x to the right, y down. Items name their colours, see
 :data:`COLOURS`.

@@ -37,20 +37,30 @@ CUT: Final = 1.2
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """Room around a map on its page: at both sides, above it and below it."""
+class PageStyle:
+    """Room around a map at both sides, above it and below it, for heading, legend and scale.
+
+    ``width`` is that of a page of a part of the map, and the longer side of a whole map. A page of
+    a part is at least ``lying`` times as wide as high. Without ``names`` spaces, objects and the
+    start have none.
+    """
 
     side: float
     head: float
     foot: float
+    width: float
+    lying: float
+    names: bool = True
 
 
-TITLED: Final = Frame(48.0, 92.0, 76.0)
-"""Heading above; legend, key and scale below."""
-CAPTIONED: Final = Frame(48.0, 16.0, 76.0)
-"""Without a heading: the text around the picture has one."""
-BARE: Final = Frame(0.0, 0.0, 0.0)
-"""The map alone, with a small scale."""
+FILE: Final = PageStyle(48.0, 92.0, 76.0, 1400.0, 1.35)
+"""A page of its own, lying as a screen does: heading, legend, key and scale."""
+LARGE: Final = PageStyle(48.0, 16.0, 76.0, 1400.0, 1.35)
+"""Within a page whose text has the heading."""
+MOMENT: Final = PageStyle(0.0, 0.0, 0.0, 620.0, 1.35)
+"""The map alone, whose words are as large as those around it."""
+SMALL: Final = PageStyle(0.0, 0.0, 0.0, 480.0, 0.85, names=False)
+"""One of several beside each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +74,7 @@ class Page:
     top: float
     width: float
     height: float
-    frame: Frame
+    style: PageStyle
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -91,16 +101,9 @@ class Page:
 
 
 def page_for(
-    scene: Scene,
-    start: Mapping[str, float],
-    more: tuple[Point2, ...],
-    frame: Frame,
-    longest: float,
+    scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...], style: PageStyle
 ) -> Page:
-    """Return a page on which the whole scene as it starts and the points ``more`` have room.
-
-    ``longest`` is the longer side of the map.
-    """
+    """Return a page on which the whole scene as it starts and the points ``more`` have room."""
     corners = [c for region in scene.regions for c in region.outline]
     corners += [c for solid in scene.solids for c in solid.polygon]
     corners += [
@@ -114,35 +117,30 @@ def page_for(
     xs, ys = [c[0] for c in corners] or [0.0, 1.0], [c[1] for c in corners] or [0.0, 1.0]
     wide, high = max(max(xs) - min(xs), 1.0), max(max(ys) - min(ys), 1.0)
     # A single room is not blown up to the size of a poster.
-    scale = min(longest / max(wide, high), _LARGEST_SCALE)
+    scale = min(style.width / max(wide, high), _LARGEST_SCALE)
     # The legend takes room.
-    width = max(wide * scale + 2 * frame.side, _NARROWEST if frame.foot else 0.0)
+    width = max(wide * scale + 2 * style.side, _NARROWEST if style.foot else 0.0)
     left = (width - wide * scale) / 2.0
-    height = high * scale + frame.head + frame.foot
-    return Page(scale, min(xs), max(ys), left, frame.head, round(width), round(height), frame)
+    height = high * scale + style.head + style.foot
+    return Page(scale, min(xs), max(ys), left, style.head, round(width), round(height), style)
 
 
-def page_around(
-    points: tuple[Point2, ...], beside: float, frame: Frame, width: float, lying: float
-) -> Page:
-    """Return a page of a ``width`` for ``points`` with ``beside`` [m] on every side, no more.
-
-    It is at least ``lying`` times as wide as high, also where a robot drives straight up.
-    """
+def page_around(points: tuple[Point2, ...], beside: float, style: PageStyle) -> Page:
+    """Return a page for ``points`` with ``beside`` [m] on every side, no more."""
     xs, ys = [p[0] for p in points], [p[1] for p in points]
-    west, south = min(xs) - beside, min(ys) - beside
-    wide, high = max(xs) + beside - west, max(ys) + beside - south
-    west -= max(lying * high - wide, 0.0) / 2.0
-    wide = max(wide, lying * high)
-    scale = (width - 2 * frame.side) / wide
-    height = high * scale + frame.head + frame.foot
-    return Page(scale, west, max(ys) + beside, frame.side, frame.head, width, round(height), frame)
+    west, north = min(xs) - beside, max(ys) + beside
+    wide, high = max(xs) + beside - west, north - (min(ys) - beside)
+    # Lying, also where a robot drives straight up.
+    west -= max(style.lying * high - wide, 0.0) / 2.0
+    scale = (style.width - 2 * style.side) / max(wide, style.lying * high)
+    height = round(high * scale + style.head + style.foot)
+    return Page(scale, west, north, style.side, style.head, style.width, height, style)
 
 
 def margins(page: Page) -> list[DrawingItem]:
     """Return paper over everything beyond the part of the map that a page shows."""
-    side, head = page.frame.side, page.frame.head
-    right, low = page.width - side, page.height - page.frame.foot
+    side, head = page.style.side, page.style.head
+    right, low = page.width - side, page.height - page.style.foot
     sides = (
         ((0.0, 0.0), (page.width, head)),
         ((0.0, low), (page.width, page.height)),
@@ -157,7 +155,7 @@ def margins(page: Page) -> list[DrawingItem]:
 
 def heading(figure: Drawing, page: Page) -> list[DrawingItem]:
     """Return title and subtitle."""
-    left = page.frame.side
+    left = page.style.side
     return [
         TextLabel((left, 44.0), figure.title, 26.0, INK, "start", bold=True),
         TextLabel((left, 70.0), figure.about, 14.0, SOFT, "start"),
@@ -168,8 +166,8 @@ def scale_bar(page: Page) -> list[DrawingItem]:
     """Return a bar of a round length, about a fifth of the page, in the lower right corner."""
     length = _round_length(page.width / 5.0 / page.scale)
     width = length * page.scale
-    x1 = page.width - max(page.frame.side, 18.0)
-    y = page.height - max(page.frame.foot / 2.0, 8.0)
+    x1 = page.width - max(page.style.side, 18.0)
+    y = page.height - max(page.style.foot / 2.0, 8.0)
     x0, half = x1 - width, x1 - width / 2.0
     bar = ((x0, y - 3.0), (x1, y - 3.0), (x1, y + 3.0), (x0, y + 3.0))
     dark = ((x0, y - 3.0), (half, y - 3.0), (half, y + 3.0), (x0, y + 3.0))
@@ -189,7 +187,7 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
     x, y = page.point((0.0, 0.0))
     if start is not None and math.dist(page.point(start), (x, y)) < 60.0:
         return []
-    if not (0.0 < x < page.width and 0.0 < y < page.height - page.frame.foot):
+    if not (0.0 < x < page.width and 0.0 < y < page.height - page.style.foot):
         return []
     length = 26.0
     return [
@@ -226,7 +224,7 @@ def legend_row(
     sample: Callable[[str, float, float], DrawingItem],
 ) -> list[DrawingItem]:
     """Return texts and colours in a row at the foot of the page, a sample before each text."""
-    x, y = page.frame.side, page.height - page.frame.foot / 2.0 + below
+    x, y = page.style.side, page.height - page.style.foot / 2.0 + below
     items: list[DrawingItem] = []
     for text, colour in entries:
         items.append(sample(colour, x, y))

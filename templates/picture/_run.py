@@ -1,4 +1,4 @@
-"""What happened in runs, on the page: ways, footprints, contacts, and what decides a verdict."""
+"""Runs on the page: ways, footprints, contacts, and the object that decides a verdict."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class DrivenWay:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredMark:
-    """What decides, or comes nearest, in the map frame [m]; red if it ``fails``.
+    """An object that decides, or a nearest place, in the map frame [m]; red if it ``fails``.
 
     ``line`` goes from the robot to the object, ``words`` are its measure. ``rings`` outline the
     object, ``place`` is an area on the floor or a waypoint.
@@ -79,7 +79,7 @@ class MeasuredMark:
 
 @dataclass(frozen=True, slots=True)
 class RunOverlay:
-    """What happened, in the map frame [m]: ways of one or several runs, lines, and single points.
+    """Ways of one or several runs with what happened on them, in the map frame [m].
 
     The last of the ``footprints`` is where the run ends, or the part of it that is shown. Of a part
     there are others now and then before it, and ``apparent_goals``: where the waypoint lies that

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daemon.analysis.campaign_worlds import worlds_of_campaign
-from templates.picture import DrivenWay, MeasuredMark, RunOverlay, draw_world, write_drawing
+from templates.picture import SMALL, DrivenWay, MeasuredMark, RunOverlay, draw_world, write_drawing
 from templates.picture._drawing import Disc, Shape, TextLabel
 from tests.templates.worlds import box, world
 
@@ -160,10 +160,10 @@ def test_what_decides_is_found_and_its_measure_is_on_the_page(gap):
 
 
 def test_a_small_map_has_no_names_and_shows_what_is_near_alone():
-    whole = draw_world(world(), names=False)
+    whole = draw_world(world(), style=SMALL)
     assert not {"left", "right", "entrance", "start, cart"} & set(words(whole))
     near = RunOverlay(driven((0.4, 0.3), (0.5, 0.3)), closely=True)
-    part = draw_world(world(), near, names=False)
+    part = draw_world(world(), near, SMALL)
     assert len(shapes(part, "doors")) < len(shapes(whole, "doors"))
     for shape in (*shapes(part, "walls"), *shapes(part, "floors")):
         corners = np.array([corner for ring in shape.rings for corner in ring])

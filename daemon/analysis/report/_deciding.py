@@ -1,4 +1,4 @@
-"""What decides a verdict, as a place on the map: the object, and its distance to the robot then."""
+"""Marks of verdicts on a map: the object that decides, and its distance to the robot then."""
 
 from __future__ import annotations
 

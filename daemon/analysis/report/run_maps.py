@@ -42,8 +42,9 @@ from grammars.model.mission import Mission
 from grammars.model.scene import Scene
 from grammars.text.words import count_noun, format_quantity
 from templates.picture import (
-    BARE,
-    CAPTIONED,
+    LARGE,
+    MOMENT,
+    SMALL,
     DrivenWay,
     RunOverlay,
     draw_world,
@@ -62,9 +63,6 @@ _AFTER: Final = 0.2
 """What decides may be recorded this long [s] after the sample that is judged."""
 _AT_LEAST: Final = 1.0
 """Seconds that are shown of a moment at the very start."""
-_MOMENT_WIDTH: Final = 620.0
-_SMALL_WIDTH: Final = 480.0
-"""Widths of maps on a page, where their words are as large as those around them."""
 
 
 def draw_run(
@@ -104,7 +102,7 @@ def draw_moment(trace_path: Path, verdict: Verdict, label: str) -> Markup | None
     part = _RunPart(max(min(time, last) - _BEFORE, first), until, closely=True)
     overlay = _overlay(trace, _tracks(sampler, closely=True), part)
     overlay = replace(overlay, mark=deciding_mark(sampler, verdict))
-    figure = draw_world(_world(trace), overlay, width=_MOMENT_WIDTH, frame=BARE)
+    figure = draw_world(_world(trace), overlay, MOMENT)
     return page_svg(figure, label)
 
 
@@ -138,7 +136,7 @@ def draw_ways(
         closely=True,
     )
     world = ArtefactWorld(name=scene.name, scene=scene)
-    figure = draw_world(world, overlay, width=_SMALL_WIDTH, frame=BARE, names=False)
+    figure = draw_world(world, overlay, SMALL)
     return page_svg(figure, label)
 
 
@@ -197,9 +195,8 @@ def draw_building(data: ReportData) -> BuildingPicture | None:
         about = f"{scene.name} with the mission {mission.name}, as {first.scenario} begins"
     if len(scenes) > 1:
         about += f"; the campaign has {len(scenes)} such scenes"
-    small = draw_world(world, width=_SMALL_WIDTH, frame=BARE, names=False)
-    large = draw_world(world, frame=CAPTIONED)
-    return BuildingPicture(page_svg(small, about), page_svg(large, about), about)
+    small, large = (page_svg(draw_world(world, style=style), about) for style in (SMALL, LARGE))
+    return BuildingPicture(small, large, about)
 
 
 def _world(trace: Trace) -> ArtefactWorld:
