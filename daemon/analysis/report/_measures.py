@@ -134,22 +134,29 @@ def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
     A declared measure that means the same as a standard one adds its name to that column, and its
     values where traces are gone.
     """
-    texts = data.oracle_texts
-    standard = standard_names(texts, data.buffer)
-    columns: dict[str | tuple[str, str], MeasureColumn] = {}
-    for measure in standard_measures(data.buffer):
-        names = tuple(name for name in texts if standard.get(name) == measure.name)
-        columns[measure.name] = MeasureColumn(replace(measure, declared=names))
-    measured = {run.record.id: run.tracks.measures for run in data.runs}
+    columns: dict[str | tuple[str, str], MeasureColumn] = {
+        measure.name: MeasureColumn(measure) for measure in standard_measures(data.buffer)
+    }
+    names: dict[str | tuple[str, str], dict[str, None]] = {}
+    runs = {run.record.id: run for run in data.runs}
     for cell in data.assessment.cells:
-        place = (cell.scenario, cell.sut)
+        place, here = (cell.scenario, cell.sut), [runs[run] for run in cell.runs]
         for measure in MEASURES:
-            runs = (measured[run] for run in cell.runs)
-            if values := tuple(run[measure.name] for run in runs if measure.name in run):
+            measured = (run.tracks.measures for run in here)
+            if values := tuple(run[measure.name] for run in measured if measure.name in run):
                 columns[measure.name].values[place] = values
+        # By scenario: two may judge by different oracles of one name.
+        texts = {v.oracle: v.text for run in here for v in run.record.verdicts}
+        standard = standard_names(texts, data.buffer)
         for own in cell.measures:
             text = texts.get(own.oracle, "")
-            alone = RunMeasure(own.oracle, own.unit, "", text, 2, (own.oracle,))
-            key = standard.get(own.oracle) or (own.oracle, own.unit)
-            columns.setdefault(key, MeasureColumn(alone)).values.setdefault(place, own.values)
-    return tuple(column for column in columns.values() if column.values)
+            key = standard.get(own.oracle) or (own.oracle, text)
+            alone = MeasureColumn(RunMeasure(own.oracle, own.unit, "", text, 2))
+            columns.setdefault(key, alone).values.setdefault(place, own.values)
+            if text:
+                names.setdefault(key, {})[own.oracle] = None
+    return tuple(
+        replace(column, measure=replace(column.measure, declared=tuple(names.get(key, ()))))
+        for key, column in columns.items()
+        if column.values
+    )
