@@ -4,24 +4,20 @@ One drawing, as a file (SVG, PNG, PDF) or within a page, whose style sheet colou
 """
 
 from templates.picture._compose import draw_world
-from templates.picture._drawing import COLOURS, Disc, Drawing, DrawingItem, Shape
+from templates.picture._drawing import Drawing
 from templates.picture._files import PNG_SCALE, page_svg, write_drawing, write_picture
 from templates.picture._page import LARGE, MOMENT, SMALL
 from templates.picture._run import DrivenWay, MeasuredMark, RunOverlay
 
 __all__ = [
-    "COLOURS",
     "LARGE",
     "MOMENT",
     "PNG_SCALE",
     "SMALL",
-    "Disc",
     "Drawing",
-    "DrawingItem",
     "DrivenWay",
     "MeasuredMark",
     "RunOverlay",
-    "Shape",
     "draw_world",
     "page_svg",
     "write_drawing",

@@ -1,14 +1,14 @@
 """Items of a picture in the order they are painted, and room for its texts.
 
-Page units are pixels of the SVG, x to the right, y down. Items name their colours, see
-:data:`COLOURS`.
+Page units are pixels of the SVG, x to the right, y down.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -17,45 +17,28 @@ from shapely.geometry import LineString, MultiPoint
 
 from grammars.model.geometry import Floats, Point2
 
-PAPER: Final = "paper"
-FLOOR: Final = "floor"
-WALL: Final = "wall"
-LOW: Final = "low"
-DOOR: Final = "door"
-SWING: Final = "swing"
-POST: Final = "post"
-ROUTE: Final = "route"
-ROBOT: Final = "robot"
-INK: Final = "ink"
-SOFT: Final = "soft"
-FAINT: Final = "faint"
-MOVER: Final = "mover"
-DRIVEN: Final = "driven"
-CLOSE: Final = "close"
-TOUCHED: Final = "touched"
-BELIEVED: Final = "believed"
-APPARENT: Final = "apparent"
-COLOURS: Final[Mapping[str, str]] = {
-    PAPER: "#faf8f4",
-    FLOOR: "#ffffff",
-    WALL: "#3b4048",
-    LOW: "#cfc9bd",
-    DOOR: "#c8553d",
-    SWING: "#e9a178",
-    POST: "#6d3023",
-    ROUTE: "#22638f",
-    ROBOT: "#2f9e6e",
-    INK: "#2b2f36",
-    SOFT: "#7b8089",
-    FAINT: "#b9b5ab",
-    MOVER: "#7d4f9e",
-    DRIVEN: "#1d7f58",
-    CLOSE: "#e08a1e",
-    TOUCHED: "#d01219",
-    BELIEVED: "#7d4f9e",
-    APPARENT: "#2b6fd4",
-}
-"""Colours on light paper by name; the style sheet of a page may have others for dark paper."""
+
+class Colour(StrEnum):
+    """Colours on light paper; the style sheet of a page may have others for dark paper."""
+
+    PAPER = "#faf8f4"
+    FLOOR = "#ffffff"
+    WALL = "#3b4048"
+    LOW = "#cfc9bd"
+    DOOR = "#c8553d"
+    SWING = "#e9a178"
+    POST = "#6d3023"
+    ROUTE = "#22638f"
+    ROBOT = "#2f9e6e"
+    INK = "#2b2f36"
+    SOFT = "#7b8089"
+    FAINT = "#b9b5ab"
+    MOVER = "#7d4f9e"
+    DRIVEN = "#1d7f58"
+    CLOSE = "#e08a1e"
+    TOUCHED = "#d01219"
+    BELIEVED = "#7d4f9e"
+    APPARENT = "#2b6fd4"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +46,8 @@ class Shape:
     """Lines and areas: ``rings`` are closed (even-odd filled) or, when ``open``, lines."""
 
     rings: tuple[tuple[Point2, ...], ...]
-    fill: str = ""
-    line: str = ""
+    fill: Colour | None = None
+    line: Colour | None = None
     width: float = 1.0
     opacity: float = 1.0
     dash: tuple[float, float] | None = None
@@ -77,8 +60,8 @@ class Disc:
 
     centre: Point2
     radius: float
-    fill: str = ""
-    line: str = ""
+    fill: Colour | None = None
+    line: Colour | None = None
     width: float = 1.0
 
 
@@ -93,11 +76,11 @@ class TextLabel:
     at: Point2
     text: str
     size: float
-    colour: str
+    colour: Colour
     anchor: Literal["start", "middle", "end"] = "middle"
     turn: float = 0.0
     bold: bool = False
-    halo: str = ""
+    halo: Colour | None = None
     centred: bool = False
 
 

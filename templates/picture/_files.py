@@ -8,7 +8,7 @@ from typing import Final
 from markupsafe import Markup
 
 from templates.picture._compose import draw_world
-from templates.picture._drawing import COLOURS, Drawing, Shape
+from templates.picture._drawing import Colour, Drawing, Shape
 from templates.rendering import number, render
 from templates.world import ExportJob
 
@@ -18,7 +18,6 @@ _FACES: Final = Path(__file__).parent / "face"
 _PAINTED_FAMILY: Final = "'Scenario Sans', sans-serif"
 """The family of the faces there: with those of the machine no two would paint the same picture."""
 _FAMILY: Final = "'Helvetica Neue', Helvetica, Arial, 'DejaVu Sans', sans-serif"
-_PAGE_COLOURS: Final = {name: f"var(--map-{name},{value})" for name, value in COLOURS.items()}
 
 
 def write_drawing(figure: Drawing, path: Path) -> Path:
@@ -53,12 +52,18 @@ def page_svg(figure: Drawing, label: str) -> Markup:
 
     ``label`` is read out where pictures are not seen.
     """
-    svg = render("map.svg.j2", figure=figure, label=label, colours=_PAGE_COLOURS, path=_path)
+    svg = render("map.svg.j2", figure=figure, label=label, colour=_page_colour, path=_path)
     return Markup(svg)
 
 
 def _file_text(figure: Drawing, family: str) -> str:
-    return render("picture.svg.j2", figure=figure, family=family, colours=COLOURS, path=_path)
+    return render(
+        "picture.svg.j2", figure=figure, family=family, paper=Colour.PAPER, colour=str, path=_path
+    )
+
+
+def _page_colour(colour: Colour) -> str:
+    return f"var(--map-{colour.name.lower()},{colour})"
 
 
 def _path(shape: Shape) -> str:

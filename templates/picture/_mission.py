@@ -9,17 +9,7 @@ from typing import Final
 from grammars.model.geometry import Point2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
-from templates.picture._drawing import (
-    FLOOR,
-    LETTER,
-    ROBOT,
-    ROUTE,
-    Disc,
-    DrawingItem,
-    Labels,
-    Shape,
-    TextLabel,
-)
+from templates.picture._drawing import LETTER, Colour, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import Page
 from templates.plan_shapes import footprint_shape, nose_reach, waypoint_shapes
 
@@ -34,7 +24,7 @@ def route_lines(mission: Mission, page: Page) -> list[DrawingItem]:
     items: list[DrawingItem] = []
     for a, b in itertools.pairwise(map(page.point, points)):
         length = math.dist(a, b)
-        items.append(Shape(((a, b),), line=ROUTE, width=1.8, dash=(7.0, 5.0), open=True))
+        items.append(Shape(((a, b),), line=Colour.ROUTE, width=1.8, dash=(7.0, 5.0), open=True))
         if length > 4.0 * _RADIUS:
             items.append(_arrow(a, b, length))
     return items
@@ -62,12 +52,12 @@ def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
         spot = _beside(at, shown)
         shown.append(spot)
         if spot != at:
-            items.append(Disc(at, 3.0, ROUTE))
-            items.append(Shape(((at, spot),), line=ROUTE, width=1.0, open=True))
+            items.append(Disc(at, 3.0, Colour.ROUTE))
+            items.append(Shape(((at, spot),), line=Colour.ROUTE, width=1.0, open=True))
         text = ", ".join(numbers)
         radius = _RADIUS + 2.6 * (len(text) - 1)
-        items.append(Disc(spot, radius, ROUTE, FLOOR, 2.0))
-        items.append(TextLabel(spot, text, _NUMBER, FLOOR, bold=True, centred=True))
+        items.append(Disc(spot, radius, Colour.ROUTE, Colour.FLOOR, 2.0))
+        items.append(TextLabel(spot, text, _NUMBER, Colour.FLOOR, bold=True, centred=True))
     return items
 
 
@@ -78,7 +68,7 @@ def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingIt
     reach = 0.35
     if machine is not None:
         body = page.ring(footprint_shape(start, machine).parts[0])
-        items.append(Shape((body,), fill=ROBOT, line=FLOOR, width=1.5))
+        items.append(Shape((body,), fill=Colour.ROBOT, line=Colour.FLOOR, width=1.5))
         reach = nose_reach(machine)
     length = max(reach, 16.0 / page.scale)
     nose, left, right = (
@@ -86,9 +76,9 @@ def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingIt
         for p in ((length, 0.0), (-0.35 * length, 0.55 * length), (-0.35 * length, -0.55 * length))
     )
     if machine is None or reach * page.scale < 16.0:
-        items.append(Shape(((nose, left, right),), fill=ROBOT, line=FLOOR, width=1.5))
+        items.append(Shape(((nose, left, right),), fill=Colour.ROBOT, line=Colour.FLOOR, width=1.5))
     else:
-        items.append(Shape(((nose, left, right),), fill=FLOOR, opacity=0.85))
+        items.append(Shape(((nose, left, right),), fill=Colour.FLOOR, opacity=0.85))
     return items
 
 
@@ -102,7 +92,7 @@ def start_label(
     reach = max(max(math.hypot(*c) for c in corners) * page.scale, 16.0)
     wide, high = reach + LETTER * 12.0 * len(text) / 2.0 + 4.0, reach + 11.0
     spots = [(x, y + high), (x, y - high), (x + wide, y), (x - wide, y)]
-    words = TextLabel((x, y), text, 12.0, ROBOT, bold=True, halo=FLOOR, centred=True)
+    words = TextLabel((x, y), text, 12.0, Colour.ROBOT, bold=True, halo=Colour.FLOOR, centred=True)
     return [labels.place(words, spots)]
 
 
@@ -127,9 +117,9 @@ def _arrow(a: Point2, b: Point2, length: float) -> Shape:
         (tail[0] - 5.0 * uy, tail[1] + 5.0 * ux),
         (tail[0] + 5.0 * uy, tail[1] - 5.0 * ux),
     )
-    return Shape((ring,), fill=ROUTE)
+    return Shape((ring,), fill=Colour.ROUTE)
 
 
 def _look(at: Point2, yaw: float) -> Shape:
     end = (at[0] + 2.1 * _RADIUS * math.cos(yaw), at[1] - 2.1 * _RADIUS * math.sin(yaw))
-    return Shape(((at, end),), line=ROUTE, width=3.0, open=True)
+    return Shape(((at, end),), line=Colour.ROUTE, width=3.0, open=True)

@@ -10,24 +10,7 @@ from typing import Final
 from grammars.model.geometry import Point2
 from grammars.model.kinematics import placed_links
 from grammars.model.scene import Scene
-from templates.picture._drawing import (
-    DOOR,
-    FAINT,
-    FLOOR,
-    INK,
-    LOW,
-    PAPER,
-    ROBOT,
-    ROUTE,
-    SOFT,
-    SWING,
-    WALL,
-    Disc,
-    Drawing,
-    DrawingItem,
-    Shape,
-    TextLabel,
-)
+from templates.picture._drawing import Colour, Disc, Drawing, DrawingItem, Shape, TextLabel
 from templates.plan_shapes import Points
 
 _NARROWEST: Final = 720.0
@@ -150,15 +133,18 @@ def margins(page: Page) -> list[DrawingItem]:
     rings = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in sides)
     edge = ((side, head), (right, head), (right, low), (side, low))
     # One by one: where two of them lie on each other, together they would be a hole.
-    return [*(Shape((ring,), fill=PAPER) for ring in rings), Shape((edge,), line=FAINT)]
+    return [
+        *(Shape((ring,), fill=Colour.PAPER) for ring in rings),
+        Shape((edge,), line=Colour.FAINT),
+    ]
 
 
 def heading(figure: Drawing, page: Page) -> list[DrawingItem]:
     """Return title and subtitle."""
     left = page.style.side
     return [
-        TextLabel((left, 44.0), figure.title, 26.0, INK, "start", bold=True),
-        TextLabel((left, 70.0), figure.about, 14.0, SOFT, "start"),
+        TextLabel((left, 44.0), figure.title, 26.0, Colour.INK, "start", bold=True),
+        TextLabel((left, 70.0), figure.about, 14.0, Colour.SOFT, "start"),
     ]
 
 
@@ -173,9 +159,9 @@ def scale_bar(page: Page) -> list[DrawingItem]:
     dark = ((x0, y - 3.0), (half, y - 3.0), (half, y + 3.0), (x0, y + 3.0))
     marks = ((x0, "0"), (half, f"{length / 2:g}"), (x1, f"{length:g} m"))
     return [
-        Shape((bar,), fill=FLOOR, line=INK, width=1.0),
-        Shape((dark,), fill=INK),
-        *(TextLabel((x, y - 9.0), text, 11.0, INK, halo=PAPER) for x, text in marks),
+        Shape((bar,), fill=Colour.FLOOR, line=Colour.INK, width=1.0),
+        Shape((dark,), fill=Colour.INK),
+        *(TextLabel((x, y - 9.0), text, 11.0, Colour.INK, halo=Colour.PAPER) for x, text in marks),
     ]
 
 
@@ -191,9 +177,11 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
         return []
     length = 26.0
     return [
-        Shape(((((x + length), y), (x, y), (x, y - length)),), line=FAINT, width=1.6, open=True),
-        TextLabel((x + length + 7.0, y + 4.0), "x", 11.0, SOFT),
-        TextLabel((x, y - length - 4.0), "y", 11.0, SOFT),
+        Shape(
+            ((((x + length), y), (x, y), (x, y - length)),), line=Colour.FAINT, width=1.6, open=True
+        ),
+        TextLabel((x + length + 7.0, y + 4.0), "x", 11.0, Colour.SOFT),
+        TextLabel((x, y - length - 4.0), "y", 11.0, Colour.SOFT),
     ]
 
 
@@ -202,33 +190,35 @@ def legend(page: Page, *, doors: str, low: bool, mission: bool, robot: bool) -> 
 
     ``doors`` says when doors are as they are drawn, empty where there are none.
     """
-    entries: list[tuple[str, str]] = [("wall", WALL)]
-    entries += [("low or sill", LOW)] if low else []
-    entries += [(f"door at the {doors}", DOOR), ("where it can go", SWING)] if doors else []
-    entries += [("waypoint", ROUTE)] if mission else []
-    entries += [("robot", ROBOT)] if robot else []
+    entries: list[tuple[str, Colour]] = [("wall", Colour.WALL)]
+    entries += [("low or sill", Colour.LOW)] if low else []
+    entries += (
+        [(f"door at the {doors}", Colour.DOOR), ("where it can go", Colour.SWING)] if doors else []
+    )
+    entries += [("waypoint", Colour.ROUTE)] if mission else []
+    entries += [("robot", Colour.ROBOT)] if robot else []
 
-    def sample(colour: str, x: float, y: float) -> DrawingItem:
-        if colour == ROUTE:
+    def sample(colour: Colour, x: float, y: float) -> DrawingItem:
+        if colour == Colour.ROUTE:
             return Disc((x + 8.0, y), 8.0, colour)
         ring = ((x, y - 6.0), (x + 16.0, y - 6.0), (x + 16.0, y + 6.0), (x, y + 6.0))
-        return Shape((ring,), fill=colour, opacity=0.45 if colour == SWING else 1.0)
+        return Shape((ring,), fill=colour, opacity=0.45 if colour == Colour.SWING else 1.0)
 
     return legend_row(page, entries, 0.0, sample)
 
 
 def legend_row(
     page: Page,
-    entries: Iterable[tuple[str, str]],
+    entries: Iterable[tuple[str, Colour]],
     below: float,
-    sample: Callable[[str, float, float], DrawingItem],
+    sample: Callable[[Colour, float, float], DrawingItem],
 ) -> list[DrawingItem]:
     """Return texts and colours in a row at the foot of the page, a sample before each text."""
     x, y = page.style.side, page.height - page.style.foot / 2.0 + below
     items: list[DrawingItem] = []
     for text, colour in entries:
         items.append(sample(colour, x, y))
-        items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, INK, "start"))
+        items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, Colour.INK, "start"))
         x += 23.0 + 7.2 * len(text) + 22.0
     return items
 

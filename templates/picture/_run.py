@@ -13,21 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from grammars.model.geometry import Point2, Ring
-from templates.picture._drawing import (
-    APPARENT,
-    BELIEVED,
-    CLOSE,
-    DRIVEN,
-    FLOOR,
-    INK,
-    ROBOT,
-    TOUCHED,
-    Disc,
-    DrawingItem,
-    Labels,
-    Shape,
-    TextLabel,
-)
+from templates.picture._drawing import Colour, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import Page, legend_row
 from templates.picture._scene import spots_around
 from templates.plan_shapes import ShapeRole, trail_shapes
@@ -40,9 +26,9 @@ _PLACES: Final = 150
 _SHORT: Final = 10.0
 """A measured line shorter than this on the page gets a circle, which is to be found."""
 _LINES: Final = {
-    ShapeRole.TRAIL: (DRIVEN, 1.8),
-    ShapeRole.NEAR_TRAIL: (CLOSE, 3.2),
-    ShapeRole.TOUCHING_TRAIL: (TOUCHED, 4.5),
+    ShapeRole.TRAIL: (Colour.DRIVEN, 1.8),
+    ShapeRole.NEAR_TRAIL: (Colour.CLOSE, 3.2),
+    ShapeRole.TOUCHING_TRAIL: (Colour.TOUCHED, 4.5),
 }
 """Colour and width of a way that is clear of everything, inside the buffer, or touches."""
 
@@ -106,14 +92,15 @@ class RunOverlay:
 def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
     """Return the lines of a run, what it was told to believe below the truth."""
     items: list[DrawingItem] = [
-        Shape((page.ring(ring),), line=ROBOT, width=0.9, opacity=0.55) for ring in run.footprints
+        Shape((page.ring(ring),), line=Colour.ROBOT, width=0.9, opacity=0.55)
+        for ring in run.footprints
     ]
     if run.footprints:
         last = page.ring(run.footprints[-1])
-        items.append(Shape((last,), fill=ROBOT, line=ROBOT, width=2.0, opacity=0.45))
+        items.append(Shape((last,), fill=Colour.ROBOT, line=Colour.ROBOT, width=2.0, opacity=0.45))
     if len(run.believed) > 1:
         line = page.ring(run.believed)
-        items.append(Shape((line,), line=BELIEVED, width=1.6, dash=(6.0, 4.0), open=True))
+        items.append(Shape((line,), line=Colour.BELIEVED, width=1.6, dash=(6.0, 4.0), open=True))
     pieces = [
         (shape.role, _simple_line(page.ring(part)))
         for way in run.ways
@@ -125,15 +112,15 @@ def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
         if lines:
             items.append(Shape(lines, line=colour, width=width, open=True))
     if len(run.ways) == 1:
-        items.append(Disc(page.point(run.points[-1]), 5.0, DRIVEN, FLOOR, 1.5))
-    items += [Disc(page.point(goal), 2.6, APPARENT) for goal in run.apparent_goals]
+        items.append(Disc(page.point(run.points[-1]), 5.0, Colour.DRIVEN, Colour.FLOOR, 1.5))
+    items += [Disc(page.point(goal), 2.6, Colour.APPARENT) for goal in run.apparent_goals]
     for point in run.contacts:
         x, y = page.point(point)
         cross = (
             ((x - 6.0, y - 6.0), (x + 6.0, y + 6.0)),
             ((x - 6.0, y + 6.0), (x + 6.0, y - 6.0)),
         )
-        items.append(Shape(cross, line=TOUCHED, width=3.0, open=True))
+        items.append(Shape(cross, line=Colour.TOUCHED, width=3.0, open=True))
     return items
 
 
@@ -169,18 +156,18 @@ def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingIt
     items: list[DrawingItem] = []
     if mark.rings:
         rings = tuple(page.ring(ring) for ring in mark.rings)
-        items.append(Shape(rings, fill=TOUCHED, line=TOUCHED, width=1.6))
+        items.append(Shape(rings, fill=Colour.TOUCHED, line=Colour.TOUCHED, width=1.6))
     if mark.place:
         place = page.ring(mark.place)
-        items.append(Shape((place,), line=TOUCHED, width=2.0, dash=(5.0, 3.0)))
+        items.append(Shape((place,), line=Colour.TOUCHED, width=2.0, dash=(5.0, 3.0)))
     ends = [page.point(end) for end in mark.line]
-    colour = TOUCHED if mark.fails else INK
+    colour = Colour.TOUCHED if mark.fails else Colour.INK
     items.append(Shape((tuple(ends),), line=colour, width=1.2, open=True))
     if math.dist(*ends) < _SHORT:
         items.append(Disc(ends[0], 12.0, line=colour, width=1.6))
     else:
-        items += [Disc(end, 2.2, colour, FLOOR, 0.8) for end in ends]
-    words = TextLabel(ends[0], mark.words, 13.0, colour, bold=True, halo=FLOOR, centred=True)
+        items += [Disc(end, 2.2, colour, Colour.FLOOR, 0.8) for end in ends]
+    words = TextLabel(ends[0], mark.words, 13.0, colour, bold=True, halo=Colour.FLOOR, centred=True)
     shown = [(x, y) for x, y in ends if 0.0 <= x <= page.width and 0.0 <= y <= page.height]
     around = [(x + d, y + d) for x, y in shown or ends for d in (-12.0, 12.0)]
     items.append(labels.place(words, spots_around(around, words, page)))
@@ -192,14 +179,14 @@ def run_key(run: RunOverlay, page: Page) -> list[DrawingItem]:
     nearest = min((float(np.nanmin(w.clearance, initial=math.inf)) for w in run.ways), default=0.0)
     limit = max((way.limit for way in run.ways), default=0.0)
     entries = (
-        ("driven", DRIVEN, len(run.points) > 1),
-        ("believed", BELIEVED, len(run.believed) > 1),
-        ("inside the buffer", CLOSE, nearest < limit),
-        ("contact", TOUCHED, bool(run.contacts)),
-        ("what decides", TOUCHED, run.mark is not None and run.mark.fails),
-        ("robot at the end of its way", ROBOT, len(run.footprints) == 1),
-        ("footprint, filled at the end", ROBOT, len(run.footprints) > 1),
-        ("the waypoint as the robot sees it", APPARENT, bool(run.apparent_goals)),
+        ("driven", Colour.DRIVEN, len(run.points) > 1),
+        ("believed", Colour.BELIEVED, len(run.believed) > 1),
+        ("inside the buffer", Colour.CLOSE, nearest < limit),
+        ("contact", Colour.TOUCHED, bool(run.contacts)),
+        ("what decides", Colour.TOUCHED, run.mark is not None and run.mark.fails),
+        ("robot at the end of its way", Colour.ROBOT, len(run.footprints) == 1),
+        ("footprint, filled at the end", Colour.ROBOT, len(run.footprints) > 1),
+        ("the waypoint as the robot sees it", Colour.APPARENT, bool(run.apparent_goals)),
     )
     return legend_row(
         page,

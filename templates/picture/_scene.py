@@ -16,23 +16,7 @@ from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Point2
 from grammars.model.scene import Scene
 from templates import plan_shapes
-from templates.picture._drawing import (
-    DOOR,
-    FLOOR,
-    LETTER,
-    LOW,
-    MOVER,
-    PAPER,
-    POST,
-    SOFT,
-    SWING,
-    WALL,
-    Disc,
-    DrawingItem,
-    Labels,
-    Shape,
-    TextLabel,
-)
+from templates.picture._drawing import LETTER, Colour, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import CUT, Page
 from templates.plan_shapes import PlanShape, ShapeRole
 
@@ -40,7 +24,11 @@ _GRID: Final = 1e-6
 _ALONG: Final = (0.0, -0.12, 0.12, -0.24, 0.24, -0.34, 0.34)
 _ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
 """Where a name may stand, in sides of the space from its middle."""
-_BODIES: Final = {ShapeRole.DOOR: DOOR, ShapeRole.MOVER: DOOR, ShapeRole.POST: POST}
+_BODIES: Final = {
+    ShapeRole.DOOR: Colour.DOOR,
+    ShapeRole.MOVER: Colour.DOOR,
+    ShapeRole.POST: Colour.POST,
+}
 
 
 def part_on_page(scene: Scene, page: Page) -> Scene:
@@ -56,7 +44,7 @@ def part_on_page(scene: Scene, page: Page) -> Scene:
 def floors(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return the free floor: spaces and the passages between them."""
     areas = tuple(map(_polygon, plan_shapes.floor_shapes(scene)))
-    return [Shape(_rings(_union(areas), page), fill=FLOOR)] if areas else []
+    return [Shape(_rings(_union(areas), page), fill=Colour.FLOOR)] if areas else []
 
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
@@ -68,9 +56,9 @@ def walls(scene: Scene, page: Page) -> list[DrawingItem]:
     )
     items: list[DrawingItem] = []
     if low:
-        items.append(Shape(_rings(_union(low), page), fill=LOW, line=SOFT, width=0.6))
+        items.append(Shape(_rings(_union(low), page), fill=Colour.LOW, line=Colour.SOFT, width=0.6))
     if cut:
-        items.append(Shape(_rings(_union(cut), page), fill=WALL))
+        items.append(Shape(_rings(_union(cut), page), fill=Colour.WALL))
     return items
 
 
@@ -120,9 +108,9 @@ def _name(space: PlanShape, page: Page, labels: Labels) -> TextLabel | None:
         page.point((at.x, at.y)),
         text,
         size,
-        SOFT,
+        Colour.SOFT,
         turn=math.degrees(turn),
-        halo=FLOOR,
+        halo=Colour.FLOOR,
         centred=True,
     )
     return labels.place(words, map(page.point, inside or [(at.x, at.y)]))
@@ -154,11 +142,11 @@ def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[Drawing
         if not rings:
             continue
         if shape.form == "area":
-            items.append(Shape(rings, fill=SWING, opacity=0.28))
+            items.append(Shape(rings, fill=Colour.SWING, opacity=0.28))
         elif shape.form == "line":
-            items.append(Shape(rings, line=SWING, width=1.1, dash=(4.0, 3.0), open=True))
+            items.append(Shape(rings, line=Colour.SWING, width=1.1, dash=(4.0, 3.0), open=True))
         else:
-            items.append(Shape(rings, line=SWING, width=1.0, dash=(4.0, 3.0)))
+            items.append(Shape(rings, line=Colour.SWING, width=1.0, dash=(4.0, 3.0)))
     return items
 
 
@@ -168,8 +156,8 @@ def walks(behaviours: Sequence[Behaviour], page: Page) -> list[DrawingItem]:
     for behaviour in behaviours:
         if behaviour.kind == "walk":
             line = page.ring(behaviour.route)
-            items.append(Shape((line,), line=MOVER, width=1.8, dash=(1.5, 4.0), open=True))
-            items += [Disc(point, 2.6, MOVER) for point in line]
+            items.append(Shape((line,), line=Colour.MOVER, width=1.8, dash=(1.5, 4.0), open=True))
+            items += [Disc(point, 2.6, Colour.MOVER) for point in line]
     return items
 
 
@@ -194,7 +182,7 @@ def object_names(
         if not corners:
             continue
         text = shape.text.replace("_", " ")
-        words = TextLabel(corners[0], text, size, DOOR, halo=PAPER, centred=True)
+        words = TextLabel(corners[0], text, size, Colour.DOOR, halo=Colour.PAPER, centred=True)
         items.append(labels.place(words, spots_around(corners, words, page)))
     return items
 

@@ -119,7 +119,7 @@ def test_a_run_is_drawn_where_it_was():
     first, last, filled, believed, clear, close, touching, cross = shapes(figure, "driven")
     assert first.rings[0] == pages(*what.footprints[0])
     assert last.rings == filled.rings == (pages(*what.footprints[1]),)
-    assert (first.fill, last.fill, bool(filled.fill)) == ("", "", True)
+    assert [bool(one.fill) for one in (first, last, filled)] == [False, False, True]
     assert believed.rings[0] == pages(*what.believed)
     assert [line.rings for line in (clear, close, touching)] == [
         (pages(*way[a : a + 2]),) for a in range(3)

@@ -3,7 +3,7 @@
 import pytest
 
 from templates.picture import Drawing, write_drawing
-from templates.picture._drawing import INK, TextLabel
+from templates.picture._drawing import Colour, TextLabel
 
 SAID = "−–—×·→←°±²³…∞≤≥µσΩ“”’½äöüßéñçøåłşПж✓✗▶"
 """What we say ourselves (minus, dashes, arrows, units), and letters of names in Europe."""
@@ -11,7 +11,7 @@ SAID = "−–—×·→←°±²³…∞≤≥µσΩ“”’½äöüßéñçø
 
 def painted(text, path, *, bold=False):
     drawing = Drawing(60.0, 40.0, "letters", "")
-    drawing.add("words", [TextLabel((30.0, 25.0), text, 20.0, INK, bold=bold)])
+    drawing.add("words", [TextLabel((30.0, 25.0), text, 20.0, Colour.INK, bold=bold)])
     return write_drawing(drawing, path).read_bytes()
 
 
