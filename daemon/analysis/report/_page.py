@@ -52,7 +52,7 @@ _FEW: Final = 5
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """Whether it is fine: one word for its colour, a short word, the sentence."""
+    """Answer to "is it fine?": a tone for its colour, a short word, the sentence."""
 
     tone: Literal["good", "bad", "open"]
     word: str
@@ -132,8 +132,8 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
     total = len(oracles) + len(assessment.comparisons)
     verdicts = count_noun(total, "verdict")
     if assessment.exit_code == 0:
-        known = sum(oracle.expected != "pass" for oracle in oracles)
-        extra = f", {known} of them known to fail" if known else ""
+        failing = sum(oracle.expected != "pass" for oracle in oracles)
+        extra = f", {failing} of them known to fail" if failing else ""
         return Headline("good", "Yes", f"All {verdicts} are as expected{extra}.")
     judged_by = (*oracles, *assessment.comparisons)
     undecided = sum(one.status is ExpectationStatus.OPEN for one in judged_by)
@@ -217,9 +217,9 @@ def _judged(
     repeats: Sequence[tuple[int, RunRow]], oracle: str
 ) -> list[tuple[int, RunRow, Verdict | None]]:
     """Return what an oracle says of each repeat, the gravest first; runs without a verdict last."""
-    found = [(number, run, run.verdict(oracle)) for number, run in repeats]
+    verdicts = [(number, run, run.verdict(oracle)) for number, run in repeats]
     last = (math.inf, False, 0.0)
-    return sorted(found, key=lambda one: last if one[2] is None else severity(one[2]))
+    return sorted(verdicts, key=lambda one: last if one[2] is None else severity(one[2]))
 
 
 def _typed(
@@ -241,7 +241,7 @@ def _counts(oracle: CellVerdict) -> str:
         ("fails", oracle.failed),
         ("is undecided", oracle.inconclusive),
         ("is broken", oracle.errors),
-        ("waits", oracle.missing),
+        ("has no result", oracle.missing),
     )
     counts = [(words, count) for words, count in kinds if count] or [("passes", oracle.passed)]
     whole = count_noun(oracle.n, "repeat")
