@@ -154,14 +154,14 @@ def way_data(run: RunOverlay, page: Page) -> str:
 def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingItem]:
     """Return what decides: the object in red, the measured line, its words beside it."""
     items: list[DrawingItem] = []
+    colour = Colour.TOUCHED if mark.fails else Colour.INK
     if mark.rings:
         rings = tuple(page.ring(ring) for ring in mark.rings)
-        items.append(Shape(rings, fill=Colour.TOUCHED, line=Colour.TOUCHED, width=1.6))
+        items.append(Shape(rings, fill=colour, line=colour, width=1.6))
     if mark.place:
         place = page.ring(mark.place)
-        items.append(Shape((place,), line=Colour.TOUCHED, width=2.0, dash=(5.0, 3.0)))
+        items.append(Shape((place,), line=colour, width=2.0, dash=(5.0, 3.0)))
     ends = [page.point(end) for end in mark.line]
-    colour = Colour.TOUCHED if mark.fails else Colour.INK
     items.append(Shape((tuple(ends),), line=colour, width=1.2, open=True))
     if math.dist(*ends) < _SHORT:
         items.append(Disc(ends[0], 12.0, line=colour, width=1.6))

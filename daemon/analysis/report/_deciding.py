@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from daemon.analysis.report._tracks import RunTracks
 from daemon.judging.oracles import SignalSampler
-from daemon.model.verdicts import Verdict
+from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import MotionTrack, PoseTrack, Trace
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import placed_links
@@ -30,10 +31,15 @@ _OF_OBSTACLES: Final = frozenset({"clearance", "distance", "contact", "contact.d
 
 
 def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
-    """Return what decides a verdict, red, and its measured distance to the robot at that moment.
+    """Return the object that decides a verdict, and its distance to the robot at that moment.
 
     ``None`` if the verdict is about nothing that has a place.
     """
+    mark = _find_mark(sampler, verdict)
+    return mark and replace(mark, fails=verdict.outcome is Outcome.FAIL)
+
+
+def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     trace, time = sampler.trace, deciding_time(sampler, verdict)
     pose = pose_at(trace.ground_truth, time)
     try:

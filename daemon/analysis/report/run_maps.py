@@ -164,16 +164,15 @@ def draw_building(data: ReportData) -> BuildingPicture | None:
 
     With the mission, if all runs in it have the same one.
     """
-    scenes = Counter(run.tracks.scene for run in data.runs if run.tracks.scene)
+    recorded = [run for run in data.runs if run.tracks.scene and run.record.trace]
+    scenes = Counter(run.tracks.scene for run in recorded)
     if not scenes:
         return None
     ((digest, _),) = scenes.most_common(1)
     traces: dict[str, Path] = {}
-    for run in data.runs:
-        if run.tracks.scene == digest and run.record.trace:
-            traces.setdefault(run.record.scenario, Path(run.record.trace))
-    if not traces:
-        return None
+    for run in recorded:
+        if run.tracks.scene == digest:
+            traces.setdefault(run.record.scenario, Path(str(run.record.trace)))
     try:
         specs = [read_spec(trace) for trace in traces.values()]
         scene = read_scene(next(iter(traces.values())))
@@ -207,7 +206,6 @@ def _world(trace: Trace) -> ArtefactWorld:
         mission=spec.mission,
         robot=spec.robot,
         draws=(BehaviourDraw("", spec.behaviours),),
-        resolution=spec.map.resolution,
     )
 
 

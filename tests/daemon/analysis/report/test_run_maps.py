@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -135,8 +136,13 @@ def test_what_decides_is_measured_whatever_it_is(trace, text, evidence, words):
     assert label.text.endswith(words)
 
 
-def test_nothing_is_red_when_a_verdict_has_no_place(trace):
+def test_nothing_is_red_when_a_verdict_has_no_place_or_does_not_fail(trace):
     assert not painted(moment(trace, text="always(speed < 0.1 m/s)", time=5.0), "touched")
+    passes = replace(verdict(time=5.0, value=0.3, object="wall-north"), outcome=Outcome.PASS)
+    svg = draw_moment(trace, passes, LABEL)
+    assert svg is not None
+    assert not painted(svg, "touched")
+    assert "0.300 m" in [one.text for one in painted(svg, "ink", "text")]
 
 
 def test_the_same_run_gives_the_same_bytes_and_few_of_them(trace):
