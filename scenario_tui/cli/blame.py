@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +15,7 @@ from scenario_tui.cli.options import AsJson, State
 from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, RunCase
+    from daemon.analysis.blame import Blame, CandidateRunner, RunCase
     from daemon.batch.paths import StatePaths
 
 
@@ -80,23 +78,21 @@ def blame(
         BudgetSpentError,
         CandidateRunner,
         NoFailureError,
-        load_case,
+        explain_failure,
         save_campaign,
     )
-    from daemon.analysis.blame import explain_failure as search
 
-    meant = _resolve_run(run, state, campaign)
-    case = load_case(meant.campaign, meant.scenario, meant.sut, meant.repeat)
-    if meant.note:
-        say(f"{case.spec.label}: {meant.note}")
+    case, note = _find_case(run, state, campaign)
+    if note:
+        say(f"{case.spec.label}: {note}")
     if not case.spec.sut.repeatable:
         # Each candidate is run once: what passes by luck would be called the reason.
         say(f"{case.spec.sut.name} is not repeatable: a reason found here may be chance, verify it")
     try:
         # Saving is inside: whether the first repeat fails as well may be one more run.
-        with _run_counter() as watch:
+        with _RunCounter() as watch:
             runner = CandidateRunner(runs, watch=watch)
-            found = search(case, runner, oracle)
+            found = explain_failure(case, runner, oracle)
             file = save_campaign(case, found, out or _folder(case), runner)
     except NoFailureError as error:
         # Nothing is wrong with what was typed: there is just no failure to explain.
@@ -113,8 +109,8 @@ def blame(
     )
 
 
-def _resolve_run(run: list[str], state: State, campaign: Path | None) -> CampaignRun:
-    from daemon.analysis.blame import find_run
+def _find_case(run: list[str], state: State, campaign: Path | None) -> tuple[RunCase, str]:
+    from daemon.analysis.blame import find_case
     from daemon.batch.paths import StatePaths
     from grammars.text.diagnostics import InputError
     from scenario_tui.cli.named_traces import resolve_recorded, why_without_traces
@@ -126,7 +122,7 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     words = run
     try:
         words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
-        return find_run(words, paths, campaign)
+        return find_case(words, paths, campaign)
     except InputError:
         # It names the line of a file, and is a ValueError as well; the others are about the words.
         raise
@@ -174,34 +170,30 @@ def _folder(case: RunCase) -> Path:
     return Path("scenario-results") / "blame" / name.removesuffix(".mcap")
 
 
-@contextmanager
-def _run_counter() -> Iterator[_RunCounter]:
-    """Show how many runs it took so far, on one line, where somebody looks."""
-    watch = _RunCounter()
-    try:
-        yield watch
-    finally:
-        watch.wipe()
-
-
 class _RunCounter:
-    """A line of progress without a thread: runs are forked, and threads do not survive that."""
+    """How many runs it took so far, on one line, where somebody looks.
+
+    It has no thread, since runs are forked, and threads do not survive that.
+    """
 
     def __init__(self) -> None:
         self._console = stderr_console()
         # Where the line cannot be written again, every count would be a line of its own.
         self._moves = self._console.is_terminal and not self._console.is_dumb_terminal
 
-    def __call__(self, runner: CandidateRunner) -> None:
-        if self._moves:
-            text = f"{runner.runs} runs, {runner.seconds:.0f} s"
-            self._console.file.write(f"\r{text}\x1b[K")
-            self._console.file.flush()
+    def __enter__(self) -> _RunCounter:
+        return self
 
-    def wipe(self) -> None:
+    def __call__(self, runner: CandidateRunner) -> None:
+        self._show(f"{runner.runs} runs, {runner.seconds:.0f} s")
+
+    def __exit__(self, *_: object) -> None:
+        # Erased, not ended: what follows is the answer, and the count is in it.
+        self._show("")
+
+    def _show(self, text: str) -> None:
         if self._moves:
-            # Erased, not ended: what follows is the answer, and the count is in it.
-            self._console.file.write("\r\x1b[K")
+            self._console.file.write(f"\r{text}\x1b[K")
             self._console.file.flush()
 
 

@@ -26,36 +26,31 @@ from daemon.campaign import (
     noise_seed,
 )
 from daemon.model.spec import OracleText, RunSpec
-from daemon.model.submission import Submission
 from daemon.trace import read_spec
 from grammars.model.behaviour import Walk
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 
-@dataclass(frozen=True, slots=True)
-class CampaignRun:
-    """A run of a campaign file; ``note`` says in what it is not the run that was recorded."""
-
-    campaign: Path
-    scenario: str
-    sut: str
-    repeat: int
-    note: str = ""
-
-
-def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = None) -> CampaignRun:
-    """Return the run that ``words`` name.
+def find_case(
+    words: Sequence[str], paths: StatePaths, campaign: Path | None = None
+) -> tuple[RunCase, str]:
+    """Return the run that ``words`` name, taken apart, and in what it is not the recorded one.
 
     ``CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]``, or a trace, or the id of a run in the ledger. For
     the latter two the layers are needed that a trace does not hold: those of ``campaign``,
     otherwise of the campaign file that the record of the run names, as long as it specifies that
-    very run. Raises ``ValueError`` for what names none, :class:`InputError` for files that cannot
-    be used.
+    very run. Raises ``ValueError`` for words that name none, :class:`InputError` for files that
+    cannot be used.
     """
     first, *rest = words
     if first.endswith((".yaml", ".yml")):
-        return _run_in_file(Path(first), rest)
+        if not 1 <= len(rest) <= 3:
+            raise ValueError("name a run of the campaign: SCENARIO SUT REPEAT, such as S1 pilot 0")
+        scenario, sut, repeat = (*rest, *("", "0")[len(rest) - 1 :])
+        if not repeat.isdecimal():
+            raise ValueError(f"{repeat} is not the number of a repeat, they count from 0")
+        return load_case(Path(first), scenario, sut, int(repeat)), ""
     if rest:
         raise ValueError("one trace or one id of a run, or CAMPAIGN.yaml SCENARIO SUT REPEAT")
     traces = find_traces([first], paths)
@@ -64,24 +59,15 @@ def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = No
     spec = read_spec(traces[0])
     # A trace holds what was composed, not the layers it was composed of, which are what is blamed.
     file = campaign or _recorded_file(first, traces[0], paths)
-    note = ""
-    if not _has_run(file, spec):
-        if campaign is None:
-            raise ValueError(
-                f"{file} does not specify this run any more: say --campaign {file} "
-                "to ask about the run as its layers are now"
-            )
-        note = "its layers have changed since: this is about the run as they are now"
-    return CampaignRun(file, spec.scenario, spec.sut.name, spec.repeat, note)
-
-
-def _run_in_file(campaign: Path, rest: Sequence[str]) -> CampaignRun:
-    if not 1 <= len(rest) <= 3:
-        raise ValueError("name a run of the campaign: SCENARIO SUT REPEAT, such as S1 pilot 0")
-    scenario, sut, repeat = (*rest, *("", "0")[len(rest) - 1 :])
-    if not repeat.isdecimal():
-        raise ValueError(f"{repeat} is not the number of a repeat, they count from 0")
-    return CampaignRun(campaign, scenario, sut, int(repeat))
+    case = load_case(file, spec.scenario, spec.sut.name, spec.repeat)
+    if case.spec.digest == spec.digest:
+        return case, ""
+    if campaign is None:
+        raise ValueError(
+            f"{file} does not specify this run any more: say --campaign {file} "
+            "to ask about the run as its layers are now"
+        )
+    return case, "its layers have changed since: this is about the run as they are now"
 
 
 def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
@@ -100,19 +86,6 @@ def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
     if not Path(origin.path).is_file():
         raise ValueError(f"there is no {origin.path} any more: say --campaign FILE")
     return Path(origin.path)
-
-
-def _has_run(path: Path, spec: RunSpec) -> bool:
-    try:
-        return spec.digest in _all_runs(load_campaign(path)).digests
-    except InputError:
-        return False
-
-
-def _all_runs(campaign: Campaign) -> Submission:
-    """Return a campaign whose repeats in reserve are runs like the others."""
-    submission = expand(campaign)
-    return replace(submission, runs=(*submission.runs, *submission.reserve))
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +217,9 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     if name not in names:
         message = f'{scenario} has no system under test "{sut}"' if sut else "which of its SUTs?"
         raise InputError(Diagnostic(where, message, did_you_mean(sut, names)))
-    for spec in _all_runs(campaign).specs:
+    planned = expand(campaign)
+    # Repeats in reserve are runs like the others.
+    for spec in map(planned.spec, (*planned.runs, *planned.reserve)):
         if (spec.scenario, spec.sut.name, spec.repeat) == (scenario, name, repeat):
             return case_of(campaign, cell, spec, path.parent)
     message = f"{scenario} with {name} has no repeat {repeat}"

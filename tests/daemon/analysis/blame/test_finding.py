@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.analysis.blame import CampaignRun, find_run, load_case
+from daemon.analysis.blame import find_case
 from daemon.analysis.results import write_campaign_note
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
@@ -20,16 +20,17 @@ def places(tmp_path):
     return StatePaths(tmp_path / "state")
 
 
-def test_a_place_in_a_campaign_file(places):
-    meant = find_run(["c.yaml", "S1", "pilot", "3"], places)
-    assert (meant.campaign, meant.scenario, meant.sut, meant.repeat) == (
-        Path("c.yaml"),
-        "S1",
-        "pilot",
-        3,
-    )
-    assert find_run(["c.yaml", "S1"], places).sut == ""
-    assert find_run(["c.yaml", "S1", "pilot"], places).repeat == 0
+def label(found):
+    case, note = found
+    return Path(case.campaign.file), case.spec.label, note
+
+
+@pytest.mark.parametrize("words", [["pilot", "1"], ["pilot"], []])
+def test_a_place_in_a_campaign_file(folder, places, words):
+    file = write(folder)
+    repeat = words[1] if len(words) > 1 else 0
+    found = find_case([str(file), "rude", *words], places)
+    assert label(found) == (file, f"rude/pilot/{repeat}", "")
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_a_place_in_a_campaign_file(places):
 )
 def test_what_names_no_run_is_refused(places, words, message):
     with pytest.raises(ValueError, match=message):
-        find_run(words, places)
+        find_case(words, places)
 
 
 def test_a_trace_is_of_the_campaign_file_that_its_record_names(folder, places):
@@ -56,19 +57,18 @@ def test_a_trace_is_of_the_campaign_file_that_its_record_names(folder, places):
     trace.parent.mkdir()
     execute(planned.specs[1], planned.scenes[0], trace_path=trace)
     with pytest.raises(ValueError, match="no record names the campaign file.*--campaign"):
-        find_run([str(trace)], places)
+        find_case([str(trace)], places)
     write_campaign_note(trace.parent, replace(planned, origin=campaign_origin(campaign, file)))
-    meant = find_run([str(trace)], places)
-    assert meant == CampaignRun(file, "rude", "pilot", 1)
+    assert label(find_case([str(trace)], places)) == (file, "rude/pilot/1", "")
 
     file.write_text(file.read_text().replace("near: 1 m", "near: 99 cm"))
     with pytest.raises(ValueError, match="does not specify this run any more.*--campaign"):
-        find_run([str(trace)], places)
-    assert "layers have changed" in find_run([str(trace)], places, file).note
+        find_case([str(trace)], places)
+    assert "layers have changed" in find_case([str(trace)], places, file)[1]
 
     file.unlink()
     with pytest.raises(ValueError, match="tiny.yaml any more: say --campaign FILE"):
-        find_run([str(trace)], places)
+        find_case([str(trace)], places)
 
 
 def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(folder, places):
@@ -81,8 +81,7 @@ def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(folder, places
     trace = places.traces / submission.campaign / "rude.pilot.0.mcap"
     trace.parent.mkdir(parents=True)
     execute(submission.specs[0], submission.scenes[0], trace_path=trace)
-    meant = CampaignRun(file, "rude", "pilot", 0)
-    assert find_run([str(trace)], places) == meant
+    assert label(find_case([str(trace)], places)) == (file, "rude/pilot/0", "")
 
 
 def test_a_repeat_in_reserve_is_a_run_like_others(folder, places):
@@ -93,5 +92,5 @@ def test_a_repeat_in_reserve_is_a_run_like_others(folder, places):
     spec = planned.spec(planned.reserve[0])
     trace = folder / "rude.pilot.1.mcap"
     execute(spec, planned.scenes[0], trace_path=trace)
-    assert find_run([str(trace)], places, file) == CampaignRun(file, "rude", "pilot", 1)
-    assert load_case(file, "rude", "pilot", 1).spec == spec
+    case, _ = find_case([str(trace)], places, file)
+    assert case.spec == spec
