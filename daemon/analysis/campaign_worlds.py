@@ -1,4 +1,4 @@
-"""What artefacts of a campaign show: its worlds, with what happens in them."""
+"""Worlds of a campaign, with their behaviours, for artefacts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def worlds_of_campaign(
 ) -> tuple[tuple[ArtefactWorld, ...], tuple[Diagnostic, ...]]:
     """Return the worlds of a campaign, and the warnings about its layers.
 
-    Scenarios that differ in nothing artefacts show (only in oracles or systems under test, say)
+    Scenarios that differ only in things that artefacts do not show, oracles or systems under test,
     are one world, under the name of the first; every variant of a floor plan is a world of its
     own. ``repeats`` limits whose behaviours are drawn.
     """

@@ -1,4 +1,4 @@
-"""Runs executed here, each in a forked process: what verifies and what looks for causes needs them.
+"""Runs executed here, each in a forked process, for verification and the search for causes.
 
 Forked from this process and not from a worker's zygote: it is warm already, has no session of
 Zenoh, and a run need not be written to a file and read again.
@@ -39,7 +39,7 @@ ExecuteRun: TypeAlias = Callable[..., RunResult]
 
 @dataclass(frozen=True, slots=True)
 class EndedRun:
-    """Result of a run, or the ``problem`` that left none."""
+    """Result of a run, or the ``problem`` that kept it from having one."""
 
     result: RunResult | None
     problem: str = ""
@@ -118,13 +118,13 @@ def _prepare_child() -> None:
     guard()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
-    # By descriptors too: what a system under test starts prints to those.
+    # By descriptors too: processes of a system under test print to those.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for descriptor in (1, 2):
         os.dup2(nowhere, descriptor)
     sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
     # Python seeds its own generator anew in a child. numpy does not: two children would draw the
-    # same numbers from a generator that nobody has seeded, and look deterministic.
+    # same numbers from an unseeded generator, and look deterministic.
     np.random.seed()
     # A run collects garbage when it ends: only its own, not through all that the parent has loaded.
     gc.freeze()

@@ -1,4 +1,4 @@
-"""A map over many items by forked processes, where there is enough of them."""
+"""A map over many items by forked processes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Judging recorded runs again: other oracles, or the same ones, on old traces.
 
-A trace is read and never written. What it is compared with is what the ledger says of the run when
-the trace is one of a state directory's, otherwise what the oracles inside of the trace itself say.
+A trace is read and never written. Its verdicts are compared with those in the ledger if it is one
+of a state directory's, otherwise with those of the oracles inside of the trace itself.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class RejudgedTrace:
 
     @property
     def changes(self) -> tuple[OracleChange, ...]:
-        """What is different now, in the order of the oracles; new and dropped ones at the end."""
+        """Oracles that judge otherwise now, in their order; new and dropped ones at the end."""
         now, then = ({v.oracle: v for v in side} for side in (self.verdicts, self.before))
         names = (*now, *(name for name in then if name not in now))
         pairs = (OracleChange(name, then.get(name), now.get(name)) for name in names)
@@ -61,7 +61,7 @@ class OracleChange:
 
     @property
     def kind(self) -> Literal["same", "verdict", "margin", "new", "dropped"]:
-        """What changed: the verdict, only its margin (or measured value), or who judges."""
+        """Kind of the change: of the verdict, only its margin or value, or of the oracles."""
         if self.before is None:
             return "new"
         if self.now is None:
@@ -100,7 +100,7 @@ def rejudge(
 
 
 def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedTrace:
-    """Judge one file by the oracles given and by its own; the signals are computed once."""
+    """Judge one file by these oracles and by its own; the signals are computed once."""
     try:
         trace = read_trace(path)
     except TraceError as error:
@@ -146,7 +146,7 @@ def _recorded_result(places: StatePaths, path: Path) -> RunResult | None:
 def find_traces(named: Sequence[str], places: StatePaths) -> tuple[Path, ...]:
     """Return the traces meant: files, all in a folder, a campaign's or a run's by its id.
 
-    Each once, in the order named, those of a folder by name. Raises ``ValueError`` for what names
+    Each once, in the order named, those of a folder by name. Raises ``ValueError`` for a name of
     none.
     """
     found: dict[Path, None] = {}

@@ -1,6 +1,6 @@
 """Running a recorded specification again: the same bytes, or how far the outcomes spread.
 
-A trace holds its specification and its scene, so nothing else is needed. Systems under test that
+A trace holds its specification and its scene, so they are enough. Systems under test that
 live in the simulation leave the same bytes; of those outside only the spread can be told.
 """
 
@@ -33,11 +33,11 @@ PATH: Final = "path driven"
 
 @dataclass(frozen=True, slots=True)
 class ExecutedRun:
-    """What one execution left: outcome, SHA-256 of its trace, and what was measured.
+    """An execution: its outcome, the SHA-256 of its trace, and measured values.
 
     ``values`` are by name: the simulated duration [s], the true path [m], the margin of each oracle
     and the value of each measure, in the units of :attr:`Verification.units`. ``difference`` is
-    where its trace parts from the recorded one. ``problem`` says why there is nothing else.
+    where its trace parts from the recorded one. ``problem`` says why the rest is empty.
     """
 
     outcome: Outcome = Outcome.ERROR
@@ -79,40 +79,40 @@ class Verification:
 
     @property
     def all_executed(self) -> bool:
-        """Whether every execution left a trace."""
+        """``True`` if every execution left a trace."""
         return not any(one.problem for one in (self.recorded, *self.executions))
 
     @property
     def same_bytes(self) -> int:
-        """How many executions left the bytes of the recording."""
+        """Number of executions that left the bytes of the recording."""
         return sum(execution.sha256 == self.recorded.sha256 for execution in self.executions)
 
     @property
     def nondeterministic(self) -> bool:
-        """Whether executions here, of one code on one machine, left different bytes."""
+        """``True`` if executions here, of one code on one machine, left different bytes."""
         return len({one.sha256 for one in self.executions if not one.problem}) > 1
 
     @property
     def first_difference(self) -> TraceDifference | None:
         """The earliest place where an execution parts from the recording."""
-        found = [one.difference for one in self.executions if one.difference is not None]
-        return min(found, key=lambda one: (not one.topic, one.time), default=None)
+        places = [one.difference for one in self.executions if one.difference is not None]
+        return min(places, key=lambda one: (not one.topic, one.time), default=None)
 
     @property
     def outcomes(self) -> dict[str, int]:
-        """How often each outcome came out, the recording included."""
+        """Number of executions by outcome, the recording included."""
         counts = Counter(str(one.outcome) for one in self._traces)
         return {word: counts[word] for word in Outcome if counts[word]}
 
     @property
     def spreads(self) -> tuple[Spread, ...]:
-        """How far each value spreads, the recording included."""
-        found = []
+        """Spread of each value, the recording included."""
+        spreads = []
         for name, unit in self.units.items():
             values = [one.values[name] for one in self._traces if name in one.values]
             if values:
-                found.append(Spread(name, unit, min(values), max(values), len(values)))
-        return tuple(found)
+                spreads.append(Spread(name, unit, min(values), max(values), len(values)))
+        return tuple(spreads)
 
     @property
     def _traces(self) -> tuple[ExecutedRun, ...]:
@@ -183,8 +183,8 @@ def verify_spec(
         if first.result is None:
             return _unverified(spec, ExecutedRun(problem=first.problem))
         trace = trace_in(Path(name), 0)
-        found = verify(trace, repeats - 1, places=places, wall=wall, execute_run=execute_run)
-        return replace(found, trace="")
+        again = verify(trace, repeats - 1, places=places, wall=wall, execute_run=execute_run)
+        return replace(again, trace="")
 
 
 def _unverified(spec: RunSpec, recorded: ExecutedRun) -> Verification:
@@ -208,7 +208,7 @@ def _executions(
 
 
 def _measure(trace: Trace, verdicts: Sequence[Verdict]) -> ExecutedRun:
-    """Return what a trace and the verdicts on it say."""
+    """Return the values of a trace and of the verdicts on it."""
     truth = trace.ground_truth
     way = float(np.hypot(np.diff(truth.x), np.diff(truth.y)).sum())
     values = {DURATION: trace.valid_until, PATH: way}

@@ -35,7 +35,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mea
 def find_case(
     words: Sequence[str], paths: StatePaths, campaign: Path | None = None
 ) -> tuple[RunCase, str]:
-    """Return the run that ``words`` name, taken apart, and in what it is not the recorded one.
+    """Return the run that ``words`` name, taken apart, and how it differs from the recorded one.
 
     ``CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]``, or a trace, or the id of a run in the ledger. For
     the latter two the layers are needed that a trace does not hold: those of ``campaign``,
@@ -57,7 +57,7 @@ def find_case(
     if len(traces) > 1:
         raise ValueError(f"{first} names {len(traces)} runs, name one of them")
     spec = read_spec(traces[0])
-    # A trace holds what was composed, not the layers it was composed of, which are what is blamed.
+    # A trace holds the composed world, not its layers; blame is about layers.
     file = campaign or _recorded_file(first, traces[0], paths)
     case = load_case(file, spec.scenario, spec.sut.name, spec.repeat)
     if case.spec.digest == spec.digest:
@@ -73,8 +73,8 @@ def find_case(
 def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
     """Return the campaign file that the record of a run names.
 
-    The record is the ledger, or what ``scenario run`` left beside the trace. Raises ``ValueError``
-    for a run without one, and for a file that is not there any more.
+    The record is the ledger, or the note of ``scenario run`` beside the trace. Raises
+    ``ValueError`` for a run without one, and for a file that is not there any more.
     """
     origin = read_campaign_note(trace.parent).origin
     campaign = trace.parent.name if Path(name).is_file() else name.partition(".")[0]
@@ -98,7 +98,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioLayer:
-    """A scenery layer that a scenario names, and what the campaign says about its parameters."""
+    """A scenery layer that a scenario names, with the campaign's values for its parameters."""
 
     element: Element
     reference: LayerReference
@@ -130,7 +130,7 @@ class RunCase:
 
     @property
     def added(self) -> tuple[Element, ...]:
-        """Layers, overrides and parameters: what the campaign adds to a bare building."""
+        """Layers, overrides and parameters: the additions of the campaign to a bare building."""
         layers = [layer.element for layer in self.layers]
         overrides = [element for layer in self.layers for element, _, _ in layer.overrides]
         return (*layers, *overrides, *self.settings.elements)
@@ -182,7 +182,7 @@ class RunCase:
 
     def _world(self, away: Elements) -> CampaignCell:
         """Return the cell of the remaining layers with everything that they place."""
-        # Most candidates differ in single things only: what they are made of is composed once.
+        # Most candidates differ in single things only: their layers are composed once.
         key = frozenset(e for e in away if e.kind in ("objects", "behaviours", "override"))
         if key not in self._worlds:
             references: dict[str, list[LayerReference]] = {"objects": [], "behaviours": []}
@@ -202,8 +202,8 @@ class RunCase:
 def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     """Take a run of a campaign file apart.
 
-    ``sut`` may be empty when the scenario has only one. Raises :class:`InputError` for what the
-    campaign does not have.
+    ``sut`` may be empty when the scenario has only one. Raises :class:`InputError` for a
+    run that the campaign does not have.
     """
     campaign = load_campaign(path)
     where = Where(campaign.file)

@@ -19,11 +19,11 @@ TestOutcome: TypeAlias = Literal["pass", "fail", "unresolved"]
 class Element:
     """A part of a failing run that it could do without.
 
-    ``objects`` and ``behaviours``: a scenery layer; ``override``: what the campaign says about a
+    ``objects`` and ``behaviours``: a scenery layer; ``override``: the campaign's value for a
     parameter of one; ``parameter``: a value in which the system under test differs from the one
     it is like. ``object``, ``waypoint`` and ``behaviour``: single ones of the composed run.
     ``index`` tells equal names apart. The name of a ``parameter`` says its value as well;
-    ``setting`` is what it is called alone, empty for all others.
+    ``setting`` is the name without the value, empty for all others.
     """
 
     kind: ElementKind
@@ -58,9 +58,9 @@ class Blame:
 
     ``verdict`` is the oracle's verdict on the run. ``layers`` are the layers and parameters that
     the failure needs, with how the run ends without each. ``objects``, ``waypoints``,
-    ``behaviours`` and ``parameters`` are what is left of the whole run, of ``before`` of each
-    kind, and ``last`` its verdict. ``minimal`` says whether it is proven that nothing else can be
-    taken away; if not, ``stopped`` says why. ``settings`` are the names of the ``parameters``
+    ``behaviours`` and ``parameters`` are those of the smallest run, of ``before`` of each kind in
+    the whole one, and ``last`` its verdict. ``minimal`` is a proof that no other thing can go;
+    otherwise ``stopped`` says why there is none. ``settings`` are the names of the ``parameters``
     without their values.
     """
 
@@ -79,11 +79,11 @@ class Blame:
 
 
 class NoFailureError(ValueError):
-    """There is nothing to explain: the run passes, or does not fail again; the message says so."""
+    """The run passes, or does not fail again, so there is no failure to explain."""
 
 
 def story_lines(story: Blame, like: str) -> tuple[str, ...]:
-    """Return what makes a run fail and what is left of it, line by line.
+    """Return the reasons why a run fails and the parts of the smallest one, line by line.
 
     ``like`` names the system under test that the run's own is like, if any.
     """

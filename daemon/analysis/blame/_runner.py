@@ -16,13 +16,12 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute
 
 SLOTS: Final = 2
-"""Candidates that run at the same time; what is found depends on it, not on who is faster.
-
-So it is no number of cores: the same question has the same answer on every machine."""
+"""Candidates that run at the same time. The answer depends on this number, so it is not the number
+of cores: the same question has the same answer on every machine."""
 
 
 class BudgetSpentError(Exception):
-    """Another run was needed and none is left."""
+    """The search needs another run, and the budget is spent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,7 @@ CandidateExecutor: TypeAlias = Callable[[Sequence[Candidate]], list[tuple[Candid
 class CandidateRunner:
     """Has runs executed and remembers how they ended, by their digests.
 
-    ``runs`` counts what was executed, ``cached`` what was known already. ``watch`` is called
+    ``runs`` counts executed runs, ``cached`` those whose end was known already. ``watch`` is called
     after each batch. Without an ``executor`` runs are executed here, in processes of their own
     (:func:`execute_candidates`).
     """
@@ -53,7 +52,7 @@ class CandidateRunner:
     runs: int = 0
     cached: int = 0
     started: float = field(default_factory=time.monotonic)
-    _known: dict[str, CandidateResult] = field(default_factory=dict)
+    _ends: dict[str, CandidateResult] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -62,11 +61,11 @@ class CandidateRunner:
 
     def known(self, candidate: Candidate) -> CandidateResult | None:
         """Return how a run ended that was executed before."""
-        return self._known.get(candidate.spec.digest)
+        return self._ends.get(candidate.spec.digest)
 
     def remember(self, candidate: Candidate, ended: CandidateResult) -> None:
         """Take it as known how a run ends."""
-        self._known[candidate.spec.digest] = ended
+        self._ends[candidate.spec.digest] = ended
 
     def judge_all(self, candidate: Candidate) -> tuple[CandidateResult, ...]:
         """Execute one run and return how it ended by each of its oracles."""
@@ -81,7 +80,7 @@ class CandidateRunner:
         runs = [candidate for candidate in candidates if candidate is not None]
         for start in range(0, len(runs), SLOTS):
             self._execute(runs[start : start + SLOTS])
-        return [None if one is None else self._known[one.spec.digest] for one in candidates]
+        return [None if one is None else self._ends[one.spec.digest] for one in candidates]
 
     def first_failing(self, candidates: Sequence[Candidate | None]) -> int | None:
         """Return the index of the first candidate that fails; ``None`` in it cannot be run.
@@ -96,14 +95,14 @@ class CandidateRunner:
         return None
 
     def _execute(self, candidates: Sequence[Candidate]) -> None:
-        new = {c.spec.digest: c for c in candidates if c.spec.digest not in self._known}
+        new = {c.spec.digest: c for c in candidates if c.spec.digest not in self._ends}
         self.cached += len(candidates) - len(new)
         # A whole batch or none: half of one would make the answer depend on the budget.
         if self.runs + len(new) > self.budget:
             raise BudgetSpentError
         if new:
             endings = self._endings(list(new.values()))
-            self._known |= {digest: one for digest, (one,) in zip(new, endings, strict=True)}
+            self._ends |= {digest: one for digest, (one,) in zip(new, endings, strict=True)}
             self.runs += len(new)
         if self.watch is not None:
             self.watch(self)

@@ -39,22 +39,22 @@ from grammars.text.yaml_text import yaml_text
 SCENARIO: Final = "minimal"
 
 
-def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: CandidateRunner) -> Path:
+def save_campaign(case: RunCase, result: BlameResult, path: Path, runner: CandidateRunner) -> Path:
     """Write the smallest failing run to the folder ``path`` and return the campaign file.
 
     Layers are copied as they are, and the scenario says without which of their parts it is run;
     the run that the campaign specifies is the one that failed, seed included. Raises ``OSError``,
-    and ``ValueError`` when the files would specify another run: nothing may be handed on that does
-    not fail in the same way.
+    and ``ValueError`` when the files would specify another run: a folder that people hand on must
+    fail in the same way.
     """
     path.mkdir(parents=True, exist_ok=True)
-    smallest, repeat = _earliest_repeat(case, found, runner)
+    smallest, repeat = _earliest_repeat(case, result, runner)
     (oracle,) = smallest.spec.oracles
     here = case.cell.scenario.where
     scenario = replace(
-        _copied(case, case.scenario(found.away), path),
+        _copied(case, case.scenario(result.away), path),
         about="",
-        suts=(LayerReference(_write_sut(case, found, path), {}, here),),
+        suts=(LayerReference(_write_sut(case, result, path), {}, here),),
         oracles=(LayerReference(oracle.name, {}, here),),
     )
     oracles = _write(path, "minimal.oracles.yaml", yaml_text({oracle.name: oracle.text}))
@@ -64,7 +64,7 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         name=SCENARIO,
         repeats=repeat + 1,
         about=f"{case.spec.label} of {case.campaign.name}, reduced to what makes it fail",
-        comment=_comment(found.story, repeat),
+        comment=_comment(result.story, repeat),
     )
     file = path / _write(path, "campaign.yaml", text)
     _verify(file, smallest.spec)
@@ -90,20 +90,20 @@ def _copy(source: Path, folder: Path, name: str) -> None:
 
 
 def _earliest_repeat(
-    case: RunCase, found: BlameResult, runner: CandidateRunner
+    case: RunCase, result: BlameResult, runner: CandidateRunner
 ) -> tuple[Candidate, int]:
     """Return the run in repeat 0 if it fails there too, otherwise as it is, with its repeat.
 
     A campaign always has the repeats before one, so the first one is the one to have.
     """
-    smallest, repeat = found.smallest, case.spec.repeat
-    if repeat == 0 or found.story.stopped:
+    smallest, repeat = result.smallest, case.spec.repeat
+    if repeat == 0 or result.story.stopped:
         return smallest, repeat
-    first = case.candidate(found.away, smallest.spec.oracles[0], repeat=0)
+    first = case.candidate(result.away, smallest.spec.oracles[0], repeat=0)
     try:
         return (first, 0) if runner.first_failing([first]) == 0 else (smallest, repeat)
     except (BudgetSpentError, KeyboardInterrupt):
-        return smallest, repeat  # what was found is kept
+        return smallest, repeat
 
 
 def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> ResolvedScenario:
@@ -123,8 +123,8 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> Resolved
     map_file = None
     if case.spec.map.file:
         grid, height = stored_map(case.spec.map.file), case.spec.robot.laser.z
-        _, written = write_map(grid, folder / "map", laser_height=height)
-        map_file = LayerReference(written.name, {}, scenario.where)
+        _, description = write_map(grid, folder / "map", laser_height=height)
+        map_file = LayerReference(description.name, {}, scenario.where)
     if scenario.vary is None:
         plan = copy(required(scenario.floorplan), FLOORPLAN)
     else:
@@ -144,11 +144,11 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> Resolved
     )
 
 
-def _write_sut(case: RunCase, found: BlameResult, folder: Path) -> str:
+def _write_sut(case: RunCase, result: BlameResult, folder: Path) -> str:
     """Write the system under test, as differences from the one it is like if it has any."""
-    sut, settings = found.smallest.spec.sut, case.settings
+    sut, settings = result.smallest.spec.sut, case.settings
     text: dict[str, Any] = {"kind": sut.kind, "parameters": sut.parameters}
-    changes = parameter_tree(settings.remaining(found.away))
+    changes = parameter_tree(settings.remaining(result.away))
     if own := stack_kind(sut.kind).keys:
         keys = {name: sut.parameters[name] for name in own if name in sut.parameters}
         text = {"kind": sut.kind, **keys}
@@ -186,8 +186,8 @@ def _comment(story: Blame, repeat: int) -> str:
 def _verify(file: Path, expected: RunSpec) -> None:
     """Hold the written campaign to specifying the run it was written for."""
     runs = expand(load_campaign(file)).specs
-    written = next(run for run in runs if run.repeat == expected.repeat)
+    specified = next(run for run in runs if run.repeat == expected.repeat)
     names = ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit", "sut")
     for name in names:
-        if getattr(written, name) != getattr(expected, name):
+        if getattr(specified, name) != getattr(expected, name):
             raise ValueError(f"{file} would specify another run: its {name} differs")

@@ -2,7 +2,7 @@
 
 Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input". Written here and
 not taken from a package: the ones on PyPI (picire, ddmin) have not been released since 2021 and
-2019, and run tests in their own processes; here whoever asks decides what runs at a time.
+2019, and run tests in their own processes; here the caller decides which runs go together.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ def ddmin(items: Sequence[T], first_failing: FirstFailing[T]) -> Iterator[tuple[
     """Yield ever smaller configurations that fail, the last one 1-minimal.
 
     ``items`` as a whole must fail. A configuration keeps the order of ``items``; it is 1-minimal
-    when it fails and does not with any single item taken away. What neither passes nor fails
-    counts as not failing. Nothing is yielded when nothing can be taken away.
+    when it fails and does not with any single item taken away. A configuration that neither
+    passes nor fails counts as not failing. Without anything to take away there are no yields.
     """
     current, parts = tuple(items), 2
-    # Nothing at all first: where none of a kind matters, that is one run instead of a logarithm.
+    # The empty one first: if no item of a kind matters, that is one run instead of a logarithm.
     if current and first_failing([()]) == 0:
         yield ()
         return
@@ -66,13 +66,13 @@ _PHASES: tuple[tuple[ElementKind, ...], ...] = (
 )
 """Kinds that are reduced together, in this order: a shorter mission makes all later runs short."""
 _MOST_SUSPECTS: Final = 12
-"""With more layers and parameters than these none is left out of the whole run alone: each would
-cost a run of the budget."""
+"""Up to this many layers and parameters, each is left out of the whole run alone, which costs a run
+of the budget."""
 
 
 @dataclass(frozen=True, slots=True)
 class BlameResult:
-    """The story of a failure and the smallest run that still fails, without what is ``away``."""
+    """The story of a failure and the smallest run that still fails, without ``away``."""
 
     story: Blame
     smallest: Candidate
@@ -103,14 +103,14 @@ class _Search:
         if len(added) <= _MOST_SUSPECTS:
             self._try_without_each(added)
         self._take_away([element for element in added if element not in self.reasons])
-        # From here on only what is needed can be a reason.
+        # From here on only needed elements can be reasons.
         self.layers = self._try_without_each([e for e in added if e not in self.away])
 
     def reduce(self) -> None:
         """Take single things away, kind by kind; then prove that no one thing can go."""
         for kinds in _PHASES:
             self._take_away(self._remaining(kinds))
-        # One by one: what was needed beside a thing of a later kind may not be any more.
+        # One by one: things that were needed beside one of a later kind may not be any more.
         hit: int | None = 0
         while hit is not None:
             smaller = [self.away | {one} for kinds in _PHASES for one in self._remaining(kinds)]
@@ -126,11 +126,11 @@ class _Search:
         """Take as many of ``items`` away as the failure can do without."""
         away = self.away
 
-        def without(kept: Collection[Element]) -> Elements:
-            return away.union(item for item in items if item not in kept)
+        def without(rest: Collection[Element]) -> Elements:
+            return away.union(item for item in items if item not in rest)
 
-        for kept in ddmin(items, lambda tried: self._first_failing([without(k) for k in tried])):
-            self.away = without(kept)
+        for rest in ddmin(items, lambda tried: self._first_failing(list(map(without, tried)))):
+            self.away = without(rest)
 
     def _try_without_each(self, elements: Sequence[Element]) -> tuple[Without, ...]:
         """Return how the run ends without each one, and note the reasons."""
@@ -173,12 +173,12 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
     """Find out why a run fails, and return the story with the smallest run that still does.
 
     ``oracle`` names the one whose verdict matters; without it, it is the first that fails. A spent
-    budget and Ctrl-C keep what has been found, and the story says so. Raises
+    budget and Ctrl-C keep the smallest run so far, and the story says so. Raises
     :class:`NoFailureError` for a run that does not fail, and :class:`BudgetSpentError` or
     ``KeyboardInterrupt`` before that is known.
     """
-    asked, first = _reproduce_failure(case, runner, oracle)
-    search, stopped = _Search(case, asked, runner), ""
+    judge, first = _reproduce_failure(case, runner, oracle)
+    search, stopped = _Search(case, judge, runner), ""
     try:
         search.blame_layers()
         search.reduce()
@@ -186,7 +186,7 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
         stopped = f"the budget of {runner.budget} runs is spent"
     except KeyboardInterrupt:
         stopped = "interrupted"
-    smallest = case.candidate(search.away, asked)
+    smallest = case.candidate(search.away, judge)
     whole, remaining = case.remaining(frozenset()), case.remaining(search.away)
     kinds: tuple[ElementKind, ...] = ("object", "waypoint", "behaviour", "parameter")
     parameters = [one for one in remaining if one.kind == "parameter"]
@@ -220,5 +220,6 @@ def _reproduce_failure(
         if ended.word == "fail" and oracle in ("", one.name):
             runner.remember(case.candidate(frozenset(), one), ended)
             return one, ended
-    said = ", ".join(f"{v.verdict.oracle} {v.verdict.outcome}" for v in endings)
-    raise NoFailureError(f"{case.spec.label} does not fail{' ' + oracle if oracle else ''}: {said}")
+    outcomes = ", ".join(f"{v.verdict.oracle} {v.verdict.outcome}" for v in endings)
+    name = f" {oracle}" if oracle else ""
+    raise NoFailureError(f"{case.spec.label} does not fail{name}: {outcomes}")

@@ -33,9 +33,9 @@ class SutDifferences:
     """
 
     whole: SutReference
-    like: str
-    base: ParameterValues
-    changes: tuple[tuple[Element, ParameterValues], ...]
+    like: str = ""
+    base: ParameterValues = dataclasses.field(default_factory=dict)
+    changes: tuple[tuple[Element, ParameterValues], ...] = ()
 
     @property
     def elements(self) -> tuple[Element, ...]:
@@ -69,32 +69,30 @@ def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary
     How a ROS 2 stack is started is not taken apart: without a part of it, it would not start.
     """
     if stack_kind(sut.kind).keys:
-        return SutDifferences(sut, "", {}, ())
+        return SutDifferences(sut)
     for reference in cell.scenario.suts:
         loaded = library.loaded_sut(reference)
         if loaded.reference == sut and (loaded.layer.files or loaded.settings):
-            break  # else a kind by its name: no file, nothing to compare
+            break  # otherwise a kind by its name, without a file to compare
     else:
-        return SutDifferences(sut, "", {}, ())
-    if len(loaded.layer.files) > 1:
-        other = library.sut_file(Path(loaded.layer.files[1]))
+        return SutDifferences(sut)
+    files, like = loaded.layer.files, ""
+    base: ParameterValues = {}
+    if len(files) > 1:
+        other = library.sut_file(Path(files[1]))
         like, base = other.reference.name, other.settings
-    elif loaded.layer.files:
-        # Like no other: what its own file says on top of the ROS files is the difference, and what
-        # the campaign says on top of that.
-        own = loaded.layer.files[0]
-        written = library.sut_file(Path(own)).settings
-        base = {p: s for p, s in written.items() if s.where.file != own}
-        like = ""
-    else:
-        like, base = "", {}
+    elif files:
+        # Like no other: the difference are the values of its own file on top of the ROS files, and
+        # those of the campaign on top of that.
+        settings = library.sut_file(Path(files[0])).settings
+        base = {path: one for path, one in settings.items() if one.where.file != files[0]}
     return SutDifferences(sut, like, base, _changed_elements(base, loaded.settings))
 
 
 def _changed_elements(
     base: ParameterValues, settings: ParameterValues
 ) -> tuple[tuple[Element, ParameterValues], ...]:
-    """Return what differs, one element for all that one place in a file says."""
+    """Return the differences, one element for all values of one place in a file."""
     differing = {
         path: setting
         for path, setting in settings.items()
@@ -104,7 +102,7 @@ def _changed_elements(
     differing |= {path: ParameterValue(None, nowhere) for path in base if path not in settings}
     groups: dict[object, ParameterValues] = {}
     for path, setting in differing.items():
-        # A footprint of five corners, or what costmap_common means for two costmaps, is one line
+        # A footprint of five corners, or a value of costmap_common for two costmaps, is one line
         # of a file and one thing to blame.
         key = setting.where if setting.value is not None else path
         groups.setdefault(key, {})[path] = setting
@@ -114,13 +112,13 @@ def _changed_elements(
 
 
 def _parameter_element(group: ParameterValues, index: int) -> Element:
-    """Return what a line says: the path as far as all its settings share it, and the value."""
+    """Return the element of a line: the path as far as its settings share it, and the value."""
     paths = list(group)
     shared = 1
     while shared < min(map(len, paths)) and len({path[-shared - 1 :] for path in paths}) == 1:
         shared += 1
     value = group[paths[0]].value
-    shown = "removed" if value is None else str(value)
+    text = "removed" if value is None else str(value)
     name = "/".join(paths[0][-min(shared, _DEEP) :])
-    told = shown if len(shown) <= _LONG else f"{shown[: _LONG - 1]}…"
-    return Element("parameter", f"{name}: {told}", index, name)
+    text = text if len(text) <= _LONG else f"{text[: _LONG - 1]}…"
+    return Element("parameter", f"{name}: {text}", index, name)

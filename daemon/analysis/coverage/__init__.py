@@ -1,4 +1,4 @@
-"""Coverage of the space of scenarios: what a campaign exercises, and what it leaves out.
+"""Coverage of the space of scenarios: features that a campaign exercises, and those it misses.
 
 Runs are held against a model of the features of scenarios (Ortega et al. 2024, figure 1):
 :func:`planned_coverage` specifications, :func:`trace_coverage` recorded runs, with doors and floor

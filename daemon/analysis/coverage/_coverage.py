@@ -28,7 +28,7 @@ NEAR: Final = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunCoverage:
-    """What one recorded run contributes; with equal ``world`` it is of the same building.
+    """Contribution of one recorded run; runs of equal ``world`` are in the same building.
 
     It travels from the process that read the trace, so the cells of its floor are packed.
     """
@@ -41,7 +41,7 @@ class RunCoverage:
 
 
 def planned_coverage(runs: Iterable[RunSpec], scenes: Iterable[Scene]) -> Coverage:
-    """Return which features runs would exercise; nothing is executed.
+    """Return the features that runs would exercise, without executing them.
 
     ``scenes`` are those the specifications name. Raises ``KeyError`` when one is missing.
     """
@@ -53,7 +53,7 @@ def planned_coverage(runs: Iterable[RunSpec], scenes: Iterable[Scene]) -> Covera
 def trace_coverage(
     traces: Sequence[Path], *, near: float = NEAR, processes: int | None = None
 ) -> Coverage:
-    """Return what recorded runs have covered: features, doors and floor.
+    """Return the coverage of recorded runs: features, doors and floor.
 
     ``near`` [m] is how near the robot's base has to come to a door to have met it. Traces are
     read on ``processes`` (default: one per core); one that cannot be read is among
@@ -66,7 +66,7 @@ def trace_coverage(
 
 
 def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage:
-    """Return what recorded runs have covered together; see :func:`trace_coverage`."""
+    """Return the coverage of recorded runs together; see :func:`trace_coverage`."""
     worlds: dict[tuple[str, float], list[RunCoverage]] = {}
     for run in runs:
         # At another height the first laser, at which the map is drawn, meets other walls and
@@ -83,7 +83,7 @@ def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage
 
 
 def _read_coverage(path: Path) -> RunCoverage | Unreadable:
-    """Read one trace and return what it contributes, or what is wrong with it."""
+    """Read one trace and return its contribution, or why it cannot be read."""
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
@@ -92,7 +92,7 @@ def _read_coverage(path: Path) -> RunCoverage | Unreadable:
 
 
 def run_coverage(trace: Trace) -> RunCoverage:
-    """Return what a trace, read with its scans, contributes to coverage."""
+    """Return the contribution of a trace that was read with its scans."""
     spec, scene = trace.spec, trace.scene
     return RunCoverage(
         world=(spec.scene, spec.robot.laser.z),

@@ -18,7 +18,7 @@ from grammars.model.scene import SceneObject
 
 @dataclass(frozen=True, slots=True)
 class DoorRun:
-    """What happened to an object in one recorded run; ``nearest`` [m], infinite without poses."""
+    """An articulated object in one recorded run; ``nearest`` [m], infinite without poses."""
 
     door: str
     planned: bool
@@ -28,7 +28,7 @@ class DoorRun:
 
 
 def door_runs(trace: Trace) -> tuple[DoorRun, ...]:
-    """Return what a recorded run did to each articulated object of its scene.
+    """Return each articulated object of the scene as a recorded run has moved it.
 
     Those are the objects with a joint that has room to move, movers excluded.
     """
@@ -59,7 +59,7 @@ def _nearest_distance(trace: Trace, door: SceneObject) -> float:
 
 
 def _meeting_points(door: SceneObject) -> tuple[Point2, ...]:
-    """Return where a door is met: at its hinges as placed, or at its origin if it has none."""
+    """Return the points of a door to be near to: its hinges as placed, otherwise its origin."""
     hinges = [joint for joint in own_joints(door.joints) if joint.kind == "revolute"]
     anchors = [door.pose.apply(joint.anchor) for joint in hinges]
     return tuple(anchors) or ((door.pose.x, door.pose.y),)

@@ -1,9 +1,9 @@
 """The feature model of scenarios (Ortega et al. 2024, figure 1 and sections 2.2, 3.1), and counts.
 
 The four mandatory features of the paper head the paths: testing objective, system under test,
-mission, scenery. The figure is not exhaustive by its own account; what stands below its second
-level is taken from the prose of sections 2.2, 3.1, 3.3 and table 1, and kept to what a run can be
-asked about. Where the paper gives no number (how many waypoints are many) the rule does, in its
+mission, scenery. The figure is not exhaustive by its own account. The features below its second
+level are from the prose of sections 2.2, 3.1, 3.3 and table 1, as far as runs show them. Where the
+paper gives no number (how many waypoints are many) the rule does, in its
 ``about``.
 """
 

@@ -47,7 +47,7 @@ def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
 
 
 def covered_cells(grid: OccupancyGrid, trace: Trace) -> CoveredCells:
-    """Return what a recorded run has covered; needs its scans (``read_trace(scans=True)``)."""
+    """Return the cells of a recorded run; needs its scans (``read_trace(scans=True)``)."""
     free = grid.cells == FREE
     return CoveredCells(*(np.packbits(f(grid, trace) & free) for f in (_seen_cells, _driven_cells)))
 
@@ -61,10 +61,10 @@ def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
             continue
         # 1e-6: a stamp that should be a whole number of periods may be a rounding error below it.
         slots = np.floor((scans.time - scans.time[0]) / SCAN_PERIOD + 1e-6)
-        taken = np.unique(slots, return_index=True)[1]
-        # By the true pose: what was seen, not what the robot believed to see.
-        poses = _laser_poses(trace.ground_truth, scans.time[taken], laser.mount)
-        cells |= ray_cells(grid, poses, scans.ranges[taken], laser)
+        chosen = np.unique(slots, return_index=True)[1]
+        # By the true pose: the floor that was seen, not the one the robot believed to see.
+        poses = _laser_poses(trace.ground_truth, scans.time[chosen], laser.mount)
+        cells |= ray_cells(grid, poses, scans.ranges[chosen], laser)
     return cells
 
 
@@ -94,7 +94,7 @@ def ray_cells(
     scan, ray, steps = scan[order], ray[order], steps[order]
     angle = poses[scan, 2] + laser.angle_min + laser.angle_increment * ray
     rows, columns = grid.cells.shape
-    # In cells, behind a border of one cell that takes what leaves the grid.
+    # In cells, behind a border of one cell for all spots outside of the grid.
     start = (poses[scan, :2] - (grid.x, grid.y)).T / grid.resolution + 1.0
     stride = 0.5 * np.stack((np.cos(angle), np.sin(angle)))
     last = np.array([[columns + 1], [rows + 1]])
@@ -138,12 +138,12 @@ def footprint_cells(grid: OccupancyGrid, poses: Floats, ring: Floats) -> _Cells:
     v = (row[:, :, None] + 0.5 - spots[:, 1, None, None]) * grid.resolution
     c, s = np.cos(poses[:, 2, None, None]), np.sin(poses[:, 2, None, None])
     x, y = c * u + s * v, c * v - s * u
-    left, right = np.ones(x.shape, np.bool_), np.ones(x.shape, np.bool_)
+    is_left, is_right = np.ones(x.shape, np.bool_), np.ones(x.shape, np.bool_)
     for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-        left &= side >= 0.0
-        right &= side <= 0.0
-    pose, i, j = np.nonzero(left | right)  # of every edge, whichever way round the corners go
+        is_left &= side >= 0.0
+        is_right &= side <= 0.0
+    pose, i, j = np.nonzero(is_left | is_right)  # of every edge, whichever way round the corners go
     row, column = row[pose, i], column[pose, j]
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     covered: _Cells = np.zeros((rows, columns), np.bool_)

@@ -1,4 +1,4 @@
-"""What a campaign has covered, as values; everything goes through :mod:`grammars.text.codec`."""
+"""Coverage of a campaign, as values that go through :mod:`grammars.text.codec`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FeatureCount:
 
 @dataclass(frozen=True, slots=True)
 class FeatureGroup:
-    """Features with one parent: those that runs plan, and those that none does."""
+    """Features with one parent: those that runs plan, and the others."""
 
     path: str
     planned: tuple[FeatureCount, ...]
@@ -86,7 +86,7 @@ class Unreadable:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """What ``runs`` runs exercise, ``recorded`` of which were told by their traces.
+    """Coverage of ``runs`` runs, ``recorded`` of which by their traces.
 
     Doors and floor are of recorded runs; ``near`` [m] is how near a door is met.
     """
@@ -105,7 +105,7 @@ class Coverage:
 
     @property
     def groups(self) -> tuple[FeatureGroup, ...]:
-        """The features by what they are alternatives or parts of, in the order of the model."""
+        """The features by their parents, in the order of the model."""
         groups: dict[str, list[FeatureCount]] = {}
         for feature in self.features:
             groups.setdefault(feature.feature.rpartition("/")[0], []).append(feature)

@@ -1,6 +1,6 @@
 """Facts about a run that features are recognised by, and the rules that take more than a line.
 
-A run is told before or after it was executed; see the model for what each rule means.
+A run is a specification, or a trace as well; the model says what each rule means.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class RunFacts:
 
 
 def run_facts(spec: RunSpec, scene: Scene, trace: Trace | None = None) -> RunFacts:
-    """Return what rules look at."""
+    """Return the facts of a run, and of its trace if there is one."""
     oracles = [_oracle_signals(oracle.text) for oracle in spec.oracles]
     judged = frozenset[str]().union(*(signals for signals, judges in oracles if judges))
     measured = frozenset[str]().union(*(signals for signals, _ in oracles))
@@ -114,7 +114,7 @@ def _oracle_signals(text: str) -> tuple[frozenset[str], bool]:
         oracle = parse_oracle("", text, Where("an oracle"))
     except InputError:
         return frozenset(), False  # its verdict says so
-    # What only says when to judge is not what is judged: a guard on a door makes no door oracle.
+    # A guard says when to judge, not what: one on a door makes no door oracle.
     judged = dataclasses.replace(oracle, guard=None)
     names = {signal.name for signal in judged.signals()}
     if isinstance(oracle.judgement, Reached):
@@ -147,9 +147,9 @@ def crossed_rooms(facts: RunFacts) -> bool:
         return False
     truth, rooms = facts.trace.ground_truth, facts.rooms
     # The first pose of each second is enough: no robot crosses a room in less.
-    kept = np.flatnonzero(np.diff(np.floor(truth.time), prepend=-np.inf))
+    seconds = np.flatnonzero(np.diff(np.floor(truth.time), prepend=-np.inf))
     regions = [region_polygon(region) for region in facts.scene.regions if region.name in rooms]
-    x, y = truth.x[kept], truth.y[kept]
+    x, y = truth.x[seconds], truth.y[seconds]
     return sum(bool(shapely.intersects_xy(floor, x, y).any()) for floor in regions) > 1
 
 
