@@ -227,7 +227,7 @@ class _SearchProgram:
             return answer
         about = headline_of(self.task, answer)
         words = f"Found by the search {self.task.name}: {about}."
-        comment = "\n".join(textwrap.wrap(words, _WIDTH, break_long_words=False))
+        comment = "\n".join(textwrap.wrap(words, _WIDTH, break_on_hyphens=False))
         text = self.case.found_text(failure, comment=comment, why=about)
         return replace(answer, found=text)
 

@@ -1,12 +1,11 @@
-"""The least of a failure that still fails, by the search for what is to blame."""
+"""The least of a failure that still fails, by the delta debugging of ``scenario blame``."""
 
 from __future__ import annotations
 
 import base64
-import dataclasses
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -37,7 +36,7 @@ from grammars.text.words import count_noun, enumerate_words
 SHRINK_RUNS: Final = 100
 """Runs that are spent at most to shrink a failure."""
 _NAMED: Final = 3
-"""So many things of a kind are named, more of them are counted."""
+"""Things of a kind that are named; more of them are counted."""
 
 
 def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
@@ -47,44 +46,46 @@ def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
     executor = _SearchExecutor(points, failure, case)
     runner = CandidateRunner(SHRINK_RUNS, executor=executor)
     try:
-        found = explain_failure(case, runner, oracle)
+        result = explain_failure(case, runner, oracle)
     except (NoFailureError, BudgetSpentError) as error:
         # A system that is not repeatable, say, which passes this time.
         return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
-    story = story_lines(found.story, case.settings.like)
-    left = left_words(found.story)
+    story, words = story_lines(result.story, case.settings.like), remaining_words(result.story)
     files: dict[str, str] = {}
     try:
-        files = _saved_files(case, found, runner)
+        files = _saved_files(case, result, runner)
     except (InputError, ValueError, OSError) as error:
-        unwritten = f"it cannot be written as a campaign: {error}"
-        story, left = (*story, unwritten), f"{left}; {unwritten}"
-    return ShrunkScenario(story, found.story.minimal, executor.issued, files, left)
+        problem = f"it cannot be written as a campaign: {error}"
+        story, words = (*story, problem), f"{words}; {problem}"
+    return ShrunkScenario(story, result.story.minimal, executor.issued, files, words)
 
 
-def left_words(story: Blame) -> str:
+def remaining_words(story: Blame) -> str:
     """Return ``1 of 3 objects (kitchen_door), 1 of 4 waypoints (home) and … are left``."""
     before = dict(story.before)
-    told = [
+    parts = [
         _some(story.objects, before["object"], "object"),
         _some(story.waypoints, before["waypoint"], "waypoint"),
         _some(story.behaviours, before["behaviour"], "behaviour"),
     ]
-    return f"{enumerate_words(told)} {'are' if story.minimal else 'are so far'} left"
+    return f"{enumerate_words(parts)} {'are' if story.minimal else 'are so far'} left"
 
 
 def _some(names: Sequence[str], whole: int, noun: str) -> str:
     """Return ``2 of 3 objects (kitchen_door, living_room_door)``."""
-    shown = [*names[:_NAMED], "…"] if len(names) > _NAMED else list(names)
-    listed = f" ({', '.join(shown)})" if shown else ""
-    return f"{len(names)} of {count_noun(whole, noun)}{listed}"
+    more = ["…"] if len(names) > _NAMED else []
+    in_brackets = f" ({', '.join([*names[:_NAMED], *more])})" if names else ""
+    return f"{len(names)} of {count_noun(whole, noun)}{in_brackets}"
 
 
-def _saved_files(case: RunCase, found: BlameResult, runner: CandidateRunner) -> dict[str, str]:
-    """Return the files of a campaign in base64, by their paths; an answer has room for so many."""
+def _saved_files(case: RunCase, result: BlameResult, runner: CandidateRunner) -> dict[str, str]:
+    """Return the files of a campaign in base64, by their paths.
+
+    Raises ``ValueError`` when an answer has no room for them.
+    """
     with tempfile.TemporaryDirectory(prefix="scenario-shrink-") as parent:
         folder = Path(parent) / "minimal"
-        save_campaign(case, found, folder, runner)
+        save_campaign(case, result, folder, runner)
         paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
         size = sum(path.stat().st_size for path in paths)
         if size > LARGEST_EXTENSION // 2:
@@ -105,11 +106,9 @@ class _SearchExecutor:
     issued: int = 0
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
+        # All of them before the first is waited for: they run at the same time.
         positions = [self._position(candidate) for candidate in candidates]
-        return [
-            self._endings(candidate, position)
-            for candidate, position in zip(candidates, positions, strict=True)
-        ]
+        return list(map(self._endings, candidates, positions))
 
     def _position(self, candidate: Candidate) -> int:
         if candidate.spec.digest == self.failure.digest:
@@ -119,10 +118,9 @@ class _SearchExecutor:
         points.number += 1
         self.issued += 1
         # Its own name, so that tables and traces of the search tell it from the others.
-        spec = dataclasses.replace(
-            candidate.spec, scenario=points.case.task.scenario_of(number), repeat=0
-        )
-        note = left_out(Candidate(self.case.spec, self.case.cell.scene), candidate)
+        name = points.case.task.scenario_of(number)
+        spec = replace(candidate.spec, scenario=name, repeat=0)
+        note = missing_words(Candidate(self.case.spec, self.case.cell.scene), candidate)
         proposal = Proposal(
             points.position, number, 0, "shrink", "shrink", True, self.failure.point, note
         )
@@ -135,18 +133,19 @@ class _SearchExecutor:
         return tuple(judge_verdict(verdict, row.ended) for verdict in row.verdicts)
 
 
-def left_out(whole: Candidate, part: Candidate) -> str:
+def missing_words(whole: Candidate, part: Candidate) -> str:
     """Return what a candidate lacks, in a few words: ``without bedroom_door, waypoint home``."""
-    kept = set(_part_names(part))
-    missing = [name for name in dict.fromkeys(_part_names(whole)) if name not in kept]
-    if missing:
-        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
-        return f"without {', '.join(missing[:_NAMED])}{more}"
-    values = [(one.spec.sut, one.spec.behaviours, one.scene.objects) for one in (whole, part)]
-    return "with all of it" if values[0] == values[1] else "with fewer values"
+    remaining = _part_names(part)
+    missing = [name for name in _part_names(whole) if name not in remaining]
+    more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+    return f"without {', '.join(missing[:_NAMED])}{more}" if missing else "with fewer values"
 
 
-def _part_names(candidate: Candidate) -> Iterator[str]:
-    yield from (one.name for one in candidate.scene.objects)
-    yield from (f"waypoint {one.id}" for one in candidate.spec.mission.waypoints)
-    yield from (f"behaviour {one.joint}" for one in candidate.spec.behaviours)
+def _part_names(candidate: Candidate) -> list[str]:
+    spec = candidate.spec
+    names = [
+        *(one.name for one in candidate.scene.objects),
+        *(f"waypoint {one.id}" for one in spec.mission.waypoints),
+        *(f"behaviour {one.joint}" for one in spec.behaviours),
+    ]
+    return list(dict.fromkeys(names))

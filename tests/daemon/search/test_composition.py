@@ -181,8 +181,7 @@ def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(
 def test_values_in_any_layer_can_be_taken_apart(folder):
     case = everywhere(folder)
     taken, candidate = case.run_case(FAR, 5), case.candidate(FAR, 5)
-    whole = (*taken.added, *taken.parts(taken.added))
-    again = taken.candidate(whole, taken.spec.oracles[0])
+    again = taken.candidate(frozenset(), taken.spec.oracles[0])
     one = replace(candidate.spec, oracles=candidate.spec.oracles[:1])
     assert again.spec == one
 
@@ -233,8 +232,7 @@ def test_a_point_can_be_taken_apart(folder):
     taken = case.run_case(point, 7)
     candidate = case.candidate(point, 7)
     assert taken.spec == candidate.spec
-    whole = (*taken.added, *taken.parts(taken.added))
-    again = taken.candidate(whole, taken.spec.oracles[0])
+    again = taken.candidate(frozenset(), taken.spec.oracles[0])
     assert again.spec.behaviours == candidate.spec.behaviours
     assert any("closes 6.25 s" in element.name for element in taken.added)
 

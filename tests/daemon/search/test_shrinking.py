@@ -13,7 +13,7 @@ from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Timing, TraceIn
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.search.point_runner import PointRunner
 from daemon.search.program import run_search
-from daemon.search.shrinking import left_out, shrink_failure
+from daemon.search.shrinking import missing_words, shrink_failure
 from grammars.model.behaviour import Trigger
 from tests.daemon.search.cases import load_search_case
 from tests.daemon.search.local_runs import LocalRuns
@@ -125,13 +125,12 @@ def test_what_was_left_out_is_told(case):
     everything = whole.remaining(frozenset())
     oracle = whole.spec.oracles[1]
     full = Candidate(whole.spec, whole.cell.scene)
-    assert left_out(full, whole.candidate(frozenset(), oracle)) == "with all of it"
     fewer = frozenset(e for e in everything if e.name in ("kitchen", "home"))
-    assert left_out(full, whole.candidate(fewer, oracle)) == (
+    assert missing_words(full, whole.candidate(fewer, oracle)) == (
         "without waypoint kitchen, waypoint home"
     )
     plain = frozenset(e for e in everything if e.kind == "override")
-    assert left_out(full, whole.candidate(plain, oracle)) == "with fewer values"
+    assert missing_words(full, whole.candidate(plain, oracle)) == "with fewer values"
 
 
 def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
