@@ -33,6 +33,7 @@ from daemon.search import program
 from daemon.search.answers.found import write_found
 from daemon.search.client import SearchClient
 from daemon.search.methods import SearchMethod
+from daemon.search.points import changed_parameters
 from daemon.search.preparation import prepare_search
 from daemon.search.program import run_search
 from grammars.text.diagnostics import InputError
@@ -150,7 +151,9 @@ def show_methods(seeds, runs):
     _, even, shallow = medians["halton"]
     _, guided, deep = medians["auto"]
     every = all(one.answer.first is not None for one in found["auto"])
-    changes = [len(n.changes) for one in found["auto"] if (n := one.answer.nearest) is not None]
+    task = load_search_case(CAMPAIGN, NAME).task
+    nearest = [one.answer.nearest for one in found["auto"] if one.answer.nearest is not None]
+    changes = [len(changed_parameters(task, one.result.point)) for one in nearest]
     # Runs that other methods have executed are free: their CPU is reckoned as that of the others.
     executed = sum(one.answer.executed for several in found.values() for one in several)
     each = sum(one.runs for several in found.values() for one in several) / max(1, executed)

@@ -147,7 +147,7 @@ def test_the_nearest_failure_and_the_cost_are_told(searches):
     search = searches["door-17-a2s"]
     proposal = Proposal(1, 1, 0, "nearest", "nearest", True, (0.7, 0.1))
     failure = Trial(proposal, "s.1", outcome=Outcome.FAIL)
-    nearest = NearestFailure(failure, (), None, 30, False, Confirmation(2, 5, 0.05, 0.85))
+    nearest = NearestFailure(failure, None, 30, False, Confirmation(2, 5, 0.05, 0.85))
     answer = SearchAnswer("budget", 4, 4, 0, 1, 0, 0, 3, 1, nearest=nearest)
     told = {
         "door-17-a2s": replace(

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from daemon.model.proposals import Phase
 from daemon.model.ranges import IdText, ShortText
-from daemon.model.search import PointValue, SearchTask
+from daemon.model.search import SearchTask
 from daemon.model.trials import Trial
 
 LONGEST_NOTE: Final = 2000
@@ -34,17 +34,6 @@ class Confirmation:
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterChange:
-    """A parameter that is not as written; ``passing`` is the nearest value that still passes."""
-
-    parameter: str
-    unit: str
-    written: PointValue | None
-    value: PointValue
-    passing: PointValue | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class NearestFailure:
     """The failure with the smallest change from the scenario as written; it fails with most noises.
 
@@ -53,7 +42,6 @@ class NearestFailure:
     """
 
     result: Trial
-    changes: tuple[ParameterChange, ...]
     passes: Trial | None
     runs: int
     complete: bool

@@ -97,20 +97,27 @@ class SearchMethod:
     def _next(self, number: int) -> MethodProposal | None:
         first = self._space.written
         if number == 0 and first is not None:
-            return self._unsampled(first, "written", guided=False)
+            if self._guide is not None:
+                # It may lie outside of the space.
+                self._guide.take(None)
+            return MethodProposal(first, "written", False)
         if self._mesh is not None:
             choice = self._mesh.choose(self._values, self._is_new)
             if choice is not None:
                 return MethodProposal(choice[0], "boundary", choice[1])
         method = self._method_at(number)
-        guided = method in ("tpe", "cma")
-        if self._guide is not None and guided:
+        is_guided = method in ("tpe", "cma")
+        if self._guide is not None and is_guided:
             point = self._guide.propose(method, number, self._is_new)
             if point is not None:
                 return MethodProposal(point, method, True)
-        points = map(self._space.at, itertools.islice(self._places, _MOST_TRIES))
-        point = next(filter(self._is_new, points), None)
-        return None if point is None else self._unsampled(point, method, guided=guided)
+        for place in itertools.islice(self._places, _MOST_TRIES):
+            point = self._space.at(place)
+            if self._is_new(point):
+                if self._guide is not None:
+                    self._guide.take(place)
+                return MethodProposal(point, method, is_guided)
+        return None
 
     def _method_at(self, number: int) -> str:
         """Return the method of a proposal, which does not depend on the budget."""
@@ -122,11 +129,6 @@ class SearchMethod:
         ranges = not any(parameter.choices for parameter in self._task.parameters)
         adapts = method == "auto" and ranges and self._space.dimensions > 1
         return "cma" if adapts and number >= COVARIANCE_FROM else "tpe"
-
-    def _unsampled(self, point: Point, method: str, *, guided: bool) -> MethodProposal:
-        if self._guide is not None:
-            self._guide.take(point)
-        return MethodProposal(point, method, guided)
 
     def _is_new(self, point: Point) -> bool:
         return point not in self._taken and self._space.allowed(point)
@@ -155,10 +157,13 @@ class _Guide:
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self._optuna: Final = optuna
         self._space: Final = space
+        self._parameters: Final = task.parameters
         self._seed: Final = int(np.random.SeedSequence(task.seed).generate_state(1)[0])
         self._chance: Final = np.random.default_rng(task.seed)
         self._axes: Final[dict[str, BaseDistribution]] = {
-            p.name: CategoricalDistribution(p.choices) if p.choices else FloatDistribution(0.0, 1.0)
+            p.name: CategoricalDistribution(_middles(len(p.choices)))
+            if p.choices
+            else FloatDistribution(0.0, 1.0)
             for p in task.parameters
         }
         self._study: Final = optuna.create_study()
@@ -170,29 +175,24 @@ class _Guide:
         self._follow(method, _DRAWN if number < _MANY_RESULTS else _DRAWN_FEW)
         for _ in range(_TRIES):
             trial = self._study.ask(self._axes)
-            point = tuple(
-                trial.params[axis.parameter.name]
-                if axis.parameter.choices
-                else axis.at(trial.params[axis.parameter.name])
-                for axis in self._space.axes
-            )
+            point = self._space.at([trial.params[name] for name in self._axes])
             if is_new(point):
                 self._out.append(trial)
                 return point
             self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
         return None
 
-    def take(self, point: Point) -> None:
-        """Take in a point that no sampler has proposed; one outside of the space does not lead."""
-        if not self._space.contains(point):
+    def take(self, place: Sequence[float] | None) -> None:
+        """Take in the place of a point that no sampler has proposed; ``None`` does not lead."""
+        if place is None:
             self._out.append(None)
             return
-        self._study.enqueue_trial(
-            {
-                axis.parameter.name: value if axis.parameter.choices else axis.share(value)
-                for axis, value in zip(self._space.axes, point, strict=True)
-            }
-        )
+        # Of a list the sampler knows only the middles of its cells.
+        params = {
+            p.name: _middles(len(p.choices))[int(share * len(p.choices))] if p.choices else share
+            for p, share in zip(self._parameters, place, strict=True)
+        }
+        self._study.enqueue_trial(params)
         self._out.append(self._study.ask(self._axes))
 
     def learn(self, value: float | None) -> None:
@@ -238,6 +238,11 @@ class _Guide:
                 source_trials=results if len(results) >= SPACE_FILLING else None,
                 warn_independent_sampling=False,
             )
+
+
+def _middles(count: int) -> list[float]:
+    """Return the places of choices in the unit interval: the middles of equal cells."""
+    return [(k + 0.5) / count for k in range(count)]
 
 
 def method_problem(task: SearchTask) -> tuple[str, str] | None:

@@ -14,15 +14,14 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.analysis.blame import ddmin
-from daemon.model.search import Point, PointValue, SearchTask
-from daemon.model.search_answer import NearestFailure, ParameterChange
+from daemon.model.search import Point, SearchTask
+from daemon.model.search_answer import NearestFailure
 from daemon.model.trials import Trial
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.facts import distinct_failures
 from daemon.search.answers.sentences import changes_text
 from daemon.search.point_runner import PointRunner
 from daemon.search.points import (
-    change_size,
     changed_parameters,
     distance_from_written,
     taken_back,
@@ -72,17 +71,22 @@ def find_nearest(
         return None
     approach.is_spent = False
     approach.budget += NEAREST_POINTS - _TAKING_BACK
-    fewest = min(len(approach.changed(failing)) for failing in near)
+    near.sort(key=lambda failing: _change(task, failing.point))
+    fewest = len(approach.changed(near[0]))
     finalists = [failing for failing in near if len(approach.changed(failing)) == fewest]
-    finalists.sort(key=lambda failing: distance_from_written(task, failing.point))
-    nearest = min(map(approach.halve, finalists), key=lambda one: one.size(task))
+    ends = map(approach.halve, finalists)
+    result, passes = min(ends, key=lambda end: _change(task, end[0].point))
     return NearestFailure(
-        result=nearest.failing,
-        changes=nearest.changes(task),
-        passes=nearest.passes,
+        result=result,
+        passes=passes,
         runs=points.position - before,
         complete=not approach.is_spent,
     )
+
+
+def _change(task: SearchTask, point: Point) -> tuple[int, float]:
+    """Return how many parameters are not as written, and how far they are from it."""
+    return len(changed_parameters(task, point)), distance_from_written(task, point)
 
 
 def _starts(task: SearchTask, failures: Sequence[Trial]) -> list[Trial]:
@@ -92,40 +96,6 @@ def _starts(task: SearchTask, failures: Sequence[Trial]) -> list[Trial]:
     worst = sorted(failures, key=lambda f: (f.value.value if f.value else math.inf, f.number))
     starts = {one.point: one for one in (*by_change[:1], *kinds, *worst)}
     return list(starts.values())[:_MOST_STARTS]
-
-
-@dataclass(slots=True)
-class _Near:
-    """A failure near the scenario as written.
-
-    ``passing`` has the nearest value of a parameter that passes, ``passes`` the last such point.
-    """
-
-    failing: Trial
-    passing: dict[int, PointValue] = field(default_factory=dict)
-    passes: Trial | None = None
-
-    def size(self, task: SearchTask) -> tuple[int, float]:
-        """Return how many parameters are not as written, and how far they are from it."""
-        point = self.failing.point
-        return len(changed_parameters(task, point)), distance_from_written(task, point)
-
-    def changes(self, task: SearchTask) -> tuple[ParameterChange, ...]:
-        """Return the changes of parameters, the largest first."""
-        point = self.failing.point
-        sizes = {
-            i: change_size(task.parameters[i], point[i]) for i in changed_parameters(task, point)
-        }
-        return tuple(
-            ParameterChange(
-                parameter=task.parameters[i].name,
-                unit=task.parameters[i].unit,
-                written=task.parameters[i].written,
-                value=point[i],
-                passing=self.passing.get(i),
-            )
-            for i in sorted(sizes, key=lambda i: (-sizes[i], i))
-        )
 
 
 @dataclass(slots=True)
@@ -166,34 +136,35 @@ class _Approach:
                 failing = self._tried[point_of(changes)] or failing
         return failing
 
-    def halve(self, failing: Trial) -> _Near:
-        """Bring values nearer to the written ones, those of least influence first."""
-        # Again where the points ended in the middle of it; what was tried costs nothing.
-        near = _Near(self.take_back(failing))
-        with suppress(_SpentError):
-            for index in reversed(self.changed(near.failing)):
-                self._halve(near, index)
-        return near
+    def halve(self, failing: Trial) -> tuple[Trial, Trial | None]:
+        """Bring values nearer to the written ones, those of least influence first.
 
-    def _halve(self, near: _Near, index: int) -> None:
+        Return the failure, and the last point beside it that passes, if any.
+        """
+        # Again where the points ended in the middle of it; what was tried costs nothing.
+        failing, passes = self.take_back(failing), None
+        with suppress(_SpentError):
+            for index in reversed(self.changed(failing)):
+                failing, beside = self._halve(failing, index)
+                passes = beside or passes
+        return failing, passes
+
+    def _halve(self, failing: Trial, index: int) -> tuple[Trial, Trial | None]:
         """Bring one parameter to the step at which the failure begins."""
         parameter = self.points.case.task.parameters[index]
-        passing = parameter.written
-        while passing is not None:
-            value = value_between(parameter, near.failing.point[index], passing)
-            if value is None:
-                break
-            (trial,) = self._try([with_value(near.failing.point, index, value)])
+        written = parameter.written
+        assert written is not None  # otherwise it is not changed
+        passing = written
+        while (value := value_between(parameter, failing.point[index], passing)) is not None:
+            (trial,) = self._try([with_value(failing.point, index, value)])
             if trial is not None and trial.fails:
-                near.failing = trial
+                failing = trial
             else:
                 passing = value
-        for value in (passing, parameter.written):
-            if value is not None:
-                trial = self._tried.get(with_value(near.failing.point, index, value))
-                if trial is not None and trial.outcome is Outcome.PASS:
-                    near.passing[index], near.passes = value, trial
-                    return
+        places = [with_value(failing.point, index, v) for v in (passing, written)]
+        beside = [self._tried.get(place) for place in places]
+        passes = (one for one in beside if one is not None and one.outcome is Outcome.PASS)
+        return failing, next(passes, None)
 
     def _try(self, tried: Sequence[Point]) -> list[Trial | None]:
         """Return what points say with most noises; raises :class:`_SpentError`."""

@@ -58,21 +58,6 @@ class Axis:
         # Without the digits that are not written in a file, and without a negative zero.
         return float(f"{value:.10g}") + 0.0
 
-    def share(self, value: PointValue) -> float:
-        """Return the place of a value that the axis contains."""
-        p = self.parameter
-        if p.choices:
-            return (p.choices.index(value) + 0.5) / len(p.choices)
-        number = math.log(float(value)) if p.log else float(value)
-        return (number - self.low) / (self.high - self.low) if self.high > self.low else 0.5
-
-    def contains(self, value: PointValue) -> bool:
-        """Return whether a value is one of the choices, or lies in the range."""
-        p = self.parameter
-        if p.choices:
-            return value in p.choices
-        return not isinstance(value, str) and p.low <= value <= p.high
-
 
 class SearchSpace:
     """The values that the parameters of a search may take.
@@ -104,14 +89,6 @@ class SearchSpace:
     def at(self, place: Sequence[float] | Floats) -> Point:
         """Return the point at a place of the unit cube, (d,)."""
         return tuple(axis.at(float(share)) for axis, share in zip(self.axes, place, strict=True))
-
-    def place(self, point: Point) -> tuple[float, ...]:
-        """Return the place of a point of the space in the unit cube, (d,)."""
-        return tuple(axis.share(value) for axis, value in zip(self.axes, point, strict=True))
-
-    def contains(self, point: Point) -> bool:
-        """Return whether every value lies in its range or is among its choices."""
-        return all(axis.contains(value) for axis, value in zip(self.axes, point, strict=True))
 
     def allowed(self, point: Point) -> bool:
         """Return whether every constraint holds."""

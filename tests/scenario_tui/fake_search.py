@@ -10,7 +10,6 @@ from daemon.model.search_answer import (
     Finding,
     Influence,
     NearestFailure,
-    ParameterChange,
     SearchAnswer,
     SearchRow,
     ShrunkScenario,
@@ -84,7 +83,6 @@ def make_answer():
     confirmed = Confirmation(5, 5, 0.478, 1.0)
     nearest = NearestFailure(
         read_trial(TASK, rows[4]),
-        (ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32),),
         read_trial(TASK, rows[0]),
         13,
         complete=True,

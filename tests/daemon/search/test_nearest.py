@@ -58,14 +58,16 @@ def nearest(task, margin, *points, **more):
     return found, searched
 
 
+def changed(found):
+    return [index for index, value in enumerate(found.result.point) if value != 5.0]
+
+
 def test_twelve_changes_come_down_to_the_one_that_matters():
     def margin(point):
         return 0.1 if float(point[7]) < 5.37 else -0.02
 
     found, searched = nearest(TWELVE, margin, (6.5,) * 12)
-    assert [(c.parameter, c.value, c.passing) for c in found.changes] == [
-        ("doors.time7", 5.37, 5.36)
-    ]
+    assert found.result.point == (*(5.0,) * 7, 5.37, *(5.0,) * 4)
     assert found.complete
     assert found.passes is not None
     assert found.passes.point == (*(5.0,) * 7, 5.36, *(5.0,) * 4)
@@ -77,10 +79,7 @@ def test_changes_that_are_only_enough_together_stay_together():
         return 0.1 if min(float(point[2]), float(point[9])) < 6.0 else -0.02
 
     found, _ = nearest(TWELVE, margin, tuple(6.5 + 0.01 * n for n in range(12)))
-    assert {(c.parameter, c.value) for c in found.changes} == {
-        ("doors.time2", 6.0),
-        ("doors.time9", 6.0),
-    }
+    assert [found.result.point[index] for index in changed(found)] == [6.0, 6.0]
     assert found.complete
 
 
@@ -89,7 +88,7 @@ def test_of_changes_each_of_which_is_enough_one_stays():
         return 0.1 if max(float(point[2]), float(point[9])) < 6.0 else -0.02
 
     found, _ = nearest(TWELVE, margin, (6.5,) * 12)
-    assert len(found.changes) == 1
+    assert len(changed(found)) == 1
 
 
 def test_the_least_influence_is_taken_back_first():
@@ -100,7 +99,7 @@ def test_the_least_influence_is_taken_back_first():
     influence = {"doors.time0": -0.9, "doors.time1": 0.2, "doors.time2": 0.1}
     found = Searched(task, margin, (6.5, 6.5, 6.5)).nearest(influence)
     assert found is not None
-    assert [change.parameter for change in found.changes] == ["doors.time0"]
+    assert found.result.point == (6.0, 5.0, 5.0)
 
 
 def test_it_begins_with_the_smallest_change_and_tries_the_worst_failure_as_well():
@@ -111,7 +110,7 @@ def test_it_begins_with_the_smallest_change_and_tries_the_worst_failure_as_well(
 
     task = make_task(seconds("doors.a"), seconds("doors.b"))
     found, _ = nearest(task, margin, (6.2, 5.1), (5.1, 9.0))
-    assert [(c.parameter, c.value) for c in found.changes] == [("doors.b", 5.5)]
+    assert found.result.point == (5.0, 5.5)
 
 
 def by_chance(point):
@@ -126,7 +125,7 @@ def late_or_by_chance(point):
 def test_a_solid_failure_farther_away_is_told_instead_of_one_by_chance():
     task = make_task(seconds("doors.a"), seconds("doors.b"))
     found, _ = nearest(task, late_or_by_chance, (5.0, 5.1), (7.0, 5.1), chance=by_chance)
-    assert [(c.parameter, c.value) for c in found.changes] == [("doors.a", 6.0)]
+    assert found.result.point == (6.0, 5.0)
 
 
 def test_what_fails_by_chance_is_what_passes_beside_a_failure_that_holds():
@@ -135,8 +134,7 @@ def test_what_fails_by_chance_is_what_passes_beside_a_failure_that_holds():
 
     task = make_task(seconds("doors.a"))
     found, _ = nearest(task, margin, (7.0,), chance=lambda point: 6.0 <= float(point[0]) < 6.5)
-    (change,) = found.changes
-    assert (change.value, change.passing) == (6.5, 6.49)
+    assert (found.result.point, found.passes.point) == ((6.5,), (6.49,))
 
 
 def test_where_no_failure_holds_there_is_no_nearest_one():
@@ -193,7 +191,7 @@ def test_what_breaks_a_constraint_or_makes_no_run_is_not_tried():
     task = make_task(seconds("doors.a"), seconds("doors.b", 5.5))
     found, searched = nearest(task, margin, (7.0, 7.5), allowed=ordered)
     assert all(ordered(point) for point in searched.tried())
-    assert {(c.parameter, c.value) for c in found.changes} == {("doors.a", 6.0), ("doors.b", 6.01)}
+    assert found.result.point == (6.0, 6.01)
 
 
 def test_what_is_written_nowhere_is_left_as_it_is():
@@ -203,7 +201,6 @@ def test_what_is_written_nowhere_is_left_as_it_is():
     task = make_task(seconds("doors.a", None), seconds("doors.b"))
     found, _ = nearest(task, margin, (9.0, 8.0))
     assert found.result.point == (9.0, 6.0)
-    assert [change.parameter for change in found.changes] == ["doors.b"]
 
 
 def test_a_written_value_outside_of_the_range_is_still_what_it_is_brought_back_to():
@@ -248,5 +245,4 @@ def test_neighbouring_steps_lie_on_either_side(edge):
         make_task(seconds("doors.a")), lambda p: 0.1 if float(p[0]) < edge else -0.1, (6.5,)
     )
     assert found.result.point == (edge,)
-    (change,) = found.changes
-    assert change.passing == pytest.approx(edge - 0.01)
+    assert found.passes.point == pytest.approx((edge - 0.01,))

@@ -54,9 +54,7 @@ def test_what_was_found_is_confirmed_brought_near_and_handed_on():
     nearest = answer.nearest
     assert nearest is not None
     assert nearest.complete
-    assert [(c.parameter, c.value, c.passing) for c in nearest.changes] == [
-        ("doors.kitchen_opens", 6.01, 6.0)
-    ]
+    assert (nearest.result.point, nearest.passes.point) == ((6.01, 5.0), (6.0, 5.0))
     assert nearest.confirmed is not None
     assert answer.sentences[0] in comment_of(answer)
     assert nearest.result.digest == runs.digests[nearest.result.proposal.position]
@@ -127,7 +125,7 @@ def test_a_scenario_that_fails_as_written_is_its_own_nearest_failure():
     case = PretendedCase(make_task(KITCHEN, BEDROOM), lambda point, repeat: -0.25)
     answer = run_search(case, case.runs())
     assert answer.nearest is not None
-    assert answer.nearest.changes == ()
+    assert answer.nearest.result.point == (5.0, 5.0)
     assert answer.sentences[0] == (
         "keeps-clear fails in 5 of 5 repeats as written (margin −0.25 m near door)"
     )
@@ -263,9 +261,7 @@ def test_the_failure_that_is_told_holds_whatever_the_noise(slots):
     assert answer.first is not None
     nearest = answer.nearest
     assert nearest is not None
-    assert [(c.parameter, c.value, c.passing) for c in nearest.changes] == [
-        ("doors.kitchen_opens", 7.5, 7.49)
-    ]
+    assert (nearest.result.point, nearest.passes.point) == ((7.5, 5.0), (7.49, 5.0))
     assert nearest.confirmed is not None
     assert (nearest.confirmed.failed, nearest.confirmed.runs) == (5, 5)
     assert len(runs.digests) == len(set(runs.digests)), "no repeat is run twice"

@@ -14,7 +14,6 @@ from daemon.model.search_answer import (
     Finding,
     Influence,
     NearestFailure,
-    ParameterChange,
     SearchAnswer,
     SearchRow,
 )
@@ -129,7 +128,6 @@ def make_answer(rows, *, ended="budget"):
     best = min(points, key=lambda point: point.value.value if point.value else 0.0)
     nearest = NearestFailure(
         read_trial(TASK, NEAREST),
-        (ParameterChange("doors_moving.kitchen_opens", "s", 8.0, 8.54, 8.32),),
         None,
         13,
         complete=True,

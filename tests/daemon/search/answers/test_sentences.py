@@ -93,7 +93,7 @@ def test_a_search_that_finds_failures_tells_of_them_in_order():
     ]
     first, passes = points[1], made_trial((5.99, 5.0), 0.004, 11, "kitchen_door")
     confirmed = confirmation([first for _ in range(5)])
-    nearest = NearestFailure(first, (), passes, 12, False, confirmed)
+    nearest = NearestFailure(first, passes, 12, False, confirmed)
     story = ("fails with doors", "minimal: kitchen_door (of 3)")
     shrunk = ShrunkScenario(story, True, 31, left="1 of 3 objects are left")
     answer = make_answer(
@@ -137,7 +137,7 @@ def test_the_repeats_of_a_first_failure_that_is_not_the_nearest_are_told_as_well
     repeats = [made_trial((6.0, 5.0), margin, 1) for margin in (-0.01, -0.01, 0.2)]
     all_of_them, some = confirmation(repeats[:2]), confirmation(repeats)
     nearer = made_trial((5.5, 5.0), -0.01, 7)
-    nearest = NearestFailure(nearer, (), None, 12, True, all_of_them)
+    nearest = NearestFailure(nearer, None, 12, True, all_of_them)
     sentences = make_answer(TASK, points, confirmed=some, nearest=nearest).sentences
     assert sentences[0].startswith("keeps-clear fails in 2 of 2 repeats with kitchen_opens 5.5 s")
     assert "the first failure, run 1, fails in 2 of 3 repeats" in sentences
