@@ -7,7 +7,6 @@ leaves them out.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import re
@@ -18,6 +17,7 @@ from typing import Any, Final, TypeAlias
 from markupsafe import Markup, escape
 
 from daemon.analysis.parallel_map import parallel_map
+from templates.naming import xml_text
 from templates.report import OURS
 
 Chart: TypeAlias = dict[str, Any]
@@ -72,11 +72,13 @@ _UNUSED: Final = re.compile(
     r' (?:class|pointer-events|cursor|aria-\w+|role|version|xmlns:xlink|font-family)="[^"]*"'
     r'| opacity="1"| font-weight="normal"| transform="translate\(0,0\)"| [xy]2="0"'
 )
-_INVISIBLE: Final = re.compile(r'<path(?: transform="[^"]*")? d="[^"]*"(?: display="none")?/>')
+_INVISIBLE: Final = re.compile(
+    r'<path(?: transform="[^"]*")? d="(?:[^"]*"(?: display="none")?|M0,0h0v0h0Z"[^>]*)/>'
+)
 _EMPTY: Final = re.compile(r"<g[^>]*></g>")
 _SAME_LOOK: Final = re.compile(r'<path d="[^"]*("[^>]*/>)(?:<path d="[^"]*\1)+')
+_CLIP: Final = re.compile(r'(id="|url\(#)(clip\d+)')
 _PATH_DATA: Final = re.compile(r'<path d="([^"]*)')
-
 _COLOUR: Final = re.compile(r"--(\w+): (#\w+);")
 _VARIABLE: Final = re.compile(r"var\(--([\w-]+),?([^)]*)\)")
 _NAMESPACE: Final = ' xmlns="http://www.w3.org/2000/svg"'
@@ -100,13 +102,16 @@ def _cell(value: Any, digits: int) -> Any:
 
 
 def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> list[str]:
-    """Return each chart as an ``<svg>`` element, in order.
+    """Return each chart as an ``<svg>`` element, in order; draw all charts of a page at once.
 
     They are drawn in child processes, never in this one: Vega runs in threads, and a process with
     these could not be forked any more.
     """
+    if not charts:
+        return []
     doing = "that draws charts"
-    return list(parallel_map(_draw, charts, doing=doing, processes=processes, always_forked=True))
+    numbered = list(enumerate(charts))
+    return list(parallel_map(_draw, numbered, doing=doing, processes=processes, always_forked=True))
 
 
 @cache
@@ -137,14 +142,18 @@ def chart_figure(chart: Chart, svg: str, label: str, *, cell: str = "") -> Marku
     what a reader brushes or points at.
     """
     # Within a script element only its own end, and what looks like a comment, would be read.
-    text = json.dumps(chart, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
-    about = f'role="img" aria-label="{escape(label)}" data-cell="{escape(cell)}"'
+    text = xml_text(json.dumps(chart, ensure_ascii=False, separators=(",", ":")))
+    text = text.replace("<", "\\u003c")
+    label, cell = escape(xml_text(label)), escape(xml_text(cell))
+    about = f'role="img" aria-label="{label}" data-cell="{cell}"'
     script = f'<script type="application/json">{text}</script>'
     return Markup(f'<div class="chart" {about}>{svg}{script}</div>')
 
 
-def _draw(chart: Chart) -> str:
+def _draw(numbered: tuple[int, Chart]) -> str:
     import vl_convert
+
+    number, chart = numbered
 
     svg = vl_convert.vegalite_to_svg(_themed(_static(chart)), vl_version=_VERSION)
     svg = _PLACE.sub(lambda place: _LONG_DECIMAL.sub(_one_digit, place[0]), svg)
@@ -152,9 +161,9 @@ def _draw(chart: Chart) -> str:
     for unseen in (_UNUSED, _INVISIBLE, _EMPTY):
         svg = unseen.sub("", svg)
     svg = _SAME_LOOK.sub(_one_path, svg)
-    # Names of clips are those of the whole page, where every chart begins to count anew.
-    own = hashlib.sha256(svg.encode()).hexdigest()[:8]
-    return svg.replace('id="clip', f'id="c{own}-').replace("url(#clip", f"url(#c{own}-")
+    # A name of a clip holds in the whole page, and its number depends on what was drawn before.
+    names = list(dict.fromkeys(clip[2] for clip in _CLIP.finditer(svg)))
+    return _CLIP.sub(lambda clip: f"{clip[1]}c{number}-{names.index(clip[2])}", svg)
 
 
 def _one_digit(number: re.Match[str]) -> str:
@@ -190,7 +199,8 @@ def _static(chart: Any) -> Any:
             for part in parts
             if not (isinstance(part, dict) and str(part.get("name", "")).startswith(HOVER))
         ]
-    return chart
+    # Vega itself would die of a character that no SVG can hold.
+    return xml_text(chart) if isinstance(chart, str) else chart
 
 
 def _rows(values: Any) -> Any:

@@ -12,7 +12,14 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, Processes, State, check_writable
+from scenario_tui.cli.options import (
+    AsJson,
+    Connect,
+    Processes,
+    State,
+    check_writable,
+    why_no_folder,
+)
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
@@ -61,6 +68,15 @@ def report(
             "--output", "-o", metavar="FILE", help="The page to write. Default: report.html."
         ),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "--figures",
+            metavar="FOLDER",
+            file_okay=False,
+            help="Write each figure of the page as PDF into this folder, too.",
+        ),
+    ] = None,
     junit: Annotated[
         Path | None,
         typer.Option(
@@ -97,19 +113,24 @@ def report(
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
+    if figures is not None and (lacking := why_no_folder(figures.absolute().parent)):
+        why = f"{figures} cannot be written: {figures.absolute().parent} {lacking}"
+        raise typer.BadParameter(why, param_hint="--figures")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     for option, file in ({"output": output} | tables).items():
         if file is not None:
             check_writable(file, f"--{option}")
-    if _report_search(campaign, output, target, tables, exit_status=exit_status, as_json=as_json):
+    options = tables | {"figures": figures}
+    if _report_search(campaign, output, target, options, exit_status=exit_status, as_json=as_json):
         return
     # With table formats only, no page is written.
-    page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
+    page = output or (None if any(tables.values()) and not figures else _DEFAULT_PAGE)
     results = _choose_campaign(campaign, target)
     bar = partial(track_progress, description="reading traces")
     material = read_report_data(results, processes=processes, watched=bar)
     if page is not None:
-        text = write_page(material, _run_commands(), processes=processes)
+        commands = _run_commands()
+        text = write_page(material, commands, processes=processes, figure_folder=figures)
         page.write_text(text, encoding="utf-8")
     if junit is not None:
         records = tuple(run.record for run in material.runs)
@@ -117,13 +138,14 @@ def report(
     for writer, path in ((write_csv, csv), (write_parquet, parquet)):
         if path is not None:
             writer(material, path)
+    written = {"page": page, "figures": figures} | tables
     answer = headline(material.assessment, material.runs)
     summary = ReportOutput(
         results.name,
         len(material.runs),
         f"{answer.word}. {answer.sentence}",
         material.assessment.exit_code,
-        {kind: str(path) for kind, path in ({"page": page} | tables).items() if path},
+        {kind: str(path) for kind, path in written.items() if path},
         reference_comparisons(results.declared.references, material.assessment),
     )
     # A folder may be called like a campaign: say which of them this is about.
@@ -240,6 +262,7 @@ def _tell(
     lines = [f"{subject}: {summary.answer}"]
     lines += [f"not read: {file}: {problem}" for file, problem in unread]
     for path in summary.written.values():
-        lines.append(f"{path} ({Path(path).stat().st_size / 1e6:.2f} MB)")
+        size = "" if Path(path).is_dir() else f" ({Path(path).stat().st_size / 1e6:.2f} MB)"
+        lines.append(f"{path}{size}")
     for line in lines:
         stdout_console().print(line, markup=False, soft_wrap=True)

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from daemon.analysis.charts import SERIES, page_script
+from daemon.analysis.charts import page_script
 from daemon.analysis.report._data import ReportData, ReportRun
 from daemon.analysis.report._figures import (
     MOST_CELLS,
     ReportFigure,
     draw_figures,
     notable_verdicts,
-    scenarios_with_triggers,
+    write_figures,
 )
 from daemon.analysis.report._formatting import (
     GLYPHS,
@@ -73,10 +73,19 @@ class SuggestedCommand:
 
 
 def write_page(
-    data: ReportData, commands: Sequence[SuggestedCommand], *, processes: int | None = None
+    data: ReportData,
+    commands: Sequence[SuggestedCommand],
+    *,
+    processes: int | None = None,
+    figure_folder: Path | None = None,
 ) -> str:
-    """Return the report as HTML; ``commands`` are what people can type about a run."""
+    """Return the report as HTML; ``commands`` are what people can type about a run.
+
+    Each figure is written as PDF to ``figure_folder``, if given.
+    """
     figures = draw_figures(data, processes=processes)
+    if figure_folder is not None:
+        write_figures(figures, figure_folder)
     assessment, chosen = data.assessment, data.input
     scenarios = tuple(dict.fromkeys(cell.scenario for cell in assessment.cells))
     suts = tuple(dict.fromkeys(cell.sut for cell in assessment.cells))
@@ -114,8 +123,6 @@ def write_page(
         moments={(f.scenario, f.sut, f.subject): f for f in figures if f.subject and f.svg},
         references=compared_references(chosen, assessment),
         reference_names=reference_names(chosen.declared.references),
-        sut_colours=_colours(suts),
-        trigger_colours=_colours(scenarios_with_triggers(data)),
         runs=data.runs,
         buffer=data.buffer,
         few=_FEW,
@@ -259,8 +266,3 @@ def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, dict[str, list[Report
     for figure in figures:
         kinds[figure.kind].setdefault(figure.scenario, []).append(figure)
     return kinds
-
-
-def _colours(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Return names with the variable of the page that holds their colour in figures."""
-    return [(name, f"--s{number % len(SERIES)}") for number, name in enumerate(names)]

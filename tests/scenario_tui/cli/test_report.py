@@ -76,7 +76,8 @@ def test_a_campaign_of_the_ledger_needs_no_daemon(ledger, capsys):
 
 
 def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger):
-    assert invoke(["report", "-j", "1"]) == 0
+    assert invoke(["report", "-j", "1", "--figures", "drawn"]) == 0
+    assert Path("drawn/boxes-duration.pdf").read_bytes().startswith(b"%PDF")
     page = Path("report.html").read_text(encoding="utf-8")
     assert "scenario judge corr-1.1" in page
     assert "queued" in page

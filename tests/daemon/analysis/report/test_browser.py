@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 from base64 import b64encode
 from hashlib import sha256
@@ -10,9 +9,9 @@ from html import unescape
 
 import pytest
 
+from tests.chromium import CHROMIUM, chromium_page
 from tests.daemon.analysis.report.recordings import NAME
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 
 PROBE = """
@@ -114,7 +113,7 @@ def test_a_reader_at_a_desk_sees_the_answer_the_contents_and_the_figures(page, t
     assert seen["contents"][:2] == ["Is it fine?", "Verdicts"]
     assert seen["pageWidth"] <= seen["windowWidth"]
     assert len(seen["figures"]) >= 8
-    assert [size for size in seen["figures"] if size[0] < 150 or size[1] < 80] == []
+    assert [size for size in seen["figures"] if size[0] < 150 or size[1] < 70] == []
     assert min(seen["textSizes"]) >= 8
     assert len(set(seen["strokes"]) - {"none"}) >= 4
     assert seen["open"] == 2
@@ -147,3 +146,75 @@ def test_tables_answer_a_reader_and_verdicts_list_their_repeats(page, tmp_path):
     assert all("scenario judge" in repeat for repeat in notes["repeats"])
     assert notes["open"] == 0
     assert notes["place"].startswith("#run-")
+
+
+@pytest.fixture
+def open_page(page, tmp_path):
+    """The page as a browser has it that can reach no network."""
+    file = tmp_path / "page.html"
+    file.write_text(page, "utf-8")
+    with chromium_page(file, tmp_path) as opened:
+        yield opened
+
+
+def live_chart(opened, selector):
+    """Scroll to a chart until it is alive; return where its plot is [px]."""
+    opened.evaluate(
+        f"chart = document.querySelector({selector!r}); drawn = chart.getBoundingClientRect();"
+        "chart.scrollIntoView({ behavior: 'instant', block: 'center' })"
+    )
+    opened.wait("chart.classList.contains('alive')")
+    return opened.evaluate(
+        "(() => { const r = chart.querySelector('.live svg').getBoundingClientRect();"
+        " return [r.x, r.y, r.width, r.height, drawn.width, drawn.height]; })()"
+    )
+
+
+def test_a_chart_comes_alive_in_its_place_and_says_the_values_under_the_pointer(open_page):
+    x, y, width, height, drawn_width, drawn_height = live_chart(open_page, "#clearance .chart")
+    assert width == pytest.approx(drawn_width, abs=2.0)
+    assert height == pytest.approx(drawn_height, abs=4.0)
+    for step in (0.5, 0.51):
+        open_page.point("Moved", x + step * width, y + 0.5 * height)
+    told = open_page.wait("document.querySelector('#vg-tooltip-element.visible')?.innerText")
+    assert {"repeat", "time [s]", "clearance [m]"} <= {
+        line.split("\t")[0] for line in told.split("\n")
+    }
+    assert open_page.problems == []
+
+
+def test_a_brushed_span_of_time_is_marked_on_the_map_and_in_the_other_chart(open_page):
+    live_chart(open_page, "#localisation .panels:last-child .chart")
+    x, y, width, height, *_ = live_chart(open_page, "#clearance .chart")
+    open_page.evaluate(
+        "ofCell = (selector) => [...document.querySelectorAll(selector)].find((element) =>"
+        " element.closest('[data-cell]').dataset.cell === chart.dataset.cell)"
+    )
+    middle = y + 0.5 * height
+    open_page.point("Moved", x + 0.3 * width, middle)
+    open_page.point("Pressed", x + 0.3 * width, middle, held=True)
+    for step in (0.4, 0.5, 0.6):
+        open_page.point("Moved", x + step * width, middle, held=True)
+    open_page.point("Released", x + 0.6 * width, middle, held=True)
+    way = open_page.wait("ofCell('svg[data-way]').querySelector('.brushed')?.getAttribute('d')")
+    assert re.fullmatch(r"(M[-\d.]+ [-\d.]+( [-\d.]+ [-\d.]+)+)+", way)
+    open_page.point("Moved", x + 0.7 * width, middle)
+    assert open_page.wait("ofCell('svg[data-way]').querySelector('.pointed')?.getAttribute('cx')")
+    assert open_page.problems == []
+
+
+def test_on_paper_the_drawings_of_all_charts_are_there(page, open_page):
+    count = page.count('class="chart"')
+    live_chart(open_page, "#clearance .chart")
+    seen = "[...document.querySelectorAll('.chart > svg')].filter((e) => e.clientWidth).length"
+    assert open_page.evaluate(seen) < count
+    open_page.call("Emulation.setEmulatedMedia", media="print")
+    assert open_page.evaluate(seen) == count
+    assert not open_page.evaluate("document.querySelector('.chart.alive .live').clientWidth")
+
+
+def test_without_scripts_all_figures_are_there(page, tmp_path):
+    bare = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+    seen = look(bare, tmp_path, 1280)
+    assert len(seen["figures"]) >= page.count('class="chart"') + page.count('class="map" data-cell')
+    assert seen["problems"] == []

@@ -1,11 +1,11 @@
 """The page without a browser: well formed, alone in the world, escaped, and its numbers right."""
 
-import contextlib
-import itertools
+import json
 import re
 from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
+from html import unescape
 from pathlib import Path
 
 import html5lib
@@ -201,27 +201,6 @@ def test_each_verdict_lists_its_repeats_with_what_replays_them(data, page, tree)
         }
 
 
-def test_numbers_beside_axes_are_not_cut(data):
-    """Millimetres have more digits than metres, and are as near to the edge."""
-    small = tuple(
-        replace(
-            run, tracks=replace(run.tracks, measures=run.tracks.measures | {"error p95": 0.019})
-        )
-        for run in data.runs
-    )
-    tree = parse(write_page(replace(data, runs=small), (), processes=1))
-    numbers = [
-        (float(e.get("x", 0.0)), words(e))
-        for e in tree.iter()
-        if str(e.tag).endswith("}text")
-        and "text-anchor:end" in str(e.get("style"))
-        and re.fullmatch(r"−?[\d.]+", words(e))
-    ]
-    assert "0.015" in {number for _, number in numbers}
-    digit = 0.6 * 7.0  # of a wide font, of the size of these words
-    assert all(x >= digit * len(number) for x, number in numbers)
-
-
 def test_every_number_of_the_tables_of_measures_is_what_judge_says(data, tree):
     layer = standard_oracles(data.buffer)
     judged = {
@@ -264,55 +243,6 @@ def test_comparisons_have_their_bounds(data, tree):
     for cell in data.assessment.comparisons:
         assert format_quantity(cell.mean, "s", signed=True) in shown
         assert format_quantity(cell.limit, "s") in shown
-
-
-def test_every_figure_of_the_paper_is_there_and_has_a_name(tree):
-    labels = [str(e.get("aria-label")) for e in tree.iter() if str(e.tag).endswith("}svg")]
-    for start in (
-        "The moment that decides buffer",
-        "Localisation error and spread",
-        "The largest localisation error over time",
-        "The largest localisation error on the map",
-        "Clearance over time",
-        "Clearance along the way",
-        "Laser returns inside the safety buffer",
-        "The largest localisation error in a whole run",
-        "Boxplots of time in buffer",
-        "Speed and turning speed around the trigger",
-    ):
-        assert any(label.startswith(start) for label in labels), start
-
-
-def test_figures_are_drawn_with_numbers_and_names_of_their_own(page):
-    drawn = re.findall(r"<svg viewBox.*?</svg>", without_scripts(page), re.DOTALL)
-    assert len(drawn) >= 8
-    ids = re.findall(r'id="(f\d+-\d+)"', "".join(drawn))
-    assert len(ids) == len(set(ids)) >= len(drawn)
-    for figure in drawn:
-        paths = re.findall(r' d="([^"]*)"', figure)
-        assert paths
-        for path in paths:
-            piece = r"M-?[\d.]+ -?[\d.]+(?: -?[\d.]+)* ?[zZ]? ?"
-            assert re.fullmatch(f"(?:{piece})+", path), path[:80]
-
-
-def test_axes_have_round_numbers(tree):
-    """Every figure with axes has at least two numbers along each, evenly apart."""
-    figures = [e for e in tree.iter() if str(e.tag).endswith("}svg")]
-    titled = ("Localisation error and", "Clearance over time", "Speed and turning")
-    for figure in figures:
-        if not str(figure.get("aria-label")).startswith(titled):
-            continue
-        rows = {}
-        for text in figure.iter():
-            if str(text.tag).endswith("}text") and "middle" in str(text.get("style")):
-                with contextlib.suppress(ValueError):
-                    value = float(words(text).replace("\N{MINUS SIGN}", "-"))
-                    rows.setdefault(str(text.get("y")), []).append(value)
-        (numbers,) = rows.values()
-        steps = {round(b - a, 9) for a, b in itertools.pairwise(numbers)}
-        assert len(numbers) >= 2
-        assert len(steps) == 1
 
 
 def test_the_same_runs_give_the_same_page(data, page):
@@ -421,7 +351,7 @@ def test_each_failure_has_a_still_of_its_moment(page, tree):
     found = moments(tree)
     assert len(found) >= 2
     for figure in found:
-        (caption,) = [words(e) for e in tree.iter() if figure in list(e)]
+        (caption,) = [words(e[0]) for e in elements(tree, "figure") if figure in list(e.iter())]
         assert re.match(r"repeat \d+, the seconds before (the end|[\d.]+ s)", caption)
     drawn = re.findall(
         r"<svg class=\"map\"(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL
@@ -442,21 +372,59 @@ def test_what_figures_share_is_read_once_for_all_of_them(data, monkeypatch):
     assert len(read) == 1, "all runs are in one scene"
 
 
-def test_figures_that_are_compared_have_the_same_scale(tree):
+def charts(page):
+    """The label and the specification of every chart."""
+    found = re.findall(r'class="chart"[^>]* aria-label="([^"]*)".*?json">(.*?)</script>', page)
+    return [(unescape(label), json.loads(chart)) for label, chart in found]
+
+
+def test_every_figure_of_the_paper_is_there_and_has_a_name(tree):
+    labels = [e.get("aria-label") or "" for e in tree.iter() if e.get("role") == "img"]
+    for start in (
+        "The moment that decides buffer",
+        "Localisation error and spread",
+        "The largest localisation error over time",
+        "Clearance over time",
+        "Clearance along the way",
+        "Laser returns inside the safety buffer",
+        "Boxplots of time in buffer",
+        "Speed and turning speed around the trigger",
+    ):
+        assert any(label.startswith(start) for label in labels), start
+
+
+def test_figures_that_are_compared_have_the_same_scale(page):
     scales = {}
-    for figure in tree.iter():
-        label = str(figure.get("aria-label"))
-        for kind in (
-            "Localisation error and",
-            "Clearance over time",
-            "Speed and turning speed around",
-        ):
-            if label.startswith(kind):
-                beside = [e for e in figure.iter() if "text-anchor:end" in str(e.get("style"))]
-                names = [words(e) for e in beside if re.fullmatch(r"−?[\d.]+", words(e))]
-                scales.setdefault(kind, set()).add(tuple(names))
-    assert len(scales) == 3
-    assert all(len(found) == 1 for found in scales.values()), scales
+    for label, chart in charts(page):
+        for panel in chart.get("vconcat", [chart]):
+            (line,) = [
+                layer for layer in panel["layer"] if layer.get("name") == panel["title"]
+            ] or [None]
+            kind = label.partition(",")[0].partition(" of ")[0], panel["title"]
+            if line and "largest" not in label:
+                scales.setdefault(kind, []).append(line["encoding"]["y"]["scale"]["domain"])
+    assert len(scales) == 5
+    assert all(found == [found[0]] * len(found) for found in scales.values()), scales
+
+
+def test_a_chart_is_drawn_in_the_colours_of_the_page_without_what_answers_to_a_pointer(page):
+    drawings = re.findall(r'<div class="chart".*?(<svg.*?</svg>)', page)
+    assert len(drawings) == len(charts(page)) >= 8
+    for drawing in drawings:
+        assert "var(--" in drawing
+        assert not re.search(r"\d\.\d{2,}", re.sub(r' (?!d=)[\w-]+="[^"]*"|>[^<]*<', "", drawing))
+    (clearance, *_) = [chart for label, chart in charts(page) if label.startswith("Clearance over")]
+    names = [layer.get("name", "") for layer in clearance["layer"]]
+    assert [name.startswith("hover") for name in names][-2:] == [True, True]
+
+
+def test_figures_are_written_as_vector_files_too(data, tmp_path):
+    figures = _figures.draw_figures(data, processes=1)
+    _figures.write_figures(figures, tmp_path / "made")
+    files = sorted(file.name for file in (tmp_path / "made").iterdir())
+    assert len(files) == len(figures)
+    assert "boxes-duration.pdf" in files
+    assert all((tmp_path / "made" / file).read_bytes().startswith(b"%PDF") for file in files)
 
 
 def test_intervals_of_comparisons_are_two_sided(data, tree):
