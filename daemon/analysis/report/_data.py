@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias, cast
 
 from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
 from daemon.analysis.parallel_map import parallel_map
+from daemon.analysis.report._measures import (
+    MEASURES,
+    RunMeasure,
+    standard_measures,
+    standard_names,
+)
 from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.analysis.results import Results
@@ -118,4 +124,46 @@ def _judge(record: RunRow, trace: Trace, sampler: SignalSampler | None, machine:
         Timing(0.0, 0.0, trace.valid_until),
         trace.note,
         machine=machine,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureColumn:
+    """A measure and its values in each cell (scenario, SUT), in the order of the repeats."""
+
+    measure: RunMeasure
+    values: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+
+
+def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
+    """Return every measure with a value: the standard ones, then those that the campaign declares.
+
+    A declared measure that means the same as a standard one adds its name to that column, and its
+    values where traces are gone.
+    """
+    columns: dict[str | tuple[str, str], MeasureColumn] = {
+        measure.name: MeasureColumn(measure) for measure in standard_measures(data.buffer)
+    }
+    names: dict[str | tuple[str, str], dict[str, None]] = {}
+    runs = {run.record.id: run for run in data.runs}
+    for cell in data.assessment.cells:
+        place, here = (cell.scenario, cell.sut), [runs[run] for run in cell.runs]
+        for measure in MEASURES:
+            measured = (run.tracks.measures for run in here)
+            if values := tuple(run[measure.name] for run in measured if measure.name in run):
+                columns[measure.name].values[place] = values
+        # By scenario: two may judge by different oracles of one name.
+        texts = {v.oracle: v.text for run in here for v in run.record.verdicts}
+        standard = standard_names(texts, data.buffer)
+        for own in cell.measures:
+            text = texts.get(own.oracle, "")
+            key = standard.get(own.oracle) or (own.oracle, text)
+            alone = MeasureColumn(RunMeasure(own.oracle, own.unit, "", text, 2))
+            columns.setdefault(key, alone).values.setdefault(place, own.values)
+            if text:
+                names.setdefault(key, {})[own.oracle] = None
+    return tuple(
+        replace(column, measure=replace(column.measure, declared=tuple(names.get(key, ()))))
+        for key, column in columns.items()
+        if column.values
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from daemon.analysis.charts import page_script
-from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._data import ReportData, ReportRun, measure_columns
 from daemon.analysis.report._figures import (
     MOST_CELLS,
     ReportFigure,
@@ -25,7 +25,6 @@ from daemon.analysis.report._formatting import (
     percentage,
     verdict_details,
 )
-from daemon.analysis.report._measures import measure_columns
 from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report.run_maps import draw_building

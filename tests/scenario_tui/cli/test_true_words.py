@@ -295,7 +295,7 @@ def test_a_report_says_what_is_missing(say, name):
     assert "no oracle" not in xml
     if name != "half":
         word = {"paused": "queued", "retrying": "queued"}.get(name, name)
-        assert f'type="{word}" message="no run has a result: {word}"' in xml
+        assert f'message="no run has a result: {word}" type="{word}"' in xml
 
 
 def test_runs_to_come_are_no_changes_of_verdicts(say):

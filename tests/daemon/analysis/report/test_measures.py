@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from daemon.analysis.report._data import measure_columns
 from daemon.analysis.report._measures import (
-    measure_columns,
     measured_values,
     standard_names,
     standard_oracles,
