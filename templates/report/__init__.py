@@ -39,8 +39,3 @@ def render_report(
     environment.filters.update(filters)
     page = environment.get_template(template)
     return page.render(values, script=Markup(script), policy=Markup(policy))
-
-
-def render_search_report(filters: Mapping[str, Callable[..., Any]], **values: Any) -> str:
-    """Return the page of a search, as :func:`render_report` does that of a campaign."""
-    return render_report(filters, template="search.html.j2", **values)

@@ -27,7 +27,7 @@ from daemon.model.search_answer import (
 )
 from daemon.model.trials import Trial
 from daemon.search.points import change_size, is_as_written
-from grammars.text.words import count_noun, enumerate_words
+from grammars.text.words import count_noun, enumerate_words, format_quantity
 
 AS_WRITTEN: Final = "as written"
 """Words for a point that has every value as the scenario has it."""
@@ -39,7 +39,6 @@ PHASES: Final[dict[Phase, str]] = {
 }
 _MOST_NAMED: Final = 3
 """Values and parameters that a sentence names at most."""
-_DIGITS: Final = 3
 
 
 def search_word(row: SearchRow) -> str:
@@ -249,12 +248,12 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     runs = count_noun(count, f"{task.drawn_word} run")
     if strong:
         names = [
-            f"{task.short_name(one.parameter)} ({rounded(one.correlation)})"
+            f"{task.short_name(one.parameter)} ({format_quantity(one.correlation)})"
             for one in strong[:_MOST_NAMED]
         ]
         yield f"what decides most, by rank correlation in {runs}: {enumerate_words(names)}"
     else:
-        bound = rounded(chance_correlation(count))
+        bound = format_quantity(chance_correlation(count))
         yield f"nothing decides clearly: in {runs} chance gives rank correlations up to {bound}"
 
 
@@ -288,7 +287,7 @@ def ending_words(task: SearchTask, ended: str) -> str:
     failures = count_noun(task.failures, "failure")
     return {
         "budget": f"the budget of {count_noun(task.runs, 'run')} is spent",
-        "time": f"the time of {rounded(task.seconds)} s is over",
+        "time": f"the time of {format_quantity(task.seconds)} s is over",
         "failures": f"it ends after {failures}, as asked",
         "settled": "it ends because nothing better and nothing new was found for a while",
         "errors": "it ends because of errors in a row",
@@ -330,20 +329,7 @@ def margin_words(trial: Trial) -> str:
         margin, unit = trial.value.margin, trial.value.unit
     if trial.fails and verdict and (not trial.value or trial.value.oracle != verdict.oracle):
         margin, unit = verdict.margin, verdict.unit
-    if margin is None:
-        return ""
-    return f"{rounded(margin)} {unit}" if unit else rounded(margin)
-
-
-def rounded(value: float) -> str:
-    """Return three significant digits, without an exponent where people write none."""
-    if value == 0.0 or not math.isfinite(value):
-        return minus(f"{value:g}")
-    if not 1e-5 <= abs(value) < 1e7:
-        return minus(f"{value:.3g}")
-    decimals = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
-    text = minus(f"{value:.{decimals}f}")
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    return "" if margin is None else format_quantity(margin, unit)
 
 
 def minus(number: str) -> str:

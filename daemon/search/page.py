@@ -1,31 +1,32 @@
-"""The page of a search: what it says, in what order."""
+"""The page of a search: its headline, its sentences, its figures, its runs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from markupsafe import Markup
 
+from daemon.analysis.charts import Chart, chart_figure, draw_charts, page_script
 from daemon.analysis.report import GLYPHS
+from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way
 from daemon.model.search import PointValue, SearchParameter
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials
 from daemon.search.answers.sentences import headline, phase_words, point_words, search_word
-from daemon.search.page._figures import NO_TRACES, search_figures
-from daemon.search.page._spaces import MOST_LINES
+from daemon.search.figures import MOST_LINES, influence_chart, margins_chart, space_charts
 from daemon.search.points import is_as_written, range_text
 from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
-from templates.report import render_search_report
+from templates.report import render_report
 
 MOST_LISTED: Final = 60
 """Points in the table at most: those with the smallest margins."""
-_FIGURES: Final = ("margins", "boundary", "parallel", "influence", "moment", "way")
-"""Names of figures; others are of two parameters, by whose names they are called."""
+NO_TRACES: Final[Mapping[str, Path]] = MappingProxyType({})
 
 
 def search_page(
@@ -38,45 +39,85 @@ def search_page(
 ) -> str:
     """Return the page of a search as HTML that needs nothing else.
 
-    ``proposals`` are all of its runs. ``baseline`` and ``traces`` are as of
-    :func:`daemon.search.page.search_figures`; ``commands`` is what to type next, each with what it
-    does.
+    ``proposals`` are all of its runs, ``baseline`` those of another search of the same parameters
+    that was not guided. ``traces`` has the files of runs by their ids. ``commands`` is what to type
+    next, each with what it does.
     """
     task, answer = row.task, row.answer
     trials = point_trials(task, proposals)
-    # Drawn here, from numbers and escaped names, never taken from a file.
-    figures = {
-        name: Markup(svg)
-        for name, svg in search_figures(row, proposals, baseline=baseline, traces=traces).items()
-    }
+    steps = point_trials(task, proposals, "nearest")
+    charts = list(_charts(row, trials, steps, point_trials(task, baseline)))
+    drawn = draw_charts([chart for _, _, chart in charts]) if charts else []
+    figures: dict[str, list[tuple[str, Markup]]] = {kind: [] for kind in _LABELS}
+    for (kind, caption, chart), svg in zip(charts, drawn, strict=True):
+        label = f"{_LABELS[kind]}{f', {caption}' if caption else ''}"
+        figures[kind].append((caption, chart_figure(chart, svg, label)))
+    shown = answer.shown if answer is not None else None
     ordered = sorted(trials, key=lambda p: (math.isnan(p.compared), p.compared, p.number))
-    return render_search_report(
+    return render_report(
         {
             "quantity": format_quantity,
             "range": range_text,
             "value": _value_text,
             "not_written": lambda trial: point_words(task, trial.point, len(task.parameters)),
         },
+        template="search.html.j2",
+        library=page_script(),
         row=row,
         task=task,
         answer=answer,
         tone={"pass": "good", "fail": "bad"}.get(search_word(row), "open"),
         headline=headline(row),
         facts=_facts(row, proposals),
-        figures={name: figures.get(name, "") for name in _FIGURES},
-        pairs={name: svg for name, svg in figures.items() if name not in _FIGURES},
+        figures=figures,
+        maps=dict(_maps(shown, traces)) if shown is not None else {},
         compared=_compared_trials(answer),
         is_as_written=is_as_written,
         points=ordered[:MOST_LISTED],
         left_out=len(ordered) - MOST_LISTED,
         thinned=sum(not trial.fails for trial in trials) > MOST_LINES,
-        steps=point_trials(task, proposals, "nearest"),
+        steps=steps,
         other_baseline=bool(baseline),
-        shown=answer.shown if answer is not None else None,
+        shown=shown,
         commands=commands,
         glyphs=GLYPHS,
         nothing=NOTHING,
     )
+
+
+_LABELS: Final = {
+    "margins": "Margin of every run, the smallest so far, and failures over runs",
+    "space": "Margins over the parameters that are varied",
+    "influence": "Influence of parameters as bars",
+}
+
+
+def _charts(
+    row: SearchRow, trials: Sequence[Trial], steps: Sequence[Trial], baseline: Sequence[Trial]
+) -> Iterator[tuple[str, str, Chart]]:
+    """Yield the charts of a search, each with its kind and its caption."""
+    task, answer = row.task, row.answer
+    nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
+    if trials:
+        yield "margins", "", margins_chart(task, trials, baseline)
+        for caption, chart in space_charts(task, trials, steps, nearest):
+            yield "space", caption, chart
+    influence = influence_chart(task, answer) if answer is not None else None
+    if influence is not None:
+        yield "influence", "", influence
+
+
+def _maps(shown: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Markup]]:
+    """Yield the moment that decides a run, and its way, as far as there is a trace."""
+    trace, verdict = traces.get(shown.run), shown.verdict
+    if trace is None:
+        return
+    if verdict is not None and verdict.evidence.time is not None:
+        label = f"The robot at {verdict.evidence.time:.1f} s of {shown.label}"
+        if moment := draw_moment(trace, verdict, label):
+            yield f"at {format_quantity(verdict.evidence.time, 's')}", moment
+    if way := draw_recorded_way(trace, f"The way driven in {shown.label}", verdict):
+        yield "the whole way", way
 
 
 def _facts(row: SearchRow, proposals: Sequence[RunRow]) -> tuple[tuple[str, str], ...]:
@@ -119,12 +160,12 @@ def _compared_trials(answer: SearchAnswer | None) -> dict[str, Trial]:
     """Return the points whose values stand beside those written, by what they are."""
     if answer is None:
         return {}
-    named = {
+    trials = {
         "nearest failure": answer.nearest.result if answer.nearest is not None else None,
         "smallest margin": answer.best,
         "first failure": answer.first,
     }
-    return {name: trial for name, trial in named.items() if trial is not None}
+    return {name: trial for name, trial in trials.items() if trial is not None}
 
 
 def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:

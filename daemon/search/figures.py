@@ -1,0 +1,414 @@
+"""Figures of a search as charts: margins over its runs, where it fails, and which values decide."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate, combinations
+from typing import Any, Final
+
+from daemon.analysis.charts import Chart, table
+from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+from daemon.model.search_answer import Influence, SearchAnswer
+from daemon.model.trials import Trial, smallest_so_far
+from daemon.search.answers.sentences import is_by_chance, margin_words, minus, point_words
+from daemon.search.points import position_in_range, written_point
+
+MOST_PAIRED: Final = 4
+"""Parameters of which every two have a figure; of more, all stand side by side."""
+MOST_LINES: Final = 400
+"""Points that pass and are drawn as lines at most; of more, some evenly over the search."""
+RAMP: Final = ("#b2182b", "#d6604d", "#f4a582", "#92c5de", "#4393c3", "#2166ac")
+"""From failing to passing: ColorBrewer's RdBu, which colour-blind readers tell apart (Brewer and
+Harrower, 2003). Half of it is below zero."""
+_WIDTH: Final = 620
+"""Width of a chart over the whole page [px]."""
+_CROSS: Final = "M-.9,-.9L.9,.9M-.9,.9L.9,-.9"
+_BY_CHANCE: Final = "no more than chance"
+_OUTSIDE: Final = 0.06
+"""How far beyond its range a written value is drawn, as a share of the range."""
+_HOVER: Final = [{"field": "run"}, {"field": "words", "title": "margin"}, {"field": "point"}]
+"""Words of a run under the pointer: its number, its margin, its point."""
+
+
+def margins_chart(task: SearchTask, trials: Sequence[Trial], baseline: Sequence[Trial]) -> Chart:
+    """Return the margin of every run and the smallest so far, and below how many have failed.
+
+    A guided search stands beside the ``baseline``, runs of another one that was not, or beside
+    those of its own runs that were chosen without looking at results.
+    """
+    unguided = baseline or [trial for trial in trials if not trial.proposal.guided]
+    name = f"{task.drawn_word} runs alone"
+    if baseline:
+        name = f"{baseline[-1].proposal.method} alone, another search"
+    kinds = [
+        "fails" if one.fails else "guided" if one.proposal.guided else task.drawn_word
+        for one in trials
+    ]
+    colours = _scale(
+        "kind", {task.drawn_word: "var(--soft)", "guided": "var(--line)", "fails": "var(--bad)"}
+    )
+    shapes = {task.drawn_word: "circle", "guided": "circle", "fails": _CROSS}
+    dots = {
+        "data": table({**_columns(task, trials), "kind": kinds}),
+        "params": [_legend_filter("kind")],
+        "mark": {"type": "point", "size": 22, "strokeWidth": 1.3},
+        "encoding": {
+            "y": _quantity("margin", title=_margin_title(task)),
+            "stroke": colours,
+            "fill": colours,
+            "shape": _scale("kind", shapes),
+            "opacity": _kept(0.9),
+            "tooltip": _HOVER,
+        },
+    }
+    last = max(one.number + 1 for one in (*trials, *unguided))
+    runs = _quantity("run", scale={"domain": [-0.5, max(last, 1)]})
+    courses = _courses({name: unguided, "smallest so far": trials}, last)
+    line = {"type": "line", "interpolate": "step-after", "strokeWidth": 1.4}
+    looks = {
+        "color": _scale("of", {"smallest so far": "var(--ink)", name: "var(--second)"}),
+        "strokeDash": _scale("of", {"smallest so far": [1, 0], name: [5, 3]}),
+    }
+    smallest = {"data": courses, "mark": line, "encoding": {"y": _quantity("smallest"), **looks}}
+    above = {
+        "width": _WIDTH,
+        "height": 190,
+        "encoding": {"x": {**runs, "axis": {"labels": False, "title": None}}},
+        "layer": [_zero(), smallest, dots],
+    }
+    top = max(1, sum(one.fails for one in trials), sum(one.fails for one in baseline))
+    failures = {"x": runs, "y": _quantity("failures", axis={"values": [0, top]})}
+    unnamed = {channel: {**look, "legend": None} for channel, look in looks.items()}
+    below = {
+        "width": _WIDTH,
+        "height": 70,
+        "data": courses,
+        "mark": line,
+        "encoding": {**failures, **unnamed},
+    }
+    # Otherwise the lower panel, which names no lines again, would silence the upper one.
+    own = {"legend": {"color": "independent", "strokeDash": "independent"}}
+    return {"vconcat": [above, below], "spacing": 6, "resolve": own}
+
+
+def _courses(series: Mapping[str, Sequence[Trial]], last: int) -> dict[str, Any]:
+    """Return the smallest margin and the failures so far after each run, to the ``last`` one."""
+    rows: list[tuple[int, str, float, int]] = []
+    for name, trials in series.items():
+        smallest = smallest_so_far(one.compared for one in trials)
+        failures = accumulate(int(one.fails) for one in trials)
+        pairs = zip(trials, smallest, failures, strict=True)
+        rows += [(one.number, name, margin, failed) for one, margin, failed in pairs]
+        if trials:
+            rows.append((last, *rows[-1][1:]))
+    columns = zip(*rows, strict=True)
+    return table(dict(zip(("run", "of", "smallest", "failures"), columns, strict=True)))
+
+
+def space_charts(
+    task: SearchTask, trials: Sequence[Trial], steps: Sequence[Trial], nearest: Point | None
+) -> Iterator[tuple[str, Chart]]:
+    """Yield charts of where a search fails, each with its caption.
+
+    One parameter has its margins beside it, few have a chart for every two, and many stand side by
+    side. ``steps`` are the trials on the way to the ``nearest`` failure.
+    """
+    count = len(task.parameters)
+    # Of one or two parameters nothing differs but what is drawn: these steps say more.
+    drawn = [one for one in (*trials, *(steps if count <= 2 else ())) if one.value is not None]
+    if not drawn:
+        return
+    if count == 1:
+        yield "", _range_chart(task, drawn, nearest)
+    elif count > MOST_PAIRED:
+        yield "", _parallel_chart(task, drawn, nearest)
+    else:
+        names = [task.short_name(parameter.name) for parameter in task.parameters]
+        for x, y in combinations(range(count), 2):
+            caption = "" if count == 2 else f"{names[y]} over {names[x]}"
+            yield caption, _pair_chart(task, drawn, nearest, (x, y))
+
+
+def _range_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | None) -> Chart:
+    (parameter,) = task.parameters
+    axes = {"x": _axis(task, 0, "x"), "y": _quantity("margin", title=_margin_title(task))}
+    marks = ((parameter.written, "ink"), (nearest[0] if nearest else None, "near"))
+    uprights = [
+        _rule(colour, {"x": {"datum": value}}, strokeDash=[5, 3])
+        for value, colour in marks
+        if value is not None
+    ]
+    data = table({**_columns(task, trials), "x": [one.point[0] for one in trials]})
+    dots = {"data": data, **_dots(task, trials, axes)}
+    return {"width": _WIDTH, "height": 200, "layer": [_zero(), *uprights, dots]}
+
+
+def _pair_chart(
+    task: SearchTask, trials: Sequence[Trial], nearest: Point | None, pair: tuple[int, int]
+) -> Chart:
+    """Return the trials over two parameters in the colours of their margins; crosses fail."""
+    first, second = pair
+    axes = {"x": _axis(task, first, "x"), "y": _axis(task, second, "y")}
+    diamonds = [
+        {
+            "data": table({"x": [point[first]], "y": [point[second]]}),
+            "mark": {"type": "point", "shape": "diamond", "size": 90, "filled": True,
+                     "color": f"var(--{colour})", "stroke": "var(--paper)", "tooltip": about},
+            "encoding": axes,
+        }
+        for point, colour, about in _marked_points(task, nearest)
+    ]  # fmt: skip
+    places = {"x": [one.point[first] for one in trials], "y": [one.point[second] for one in trials]}
+    dots = {"data": table({**_columns(task, trials), **places}), **_dots(task, trials, axes)}
+    width, height = (420, 300) if len(task.parameters) == 2 else (260, 200)
+    return {"width": width, "height": height, "layer": [dots, *diamonds]}
+
+
+def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | None) -> Chart:
+    """Return every trial as a line over upright axes, one a parameter.
+
+    An area that is brushed keeps those trials that lie in it at every axis that it touches.
+    """
+    passing = [one for one in trials if not one.fails]
+    passing = passing[:: max(1, math.ceil(len(passing) / MOST_LINES))]
+    drawn = [*passing, *(one for one in trials if one.fails)]
+    count = len(task.parameters)
+    kept = " && ".join(
+        f"(brush.axis[0] > {i} || brush.axis[1] < {i} || inrange(datum.p{i}, brush.share))"
+        for i in range(count)
+    )
+    opacity = {"test": f"!isValid(brush.axis) || ({kept})", "value": 0.6}
+    lines = {
+        "data": table({**_columns(task, drawn), **_heights(task, [one.point for one in drawn])}, 3),
+        "transform": _folded(count),
+        "params": [{"name": "brush", "select": "interval"}],
+        "mark": "line",
+        "encoding": {
+            "detail": {"field": "run"},
+            "color": _margin_colour(task, trials),
+            "opacity": {"condition": opacity, "value": 0.03},
+            "strokeWidth": {"condition": {"test": "datum.margin < 0", "value": 1.6}, "value": 0.7},
+            "tooltip": _HOVER,
+        },
+    }
+    looks: dict[str, Chart] = {
+        "ink": {"strokeDash": [5, 3]},
+        "near": {"strokeWidth": 2.6, "point": {"color": "var(--near)"}},
+    }
+    marked = [
+        {
+            "data": table(_heights(task, [point])),
+            "transform": _folded(count),
+            "mark": {"type": "line", "color": f"var(--{colour})", "tooltip": about} | looks[colour],
+        }
+        for point, colour, about in _marked_points(task, nearest)
+    ]
+    ends = [_ends(parameter) for parameter in task.parameters]
+    words = [low for low, _ in ends] + [high for _, high in ends]
+    places = {"axis": [*range(count)] * 2, "share": [-0.08] * count + [1.08] * count}
+    labels = {
+        "data": table({**places, "words": words}),
+        "mark": {"type": "text", "color": "var(--soft)"},
+        "encoding": {"text": {"field": "words", "type": "nominal"}},
+    }
+    names = json.dumps([task.short_name(parameter.name) for parameter in task.parameters])
+    axis = {
+        "values": list(range(count)), "labelExpr": f"{names}[datum.value]", "title": None,
+        "labelAngle": -28, "labelLimit": 130, "labelOverlap": False, "labelColor": "var(--ink)",
+        "grid": True, "gridWidth": 1, "domain": False,
+    }  # fmt: skip
+    limits = {"domain": [-0.4, count - 0.6], "nice": False}
+    across = {
+        "x": _quantity("axis", scale=limits, axis=axis),
+        "y": _quantity("share", scale={"domain": [-0.12, 1.12], "nice": False}, axis=None),
+    }
+    layer = [lines, *marked, labels]
+    return {"width": _WIDTH, "height": 260, "encoding": across, "layer": layer}
+
+
+def influence_chart(task: SearchTask, answer: SearchAnswer) -> Chart | None:
+    """Return a bar for each parameter, the strongest first; ``None`` without any."""
+    shown = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
+    if not shown:
+        return None
+    names = [task.short_name(one.parameter) for one in shown]
+    columns: dict[str, Sequence[Any]] = {
+        "name": names,
+        "correlation": [one.correlation for one in shown],
+        "words": [minus(f"{one.correlation:+.2f}") for one in shown],
+        "group": [_influence_group(task, one) for one in shown],
+    }
+    groups = {
+        "larger values fail": "var(--second)",
+        "larger values pass": "var(--line)",
+        _BY_CHANCE: "var(--wall)",
+    }
+    correlation = _quantity(
+        "correlation",
+        title="rank correlation with the margin",
+        scale={"domain": [-1, 1]},
+        axis={"values": [-1, -0.5, 0, 0.5, 1]},
+    )
+    bars = {
+        "params": [_legend_filter("group")],
+        "mark": {"type": "bar", "height": 9},
+        "encoding": {"x": correlation, "color": _scale("group", groups), "opacity": _kept(1)},
+    }
+    words = {
+        "mark": {"type": "text", "align": "left", "dx": 6},
+        "encoding": {"x": {"datum": 1}, "text": {"field": "words", "type": "nominal"}},
+    }
+    axis = {"domain": False, "labelColor": "var(--ink)", "labelLimit": 220}
+    return {
+        "width": 300,
+        "height": 17 * len(shown),
+        # Words may be wider for the reader than where the chart is drawn.
+        "padding": {"left": 16, "right": 16, "top": 2, "bottom": 2},
+        "data": table(columns),
+        "encoding": {"y": {"field": "name", "sort": names, "title": None, "axis": axis}},
+        "layer": [bars, words],
+    }
+
+
+def _influence_group(task: SearchTask, influence: Influence) -> str:
+    if is_by_chance(task, influence):
+        return _BY_CHANCE
+    return "larger values pass" if influence.correlation > 0.0 else "larger values fail"
+
+
+def _columns(task: SearchTask, trials: Sequence[Trial]) -> dict[str, list[Any]]:
+    """Return the columns that every chart has of trials: margins, and words for the pointer."""
+    return {
+        "run": [one.number for one in trials],
+        "margin": [one.compared for one in trials],
+        "outcome": ["fails" if one.fails else "passes" for one in trials],
+        "words": [margin_words(one) for one in trials],
+        "point": [point_words(task, one.point, 12) for one in trials],
+    }
+
+
+def _dots(task: SearchTask, trials: Sequence[Trial], axes: Mapping[str, Any]) -> Chart:
+    colours = _margin_colour(task, trials)
+    grey = {"symbolStrokeColor": "var(--soft)", "symbolFillColor": "var(--soft)"}
+    shapes = _scale("outcome", {"passes": "circle", "fails": _CROSS})
+    return {
+        "params": [_legend_filter("outcome")],
+        "mark": {"type": "point", "size": 36, "strokeWidth": 1.8},
+        "encoding": {
+            **axes,
+            "fill": colours,
+            "stroke": {**colours, "legend": None},
+            "shape": {**shapes, "legend": grey},
+            "opacity": _kept(1),
+            "tooltip": _HOVER,
+        },
+    }
+
+
+def _margin_title(task: SearchTask) -> str:
+    """Return what the values of a search are, with their unit."""
+    if len(task.scales) > 1:
+        return "smallest margin, as a share of its scale"
+    unit = task.scales[0].unit
+    return f"margin of {task.minimise} [{unit}]" if unit not in ("", "1") else task.minimise
+
+
+def _margin_colour(task: SearchTask, trials: Sequence[Trial]) -> dict[str, Any]:
+    """Return the colours of margins, which change at zero.
+
+    A fall from far above the limit to just below it is common, so each side has its own scale.
+    """
+    margins = [one.compared for one in trials]
+    above = max(0.0, *margins) or 1.0
+    below = -min(0.0, *margins) or above
+    edges = [-below * 2 / 3, -below / 3, 0.0, above / 3, above * 2 / 3]
+    scale = {
+        "type": "threshold", "domain": [float(f"{edge:.2g}") for edge in edges],
+        "range": list(RAMP),
+    }  # fmt: skip
+    legend = {
+        "columns": 6, "titleColor": "var(--soft)", "titleFontSize": 9, "titleFontWeight": "normal",
+    }  # fmt: skip
+    return _quantity("margin", scale=scale, title=_margin_title(task), legend=legend)
+
+
+def _axis(task: SearchTask, index: int, field: str) -> dict[str, Any]:
+    """Return the axis of a parameter: a range of numbers, or its choices in their order."""
+    parameter = task.parameters[index]
+    title = task.short_name(parameter.name)
+    if parameter.choices:
+        scale = {"domain": [parameter.shown(choice) for choice in parameter.choices]}
+        axis = {"labelAngle": 0}
+        return {"field": field, "type": "ordinal", "scale": scale, "axis": axis, "title": title}
+    title += f" [{parameter.unit}]" if parameter.unit else ""
+    room = 0.0 if parameter.log else 0.03 * (parameter.high - parameter.low)
+    domain = {"domain": [parameter.low - room, parameter.high + room], "nice": False}
+    kind = {"type": "log"} if parameter.log and parameter.low > 0.0 else {"zero": False}
+    return _quantity(field, title=title, scale={**domain, **kind})
+
+
+def _heights(task: SearchTask, points: Sequence[Point]) -> dict[str, list[float]]:
+    """Return where in the range of each parameter points lie, a column of each."""
+    return {
+        f"p{index}": [_height(parameter, point[index]) for point in points]
+        for index, parameter in enumerate(task.parameters)
+    }
+
+
+def _height(parameter: SearchParameter, value: PointValue) -> float:
+    at = position_in_range(parameter, value)
+    return at if math.isnan(at) else min(1.0 + _OUTSIDE, max(-_OUTSIDE, at))
+
+
+def _folded(count: int) -> list[dict[str, Any]]:
+    """Return the transform that makes a row for each axis of a row with all, which it keeps."""
+    return [
+        {"fold": [f"p{index}" for index in range(count)], "as": ["axis", "share"]},
+        {"calculate": "toNumber(slice(datum.axis, 1))", "as": "axis"},
+    ]
+
+
+def _ends(parameter: SearchParameter) -> tuple[str, str]:
+    if parameter.choices:
+        return parameter.shown(parameter.choices[0]), parameter.shown(parameter.choices[-1])
+    return minus(f"{parameter.low:.6g}"), parameter.shown(float(f"{parameter.high:.6g}"))
+
+
+def _marked_points(task: SearchTask, nearest: Point | None) -> Iterator[tuple[Point, str, str]]:
+    """Yield the scenario as written and the nearest failure, each with its colour and its name."""
+    written = written_point(task)
+    if written is not None:
+        yield written, "ink", "as written"
+    if nearest is not None:
+        yield nearest, "near", "nearest failure"
+
+
+def _quantity(field: str, **more: Any) -> dict[str, Any]:
+    return {"field": field, "type": "quantitative", **more}
+
+
+def _scale(field: str, looks: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how each value of a field looks."""
+    scale = {"domain": list(looks), "range": list(looks.values())}
+    return {"field": field, "scale": scale, "title": None}
+
+
+def _legend_filter(field: str) -> dict[str, Any]:
+    """Return the parameter by which a click on an entry of the legend shows it alone."""
+    return {"name": "shown", "select": {"type": "point", "fields": [field]}, "bind": "legend"}
+
+
+def _kept(opacity: float) -> dict[str, Any]:
+    return {"condition": {"param": "shown", "value": opacity}, "value": 0.08}
+
+
+def _zero() -> Chart:
+    """Return the line at a margin of zero, below which runs fail."""
+    return _rule("bad", {"x": {"value": 0}, "x2": {"value": "width"}, "y": {"datum": 0}})
+
+
+def _rule(colour: str, encoding: Mapping[str, Any], **look: Any) -> Chart:
+    mark = {"type": "rule", "color": f"var(--{colour})", **look}
+    return {"data": {"values": [{}]}, "mark": mark, "encoding": encoding}
