@@ -91,6 +91,12 @@ def report(
         Path | None,
         typer.Option("--parquet", metavar="FILE", help="The same as Parquet."),
     ] = None,
+    history: Annotated[
+        bool,
+        typer.Option(
+            "--history", help="Write how the submissions of this name went, and what is new."
+        ),
+    ] = False,
     exit_status: Annotated[
         bool,
         typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
@@ -121,6 +127,13 @@ def report(
         if file is not None:
             check_writable(file, f"--{option}")
     options = tables | {"figures": figures}
+    if history:
+        from scenario_tui.cli.report_history import report_history
+
+        if any(options.values()) or exit_status:
+            raise typer.BadParameter("it is a page alone", param_hint="--history")
+        report_history(campaign, output or _DEFAULT_PAGE, target, as_json=as_json)
+        return
     if _report_search(campaign, output, target, options, exit_status=exit_status, as_json=as_json):
         return
     # With table formats only, no page is written.
