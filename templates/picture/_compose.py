@@ -91,12 +91,10 @@ def draw_world(
         if style is FILE:
             figure.add("heading", _page.heading(figure, page))
         low = any(is_below(s, CUT) for s in scene.solids)
-        late = closely or (run is not None and bool(run.positions))
-        doors = ("end" if late else "start") if scene.objects else ""
-        shows_robot = mission is not None and not closely
-        row = _page.legend(
-            page, doors=doors, low=low, mission=mission is not None, robot=shows_robot
-        )
+        doors = ("end" if closely else "start") if scene.objects else ""
+        has_mission = mission is not None
+        shows_robot = has_mission and not closely
+        row = _page.legend(page, doors=doors, low=low, mission=has_mission, robot=shows_robot)
         figure.add("legend", row)
         if run:
             figure.add("key", _run.run_key(run, page))
