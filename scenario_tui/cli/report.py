@@ -115,7 +115,6 @@ def report(
         write_page,
         write_parquet,
     )
-    from daemon.judging.assessment import reference_comparisons
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
@@ -159,7 +158,7 @@ def report(
         f"{answer.word}. {answer.sentence}",
         material.assessment.exit_code,
         {kind: str(path) for kind, path in written.items() if path},
-        reference_comparisons(results.declared.references, material.assessment),
+        material.references,
     )
     # A folder may be called like a campaign: say which of them this is about.
     subject = f"{results.name} ({results.id or results.where})"

@@ -20,9 +20,9 @@ from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.analysis.results import Results
 from daemon.judging import oracles
-from daemon.judging.assessment import assess
+from daemon.judging.assessment import assess, reference_comparisons
 from daemon.judging.oracles import SignalSampler
-from daemon.model.assessments import Assessment
+from daemon.model.assessments import Assessment, ReferenceComparison
 from daemon.model.spec import RunEnding, RunResult, Timing, TraceInfo
 from daemon.model.status import RunRow
 from daemon.trace import Trace, TraceError, read_trace
@@ -60,6 +60,11 @@ class ReportData:
     def oracle_texts(self) -> dict[str, str]:
         """The oracles that judged the runs, by name."""
         return {v.oracle: v.text for run in self.runs for v in run.record.verdicts}
+
+    @property
+    def references(self) -> tuple[ReferenceComparison, ...]:
+        """Every reference value of the campaign beside the same statistic of its runs."""
+        return reference_comparisons(self.input.declared.references, self.assessment)
 
 
 def read_report_data(

@@ -10,7 +10,6 @@ from typing import Final
 
 from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._measures import MEASURES
-from daemon.analysis.report._references import compared_references
 from daemon.analysis.report._tracks import RunTracks
 from daemon.model.assessments import ReferenceValue
 from daemon.model.status import RunRow
@@ -45,7 +44,7 @@ def table_rows(data: ReportData) -> Iterator[Row]:
             str(record.outcome or record.state),
         )
         yield from ((*head, *row) for row in (*_measure_rows(run.tracks), *_verdict_rows(record)))
-    for compared in compared_references(data.input, data.assessment):
+    for compared in data.references:
         of: Row = (data.input.name, compared.scenario, compared.sut, None, "", "", "")
         yield from ((*of, *row) for row in _reference_rows(compared.reference))
 

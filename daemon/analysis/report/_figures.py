@@ -30,7 +30,6 @@ from daemon.analysis.report._plots import (
 from daemon.analysis.report._references import (
     ReferenceMark,
     cell_marks,
-    compared_references,
     comparison_marks,
 )
 from daemon.analysis.report._safety_buffer import oracle_limit
@@ -86,7 +85,7 @@ _Plan: TypeAlias = Iterator[tuple[ReportFigure, _Map | None]]
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
     """Draw every figure of a report; one whose trace is gone stays empty."""
-    marks = cell_marks(data.input, data.assessment, data.buffer, data.oracle_texts)
+    marks = cell_marks(data)
     errors = [
         mark.value
         for of_cell in marks.values()
@@ -268,7 +267,7 @@ def _boxes(data: ReportData, marks: _Marks) -> _Plan:
 def _comparisons(data: ReportData) -> _Plan:
     """Draw the comparisons of the campaign, those of one unit together."""
     verdicts = [verdict for verdict in data.assessment.comparisons if verdict.differences]
-    marks = comparison_marks(compared_references(data.input, data.assessment))
+    marks = comparison_marks(data)
     for unit in dict.fromkeys(verdict.unit for verdict in verdicts):
         of_unit = [verdict for verdict in verdicts if verdict.unit == unit]
         names = {verdict.comparison for verdict in of_unit}

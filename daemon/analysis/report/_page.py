@@ -26,7 +26,6 @@ from daemon.analysis.report._formatting import (
     verdict_details,
 )
 from daemon.analysis.report._provenance import provenance
-from daemon.analysis.report._references import compared_references, reference_names
 from daemon.analysis.report.run_maps import draw_building
 from daemon.analysis.results import Results
 from daemon.judging.assessment import severity
@@ -120,8 +119,8 @@ def write_page(
         measures=measure_columns(data),
         figures=_by_kind(figures),
         moments={(f.scenario, f.sut, f.subject): f for f in figures if f.subject and f.svg},
-        references=compared_references(chosen, assessment),
-        reference_names=reference_names(chosen.declared.references),
+        references=data.references,
+        reference_names=dict.fromkeys((r.name, r.source) for r in chosen.declared.references),
         runs=data.runs,
         buffer=data.buffer,
         few=_FEW,

@@ -1,15 +1,12 @@
-"""Reference values in figures: which of them is about what a figure shows, and how it is marked."""
+"""Reference values in figures: the measure that each one is about, and its mark."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._measures import standard_names
-from daemon.analysis.report._safety_buffer import SafetyBuffer
-from daemon.analysis.results import Results
-from daemon.judging.assessment import reference_comparisons
-from daemon.model.assessments import Assessment, ReferenceComparison, ReferenceValue
+from daemon.model.assessments import ReferenceValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +24,33 @@ class ReferenceMark:
     source: str
 
 
-def mark(reference: ReferenceValue) -> ReferenceMark:
+def cell_marks(data: ReportData) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
+    """Return the marks of each cell, (scenario, SUT), by the measure of the report they are of.
+
+    A reference belongs to the measure that means the same as its oracle, whatever the campaign
+    calls it.
+    """
+    standard = standard_names(data.oracle_texts, data.buffer)
+    cells: dict[tuple[str, str], dict[str, list[ReferenceMark]]] = {}
+    for compared in data.references:
+        name = standard.get(compared.reference.oracle)
+        if name and compared.scenario and compared.reference.statistic != "rate":
+            marks = cells.setdefault((compared.scenario, compared.sut), {})
+            marks.setdefault(name, []).append(_mark(compared.reference))
+    return cells
+
+
+def comparison_marks(data: ReportData) -> dict[tuple[str, str], list[ReferenceMark]]:
+    """Return the marks of the comparisons of a campaign, by comparison and SUT."""
+    marks: dict[tuple[str, str], list[ReferenceMark]] = {}
+    for compared in data.references:
+        if not compared.scenario:
+            key = (compared.reference.oracle, compared.sut)
+            marks.setdefault(key, []).append(_mark(compared.reference))
+    return marks
+
+
+def _mark(reference: ReferenceValue) -> ReferenceMark:
     """Return the mark of a reference value."""
     low, high = reference.low, reference.high
     if reference.deviation is not None:
@@ -40,43 +63,3 @@ def mark(reference: ReferenceValue) -> ReferenceMark:
         high=high,
         source=", ".join(part for part in (reference.source, reference.note) if part),
     )
-
-
-def cell_marks(
-    chosen: Results, assessment: Assessment, buffer: SafetyBuffer, texts: Mapping[str, str]
-) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
-    """Return the marks of each cell, (scenario, SUT), by the measure of the report they are of.
-
-    ``texts`` are the oracles of the campaign by name. A reference belongs to the measure that means
-    the same as its oracle, whatever the campaign calls it.
-    """
-    standard = standard_names(texts, buffer)
-    found: dict[tuple[str, str], dict[str, list[ReferenceMark]]] = {}
-    for compared in compared_references(chosen, assessment):
-        reference = compared.reference
-        name = standard.get(reference.oracle)
-        if name and compared.scenario and reference.statistic != "rate":
-            marks = found.setdefault((compared.scenario, compared.sut), {})
-            marks.setdefault(name, []).append(mark(reference))
-    return found
-
-
-def compared_references(chosen: Results, assessment: Assessment) -> tuple[ReferenceComparison, ...]:
-    """Return every reference value of a campaign beside what was found."""
-    return reference_comparisons(chosen.declared.references, assessment)
-
-
-def reference_names(references: Iterable[ReferenceValue]) -> tuple[tuple[str, str], ...]:
-    """Return the short names of references with their sources, each once."""
-    return tuple(dict.fromkeys((r.name, r.source) for r in references))
-
-
-def comparison_marks(
-    compared: Sequence[ReferenceComparison],
-) -> dict[tuple[str, str], list[ReferenceMark]]:
-    """Return the marks of the comparisons of a campaign, by comparison and SUT."""
-    found: dict[tuple[str, str], list[ReferenceMark]] = {}
-    for each in compared:
-        if not each.scenario:
-            found.setdefault((each.reference.oracle, each.sut), []).append(mark(each.reference))
-    return found
