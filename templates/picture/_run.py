@@ -111,7 +111,7 @@ def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
         lines = tuple(line for its_role, line in pieces if its_role is role)
         if lines:
             items.append(Shape(lines, line=colour, width=width, open=True))
-    if len(run.ways) == 1:
+    if len(run.ways) == 1 and run.points:
         items.append(Disc(page.point(run.points[-1]), 5.0, Colour.DRIVEN, Colour.FLOOR, 1.5))
     items += [Disc(page.point(goal), 2.6, Colour.APPARENT) for goal in run.apparent_goals]
     for point in run.contacts:

@@ -26,8 +26,6 @@ _REACHED: Final = 0.25
 """Radius [m] of a waypoint that no oracle gives another one."""
 _TOUCHING: Final = 0.002
 """Distance [m] from which on something touches: contacts are recorded a little apart."""
-_OF_OBSTACLES: Final = frozenset({"clearance", "distance", "contact", "contact.depth"})
-"""Signals about the obstacle that is nearest."""
 
 
 def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
@@ -44,35 +42,34 @@ def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     pose = pose_at(trace.ground_truth, time)
     try:
         oracle = parse_oracle(verdict.oracle, verdict.text, Where(verdict.oracle))
-        names = [signal.name for signal in oracle.signals()]
+        signals = [signal.name for signal in oracle.signals()]
     except InputError:
         # Judged by another version of the language.
-        names = []
+        signals = []
     moved = object_signals(trace.scene)
     about = verdict.evidence.object
-    about = about or next((moved[name].object.name for name in names if name in moved), "")
-    waypoints = trace.spec.mission.waypoints
-    for number, waypoint in enumerate(waypoints, start=1):
-        if waypoint.id == about:
-            return _waypoint_mark(verdict, pose, (waypoint.x, waypoint.y), number)
-    if about or any(name in _OF_OBSTACLES for name in names):
+    about = about or next((moved[name].object.name for name in signals if name in moved), "")
+    kinds = {name.partition(".")[0] for name in signals}
+    waypoints = enumerate(trace.spec.mission.waypoints, start=1)
+    number = next((number for number, waypoint in waypoints if waypoint.id == about), None)
+    if not about and "mission" in kinds:
+        number = current_waypoint(trace, time)
+    if number:
+        return _waypoint_mark(trace, verdict, pose, number)
+    if about or kinds & {"clearance", "distance", "contact"}:
         return _object_mark(trace, verdict, pose, time, about)
-    current = current_waypoint(trace, time)
-    if current and any(name.startswith("mission.") for name in names):
-        goal = waypoints[current - 1]
-        return _waypoint_mark(verdict, pose, (goal.x, goal.y), current)
-    if len(trace.estimate.time) and any(name.startswith("loc.") for name in names):
+    if "loc" in kinds and len(trace.estimate.time):
         believed = pose_at(trace.estimate, time)
         line = ((pose.x, pose.y), (believed.x, believed.y))
         return MeasuredMark(line, _measure_text(verdict, math.dist(*line)))
     return None
 
 
-def _waypoint_mark(verdict: Verdict, pose: Pose2, goal: Point2, number: int) -> MeasuredMark:
-    line = ((pose.x, pose.y), goal)
-    metres = verdict.unit == "m" and verdict.evidence.limit
-    circle = shapely.Point(goal).buffer(metres or _REACHED)
-    place = _points(circle.exterior)
+def _waypoint_mark(trace: Trace, verdict: Verdict, pose: Pose2, number: int) -> MeasuredMark:
+    waypoint = trace.spec.mission.waypoints[number - 1]
+    line = ((pose.x, pose.y), (waypoint.x, waypoint.y))
+    radius = verdict.unit == "m" and verdict.evidence.limit
+    place = _points(shapely.Point(line[1]).buffer(radius or _REACHED).exterior)
     words = f"waypoint {number}: {_measure_text(verdict, math.dist(*line))}"
     return MeasuredMark(line, words, place=place)
 
