@@ -96,9 +96,7 @@ class SearchCase:
         """
         scenario = replace(self.cell.scenario, name=self.task.scenario_of(number))
         for parameter, value in zip(self.task.parameters, point, strict=True):
-            if not (
-                only_changed and parameter.written is not None and is_as_written(parameter, value)
-            ):
+            if not (only_changed and is_as_written(parameter, value)):
                 override = {parameter.key: parameter.override(value)}
                 scenario = with_overrides(scenario, parameter.slot, parameter.index, override)
         return scenario

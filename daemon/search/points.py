@@ -15,10 +15,10 @@ _SAME: Final = 1e-9
 
 
 def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
-    """Return whether a value is what the scenario says; so is any where it says nothing."""
+    """Return whether a value is what the scenario says; no value is where it says nothing."""
     written = parameter.written
     if written is None or isinstance(written, str) or isinstance(value, str):
-        return written is None or written == value
+        return written == value
     return math.isclose(value, written, rel_tol=_SAME, abs_tol=1e-12)
 
 
@@ -33,13 +33,13 @@ def changed_parameters(task: SearchTask, point: Point) -> tuple[int, ...]:
 
     One without a written value is none of them: there is nothing that it could be brought back to.
     """
-    pairs = zip(task.parameters, point, strict=True)
-    return tuple(i for i, (p, value) in enumerate(pairs) if not is_as_written(p, value))
+    pairs = enumerate(zip(task.parameters, point, strict=True))
+    return tuple(i for i, (p, v) in pairs if p.written is not None and not is_as_written(p, v))
 
 
 def change_size(parameter: SearchParameter, value: PointValue) -> float:
     """Return how far a value is from the written one, as a share of the range; 1 for a choice."""
-    if is_as_written(parameter, value):
+    if parameter.written is None or is_as_written(parameter, value):
         return 0.0
     if parameter.choices:
         return 1.0

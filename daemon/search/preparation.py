@@ -119,8 +119,7 @@ def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
     composed and held against the findings of the pre-flight.
     """
     document = parse_yaml(case.campaign.source, case.campaign.file)
-    check = _SearchCheck(case, document)
-    return tuple(check.findings())
+    return tuple(_SearchCheck(case, document).findings())
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,14 +153,13 @@ class _SearchCheck:
 
     def _constraint_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
         name, texts = self.case.task.name, ", ".join(self.case.task.constraints)
+        warn = partial(self._finding, severity=Severity.WARNING)
         # With a seed of its own: findings do not depend on that of the search.
         draws = np.random.default_rng(0).random((_DRAWN, space.dimensions))
         count = sum(space.allowed(space.at(draw)) for draw in draws)
-        warn = partial(self._finding, severity=Severity.WARNING)
         if not count:
             message = f"{name}: no point of the ranges keeps to all of such that: {texts}"
-            hint = "widen the ranges, or leave one of them out"
-            yield self._finding(message, hint, "such that")
+            yield self._finding(message, "widen the ranges, or leave out a constraint", "such that")
             return
         if count < _RARE:
             message = f"{name}: of {_DRAWN} points {count} keep to such that"
@@ -192,26 +190,22 @@ class _SearchCheck:
                 cell = self.case.cell_at(point, 0, 0)
             except InputError as error:
                 return _first(error.diagnostics)
-            return next(
-                (words for words in _errors(cell, base_cell.scene) if words not in reported), ""
-            )
+            new = (words for words in _errors(cell, base_cell.scene) if words not in reported)
+            return next(new, "")
 
-        are_sound = True
         for index, parameter in enumerate(task.parameters):
             for value in _ends_of(parameter):
                 if words := refusal(with_value(base, index, value)):
-                    are_sound = False
                     message = f"{parameter.name} at {parameter.text(value)} makes no run: {words}"
                     yield self._finding(message, _HINT, "over", parameter.name)
-        if are_sound and (words := refusal(centre)):
-            yield self._finding(
-                f"{task.name}: the middle of all ranges makes no run: {words}", _HINT
-            )
+        if words := refusal(centre):
+            message = f"{task.name}: the middle of all ranges makes no run: {words}"
+            yield self._finding(message, _HINT)
 
 
 def _errors(cell: CampaignCell, checked: Scene | None = None) -> list[str]:
-    """Return what the pre-flight refuses of a cell, less what it says of a scene ``checked``."""
-    # Cells whose plan and objects are the same share a scene, of which all has been said.
+    """Return the errors that the pre-flight finds, without those of a scene ``checked``."""
+    # Cells share a scene where plan and objects are the same.
     of_scene = () if cell.scene is checked else check_scene(cell.scene, places=cell.places)
     of_run = check_run(
         cell.scene,
@@ -231,6 +225,5 @@ def _first(diagnostics: Sequence[Diagnostic]) -> str:
 
 def _ends_of(parameter: SearchParameter) -> tuple[PointValue, ...]:
     choices = parameter.choices
-    if not choices:
-        return parameter.low, parameter.high
-    return choices if len(choices) <= 2 * _ENDS else (*choices[:_ENDS], *choices[-_ENDS:])
+    ends = (*choices[:_ENDS], *choices[_ENDS:][-_ENDS:])
+    return ends or (parameter.low, parameter.high)

@@ -38,9 +38,7 @@ class Axis:
 
     @property
     def levels(self) -> float:
-        """The number of values, infinite for a range without a step."""
-        if self.parameter.choices:
-            return len(self.parameter.choices)
+        """The number of values of a range, infinite without a step."""
         return self.last - self.first + 1 if self.step else math.inf
 
     def at(self, share: float) -> PointValue:

@@ -117,7 +117,7 @@ def changes_text(task: SearchTask, point: Point) -> str:
     changes = [
         (-change_size(parameter, value), index)
         for index, (parameter, value) in enumerate(zip(task.parameters, point, strict=True))
-        if parameter.written is None or not is_as_written(parameter, value)
+        if not is_as_written(parameter, value)
     ]
     words = [_change_text(task, point, index) for _, index in sorted(changes)]
     if len(words) > _MOST_NAMED + 1:
@@ -138,7 +138,7 @@ def point_words(task: SearchTask, point: Point, most: int = 4) -> str:
     words = [
         f"{task.short_name(parameter.name)} {parameter.shown(value)}"
         for parameter, value in zip(task.parameters, point, strict=True)
-        if parameter.written is None or not is_as_written(parameter, value)
+        if not is_as_written(parameter, value)
     ]
     more = len(words) - most
     told = ", ".join(words[:most]) or AS_WRITTEN
