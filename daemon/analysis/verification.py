@@ -89,8 +89,12 @@ class Verification:
 
     @property
     def nondeterministic(self) -> bool:
-        """``True`` if executions here, of one code on one machine, left different bytes."""
-        return len({one.sha256 for one in self.executions if not one.problem}) > 1
+        """``True`` if executions here of a repeatable system left different bytes.
+
+        A recording may be of other code, packages or another machine.
+        """
+        here = self.executions if self.trace else (self.recorded, *self.executions)
+        return self.repeatable and len({one.sha256 for one in here if not one.problem}) > 1
 
     @property
     def first_difference(self) -> TraceDifference | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
@@ -59,7 +60,7 @@ class VerifiedRun(OutputPart):
     executions: tuple[ExecutedRun, ...]
     outcomes: dict[str, int]
     spreads: tuple[Spread, ...]
-    versions: dict[str, tuple[str, str]]
+    versions: Mapping[str, tuple[str, str]]
     nondeterministic: bool
     first_difference: TraceDifference | None
 
@@ -74,23 +75,9 @@ class VerificationsOutput(Output, schema="verifications"):
     runs: tuple[VerifiedRun, ...]
 
 
-def _fields(found: Verification) -> tuple[Any, ...]:
-    """Return the values of a :class:`VerifiedRun`, in order."""
-    return (
-        found.trace,
-        found.run,
-        found.sut,
-        found.digest,
-        found.repeatable,
-        found.same_bytes,
-        found.recorded,
-        found.executions,
-        found.outcomes,
-        found.spreads,
-        dict(found.versions),
-        _is_nondeterministic(found),
-        found.first_difference,
-    )
+def _values(verification: Verification) -> dict[str, Any]:
+    """Return the values of a :class:`VerifiedRun` by name."""
+    return {field.name: getattr(verification, field.name) for field in fields(VerifiedRun)}
 
 
 def verify(
@@ -142,7 +129,7 @@ def verify(
     if len(jobs) == 1:
         (found,) = (job(repeats, limit, _watch) for job in jobs)
         if as_json:
-            VerifyOutput(*_fields(found)).emit()
+            VerifyOutput(**_values(found)).emit()
         else:
             _print(found)
         raise typer.Exit(_code([found]))
@@ -153,7 +140,7 @@ def verify(
         if not as_json:
             _print(found, details=False)
     if as_json:
-        VerificationsOutput(tuple(VerifiedRun(*_fields(one)) for one in several)).emit()
+        VerificationsOutput(tuple(VerifiedRun(**_values(one)) for one in several)).emit()
     else:
         _print_remedy(several)
     raise typer.Exit(_code(several))
@@ -291,14 +278,8 @@ def _print_spreads(found: Verification) -> None:
 
 def _print_remedy(verified: Sequence[Verification]) -> None:
     """Say what to do about executions that differ from one another."""
-    if any(_is_nondeterministic(found) for found in verified):
+    if any(found.nondeterministic for found in verified):
         stdout_console().print(_REMEDY, markup=False)
-
-
-def _is_nondeterministic(found: Verification) -> bool:
-    """Whether executions of one code on one machine differ; a recording may be of other code."""
-    fresh = not found.trace and found.first_difference is not None
-    return found.repeatable and (found.nondeterministic or fresh)
 
 
 def _headline(found: Verification, count: int) -> str:
@@ -318,7 +299,7 @@ def _headline(found: Verification, count: int) -> str:
         return f"{found.run}: {same} of {same} executions left the same bytes"
     if where is None:
         return f"{found.run}: {found.same_bytes} of {count} executions left the same bytes"
-    if _is_nondeterministic(found):
+    if found.nondeterministic:
         return f"{found.run}: {found.sut} is not deterministic, executions part {where}"
     said = f"not the same bytes, {found.same_bytes} of {count} executions left them"
     return f"{found.run}: {said}; they part {where}"
