@@ -14,22 +14,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-import numpy as np
 from pydantic import TypeAdapter
 
-from daemon.analysis.report import Axes
-from daemon.analysis.report._svg import text_element
+from daemon.analysis.charts import draw_charts, standalone_svg, table
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.sentences import headline
-from daemon.search.points import position_in_range
 from tests.ortega2024 import NOTHING, count_text, number, page_with
 
 PAGE = Path(__file__).parents[1] / "docs" / "safe-region.md"
@@ -48,11 +44,11 @@ CRITERIA = {
 }
 """What a point may do well, by the oracles that have to pass."""
 SAFE, DONE = "touches nothing", "touches nothing, mission done"
-_MARK = "#000000"
-_STUCK = "#b8860b"
-_COLOURS = {"ink": "#222222", "soft": "#555555", "rule": "#dddddd", "paper": "#ffffff",
-                   "near": "#7b2d8b"}  # fmt: skip
-"""Values of the colours that figures name: this one stands alone and follows no page."""
+ENDINGS = {
+    "all well": ("circle", "#000000", 8), "not done": ("circle", "#b8860b", 20),
+    "touches": ("cross", "#000000", 40), "as published": ("diamond", "#7b2d8b", 60),
+}  # fmt: skip
+"""How the runs of a search end, and the mark of each in the figure: shape, colour, area [px²]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,69 +292,49 @@ def page_tables(searches):
 
 def draw_regions(searches):
     """Return the safe regions of both systems side by side as SVG, a row for each space."""
-    wide, high, gap = 238.0, 170.0, 42.0
-    rows = [space for space in DRAWN if all(f"{space}-{s}" in searches for s in SYSTEMS)]
-    parts = []
-    for down, space in enumerate(rows):
-        for across, system in enumerate(SYSTEMS):
-            axes = Axes(34.0 + across * (wide + gap), 30.0 + down * (high + 58.0), wide, high)
-            _draw_region(axes, searches[f"{space}-{system}"], words=not down)
-            parts.append(
-                text_element(34.0 + across * (wide + gap), 14.0 + down * (high + 58.0),
-                             f"{system}: {SPACES[space]}", 9.0, "ink")
-            )  # fmt: skip
-            parts.append(axes.svg(f"r{down}{across}"))
-    size = 34.0 + 2 * wide + gap + 10.0, 30.0 + len(rows) * (high + 58.0) - 30.0
-    label = "Runs that touch a door or a wall over trigger distance and stiffness, by system"
-    drawn = "\n".join(parts)
-    for name, colour in _COLOURS.items():
-        drawn = drawn.replace(f"var(--{name})", colour)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]:g} {size[1]:g}" '
-        f'role="img" aria-label="{label}" font-family="sans-serif">\n'
-        f'<rect width="{size[0]:g}" height="{size[1]:g}" fill="#ffffff"/>\n{drawn}\n</svg>\n'
-    )
+    rows = [
+        {"hconcat": [_region_chart(searches[f"{space}-{system}"], space, system)
+                     for system in SYSTEMS]}
+        for space in DRAWN
+        if all(f"{space}-{system}" in searches for system in SYSTEMS)
+    ]  # fmt: skip
+    (drawn,) = draw_charts([{"vconcat": rows, "background": "#ffffff"}], processes=1)
+    return standalone_svg(drawn)
 
 
-def _draw_region(axes, search, *, words):
-    """Draw what the runs of a search over two ranges did, explained in words."""
+def _region_chart(search, space, system):
+    """Return what the runs of a search over two ranges did, and the point as published."""
     x, y = search.row.task.parameters
-    rows = [r for r in search.rows if r.proposal.phase == "explore" and _margin(r) is not None]
-    places = np.array([_place((x, y), row.proposal.values) for row in rows])
-    _draw_marks(axes, search, rows, places, words=words)
+    marks = [
+        (*row.proposal.values, _ending(row))
+        for row in search.rows
+        if row.proposal.phase == "explore" and _margin(row) is not None
+    ]
+    marks.append((x.written, y.written, "as published"))
+    columns = zip(*(mark for mark in marks if None not in mark), strict=True)
+    look = {"domain": list(ENDINGS)}
+    shapes, colours, sizes = zip(*ENDINGS.values(), strict=True)
+    scale = {"type": "log", "domain": [y.low, y.high], "nice": False}
+    return {
+        "title": f"{system}: {SPACES[space]}", "width": 238, "height": 170,
+        "data": table(dict(zip(("x", "y", "run"), columns, strict=True))),
+        "mark": {"type": "point", "filled": True, "opacity": 1},
+        "encoding": {
+            "x": {"field": "x", "type": "quantitative", "title": f"trigger distance [{x.unit}]",
+                  "scale": {"domain": [x.low, x.high], "nice": False}},
+            "y": {"field": "y", "type": "quantitative", "title": f"spring [{y.unit}]",
+                  "scale": scale},
+            "shape": {"field": "run", "scale": {**look, "range": shapes}},
+            "color": {"field": "run", "scale": {**look, "range": colours}},
+            "size": {"field": "run", "scale": {**look, "range": sizes}},
+        },
+    }  # fmt: skip
 
 
-def _draw_marks(axes, search, rows, places, *, words):
-    x, y = search.row.task.parameters
-    touches = np.array([not does_well(row, SAFE) for row in rows])
-    stuck = np.array([does_well(row, SAFE) and not does_well(row, DONE) for row in rows])
-    at = np.asarray(_on_axes(x, y, places))
-    fine = ~touches & ~stuck
-    axes.dots(at[fine, 0], at[fine, 1], _MARK, 2.6, label="all well" if words else "")
-    axes.dots(at[stuck, 0], at[stuck, 1], _STUCK, 4.6, label="not done" if words else "")
-    axes.crosses(at[touches, 0], at[touches, 1], _MARK, 4.4, label="touches" if words else "")
-    written = [p.written for p in (x, y)]
-    if None not in written:
-        (spot,) = _on_axes(x, y, [_place((x, y), tuple(v for v in written if v is not None))])
-        axes.diamonds([spot[0]], [spot[1]], "near", 8.0, about="as published")
-    axes.x_limits, axes.y_limits = (x.low, x.high), (0.0, _decades(y, 1.0))
-    axes.x_label, axes.title = f"trigger distance [{x.unit}]", f"spring [{y.unit}]"
-    count = math.floor(_decades(y, 1.0) + 1e-9) + 1
-    axes.y_names = [f"{y.low * 10.0**k:g}" for k in range(count)]
-
-
-def _place(parameters, values):
-    return tuple(position_in_range(p, v) for p, v in zip(parameters, values, strict=True))
-
-
-def _decades(parameter, place):
-    """Return how many decades above its lower end a place of a logarithmic range is."""
-    return place * math.log10(parameter.high / parameter.low)
-
-
-def _on_axes(x, y, places):
-    """Return places of the unit square as they are drawn: a value along x, decades along y."""
-    return [(x.low + u * (x.high - x.low), _decades(y, v)) for u, v in places]
+def _ending(row):
+    if not does_well(row, SAFE):
+        return "touches"
+    return "all well" if does_well(row, DONE) else "not done"
 
 
 def main():

@@ -124,15 +124,20 @@ def page_script() -> str:
     return f"{script}window.chartTheme = {json.dumps(THEME)};"
 
 
-def svg_pdf(svg: str) -> bytes:
-    """Return a drawing of a page as PDF, in the colours that the page has on light paper."""
-    import vl_convert
-
+def standalone_svg(svg: str) -> str:
+    """Return a drawing of a page as a file of its own, in the colours of light paper."""
     style = (OURS / "report.css").read_text(encoding="utf-8")
     light = dict(_COLOUR.findall(style.partition("}")[0]))
     coloured = _VARIABLE.sub(lambda name: light.get(name[1]) or name[2], svg)
     root = '<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" '
-    return vl_convert.svg_to_pdf(coloured.replace(_NAMESPACE, "").replace("<svg ", root, 1))
+    return coloured.replace(_NAMESPACE, "").replace("<svg ", root, 1)
+
+
+def svg_pdf(svg: str) -> bytes:
+    """Return a drawing of a page as PDF, in the colours of light paper."""
+    import vl_convert
+
+    return vl_convert.svg_to_pdf(standalone_svg(svg))
 
 
 def chart_figure(chart: Chart, svg: str, label: str, *, cell: str = "") -> Markup:
