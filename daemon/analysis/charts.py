@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, Final, TypeAlias
 
@@ -47,7 +47,6 @@ THEME: Final[Mapping[str, Any]] = {
         "titleFontWeight": "normal",
     },
     "axisX": {"grid": False},
-    "header": {"labelColor": "var(--soft)", "titleColor": "var(--soft)"},
     "legend": {
         "labelColor": "var(--soft)",
         "labelFontSize": 9,
@@ -62,7 +61,6 @@ THEME: Final[Mapping[str, Any]] = {
         "anchor": "start", "color": "var(--soft)", "fontSize": 10, "fontWeight": "normal",
         "offset": 3,
     },
-    "range": {"category": list(SERIES)},
     "text": {"color": "var(--ink)", "fontSize": 9},
 }  # fmt: skip
 _VERSION: Final = "6.1"
@@ -75,10 +73,7 @@ _UNUSED: Final = re.compile(
 _INVISIBLE: Final = re.compile(
     r'<path(?: transform="[^"]*")? d="(?:[^"]*"(?: display="none")?|M0,0h0v0h0Z"[^>]*)/>'
 )
-_EMPTY: Final = re.compile(r"<g[^>]*></g>")
-_SAME_LOOK: Final = re.compile(r'<path d="[^"]*("[^>]*/>)(?:<path d="[^"]*\1)+')
 _CLIP: Final = re.compile(r'(id="|url\(#)(clip\d+)')
-_PATH_DATA: Final = re.compile(r'<path d="([^"]*)')
 _COLOUR: Final = re.compile(r"--(\w+): (#\w+);")
 _VARIABLE: Final = re.compile(r"var\(--([\w-]+),?([^)]*)\)")
 _NAMESPACE: Final = ' xmlns="http://www.w3.org/2000/svg"'
@@ -159,13 +154,10 @@ def _draw(numbered: tuple[int, Chart]) -> str:
     import vl_convert
 
     number, chart = numbered
-
     svg = vl_convert.vegalite_to_svg(_themed(_static(chart)), vl_version=_VERSION)
     svg = _PLACE.sub(lambda place: _LONG_DECIMAL.sub(_one_digit, place[0]), svg)
     # Drawings are the larger part of a page: leave out what nobody sees, the font is the page's.
-    for unseen in (_UNUSED, _INVISIBLE, _EMPTY):
-        svg = unseen.sub("", svg)
-    svg = _SAME_LOOK.sub(_one_path, svg)
+    svg = _INVISIBLE.sub("", _UNUSED.sub("", svg))
     # A name of a clip holds in the whole page, and its number depends on what was drawn before.
     names = list(dict.fromkeys(clip[2] for clip in _CLIP.finditer(svg)))
     return _CLIP.sub(lambda clip: f"{clip[1]}c{number}-{names.index(clip[2])}", svg)
@@ -173,11 +165,6 @@ def _draw(numbered: tuple[int, Chart]) -> str:
 
 def _one_digit(number: re.Match[str]) -> str:
     return f"{float(number[0]):.1f}".removesuffix(".0")
-
-
-def _one_path(paths: re.Match[str]) -> str:
-    """Return neighbours that look alike as one path: a heat map has hundreds of them."""
-    return '<path d="' + "".join(_PATH_DATA.findall(paths[0])) + paths[1]
 
 
 def _bundle(_: str) -> str:
@@ -198,10 +185,9 @@ def _static(chart: Any) -> Any:
             key: _static(_rows(value) if key == "values" else value) for key, value in chart.items()
         }
     if isinstance(chart, list):
-        parts: Iterable[Any] = chart
         return [
             _static(part)
-            for part in parts
+            for part in chart
             if not (isinstance(part, dict) and str(part.get("name", "")).startswith(HOVER))
         ]
     # Vega itself would die of a character that no SVG can hold.

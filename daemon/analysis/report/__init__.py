@@ -1,6 +1,5 @@
 """Reports: what the traces of a campaign say, for people and for machines."""
 
-from daemon.analysis.report._axes import Axes, Sheet
 from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
 from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
 from daemon.analysis.report._formatting import GLYPHS, mean_and_deviation, verdict_details
@@ -8,18 +7,14 @@ from daemon.analysis.report._junit import write_junit
 from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._page import SuggestedCommand, headline, write_page
 from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
-from daemon.analysis.report._svg import PagePicture
 from daemon.analysis.report._tracks import thinned_indices
 
 __all__ = [
     "COLUMNS",
     "GLYPHS",
     "MEASURES",
-    "Axes",
-    "PagePicture",
     "ReportData",
     "ReportRun",
-    "Sheet",
     "SuggestedCommand",
     "headline",
     "mean_and_deviation",

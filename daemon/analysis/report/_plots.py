@@ -229,8 +229,6 @@ def returns_chart(runs: Sequence[ReportRun]) -> Chart:
     # Roots, since a wall driven along has many times the counts of a corner passed.
     levels = np.ceil(np.sqrt(counts / max(counts.max(), 1.0)) * len(_HEAT)).astype(int)
     cells = np.argwhere(levels)
-    # Cells of one colour behind each other: they become one path of the drawing.
-    cells = cells[np.argsort(levels[tuple(cells.T)], kind="stable")]
     x, y = (cells * side - reach).T.tolist()
     found = counts[tuple(cells.T)].tolist(), levels[tuple(cells.T)].tolist()
     columns = {"x": x, "y": y, "returns": found[0], "level": found[1]}
