@@ -84,7 +84,7 @@ def write_page(
     figures = draw_figures(data, processes=processes)
     if figure_folder is not None:
         write_figures(figures, figure_folder)
-    assessment, chosen = data.assessment, data.input
+    assessment, results = data.assessment, data.input
     scenarios = tuple(dict.fromkeys(cell.scenario for cell in assessment.cells))
     suts = tuple(dict.fromkeys(cell.sut for cell in assessment.cells))
     filters: dict[str, Callable[..., Any]] = {
@@ -95,16 +95,16 @@ def write_page(
         "details": verdict_details,
         # Verdict texts align columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
-        "place": lambda file: _place(file, chosen),
+        "place": lambda file: _place(file, results),
         "spread": _spread,
         "counts": _counts,
         "judged": _judged,
-        "commands": lambda run, oracle: _typed(run, oracle, commands, chosen),
+        "commands": lambda run, oracle: _typed(run, oracle, commands, results),
     }
     return render_report(
         filters,
         library=page_script(),
-        chosen=chosen,
+        results=results,
         assessment=assessment,
         answer=headline(assessment, data.runs),
         facts=_facts(data, scenarios, suts),
@@ -120,7 +120,7 @@ def write_page(
         figures=_by_kind(figures),
         moments={(f.scenario, f.sut, f.subject): f for f in figures if f.subject and f.svg},
         references=data.references,
-        reference_names=dict.fromkeys((r.name, r.source) for r in chosen.declared.references),
+        reference_names=dict.fromkeys((r.name, r.source) for r in results.declared.references),
         runs=data.runs,
         buffer=data.buffer,
         few=_FEW,
@@ -191,17 +191,17 @@ def _facts(
     )
 
 
-def _folder(chosen: Results) -> str:
-    name = Path(chosen.where).name
+def _folder(results: Results) -> str:
+    name = Path(results.where).name
     return f"the folder {name}" if name else "a folder of traces"
 
 
-def _place(file: str, chosen: Results) -> str:
+def _place(file: str, results: Results) -> str:
     """Return a file as seen from the folder a report is of, elsewhere its name alone.
 
     A page is sent to people whom the folders of this machine do not concern.
     """
-    path, folder = Path(file), Path(chosen.where)
+    path, folder = Path(file), Path(results.where)
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 
@@ -228,13 +228,13 @@ def _judged(
 
 
 def _typed(
-    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], chosen: Results
+    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], results: Results
 ) -> list[tuple[str, str]]:
     """Return what can be typed about a run that ``oracle`` judged, with the purpose of each."""
     if not run.trace:
         return []
     # A folder of traces has no ids that commands would know, but the names of its files.
-    name = run.id if chosen.id else _place(run.trace, chosen)
+    name = run.id if results.id else _place(run.trace, results)
     names = {"run": shlex.quote(name), "oracle": shlex.quote(oracle)}
     failed = run.outcome is Outcome.FAIL
     return [(c.text.format(**names), c.purpose) for c in commands if failed or not c.failing]
