@@ -99,11 +99,11 @@ def _read_run(
     machine: str,
 ) -> ReportRun:
     if not record.trace:
-        return ReportRun(record, RunTracks(record.id, problem=record.note or "there is no trace"))
+        return ReportRun(record, RunTracks(problem=record.note or "there is no trace"))
     try:
         trace = read_trace(Path(record.trace), scans=True)
     except TraceError as error:
-        return ReportRun(record, RunTracks(record.id, problem=error.diagnostics[0].message))
+        return ReportRun(record, RunTracks(problem=error.diagnostics[0].message))
     # A clock that jumps or a NaN: nothing in the trace can be trusted, verdicts say so themselves.
     invalid = oracles.trace_problems(trace)
     sampler = None if invalid else SignalSampler(trace)
@@ -111,9 +111,9 @@ def _read_run(
         result = _judge(record, trace, sampler, machine)
         record = replace(record, outcome=result.outcome, result=result)
     if sampler is None:
-        return ReportRun(record, RunTracks(record.id, problem="; ".join(invalid)))
+        return ReportRun(record, RunTracks(problem="; ".join(invalid)))
     covered = run_coverage(trace)
-    tracks = extract_tracks(record.id, trace, sampler, buffer, watches, points)
+    tracks = extract_tracks(sampler, buffer, watches, points)
     return ReportRun(record, tracks, covered, tuple(trace.versions.items()))
 
 

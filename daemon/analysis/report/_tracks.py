@@ -74,7 +74,6 @@ class RunTracks:
     [rad/s] are the largest, either way round. ``problem`` says why there is nothing, if so.
     """
 
-    run: str
     problem: str = ""
     footprint: Ring = ()
     body: Point2 = (0.0, 0.0)
@@ -96,15 +95,14 @@ class RunTracks:
     top_turning: float = 0.0
 
 
-def find_encounters(
-    trace: Trace, sampler: SignalSampler, watches: Sequence[Trigger]
-) -> tuple[TriggerEncounter, ...]:
+def _encounters(sampler: SignalSampler, watches: Sequence[Trigger]) -> tuple[TriggerEncounter, ...]:
     """Return how the robot drove around each trigger, in the order of time.
 
     A trigger of the run itself counts from when the trace says that it fired, the first time. One
     of another scenario counts from when the robot came as near, if that can be told (measured from
     what stands still to the base).
     """
+    trace = sampler.trace
     own = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
     fired: dict[str, float] = {}
     for event in trace.events:
@@ -161,28 +159,23 @@ def _encounter(sampler: SignalSampler, time: float, joint: str, fired: bool) -> 
 
 
 def extract_tracks(
-    run: str,
-    trace: Trace,
-    sampler: SignalSampler,
-    buffer: SafetyBuffer,
-    watches: Sequence[Trigger],
-    points: int,
+    sampler: SignalSampler, buffer: SafetyBuffer, watches: Sequence[Trigger], points: int
 ) -> RunTracks:
-    """Return tracks and measures of ``trace``, thinned to about ``points`` samples for drawing."""
+    """Return tracks and measures of a trace, thinned to about ``points`` samples for drawing."""
     if not len(sampler.time_base.time):
-        return RunTracks(run, problem="nothing was recorded")
+        return RunTracks(problem="nothing was recorded")
+    trace = sampler.trace
     footprint, truth = trace.spec.robot.footprint, trace.ground_truth
     _, body = footprint_box(footprint)
     centre, half = buffer.box(footprint)
     names = ("clearance", "loc.error", "loc.sigma.x", "loc.sigma.y")
     clearance, error, sigma_x, sigma_y = (sampler.sample(Signal(name)).values for name in names)
     indices = thinned_indices(clearance, error, points)
-    encounters = find_encounters(trace, sampler, watches)
+    encounters = _encounters(sampler, watches)
     measures = measured_values(judge(trace, standard_oracles(buffer), sampler=sampler))
     if speeds := [encounter.speed_then for encounter in encounters if encounter.fired]:
         measures[SPEED_AT_TRIGGER] = fmean(speeds)
     return RunTracks(
-        run=run,
         footprint=footprint,
         body=body,
         buffer=half,

@@ -251,10 +251,9 @@ def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
 
 
 def _tracks(sampler: SignalSampler, *, closely: bool = False) -> RunTracks:
-    trace = sampler.trace
     # Of a part every sample counts: what is looked at may be a few centimetres.
     points = 3 * len(sampler.time_base.time) if closely else _POINTS
-    return extract_tracks(trace.spec.label, trace, sampler, buffer_of_run(trace.spec), (), points)
+    return extract_tracks(sampler, buffer_of_run(sampler.trace.spec), (), points)
 
 
 def _judged_run(sampler: SignalSampler, part: _RunPart) -> RunOverlay:
