@@ -110,7 +110,7 @@ class Drawing:
     groups: list[DrawingGroup] = field(default_factory=list)
 
     def add(self, name: str, items: list[DrawingItem]) -> None:
-        """Paint ``items`` over what is already there."""
+        """Paint ``items`` over all earlier ones."""
         if items:
             self.groups.append(DrawingGroup(name, tuple(items)))
 
@@ -121,7 +121,7 @@ _PAD: Final = 2.0
 
 
 class Labels:
-    """Texts on a page that keep clear of each other and of what is painted already."""
+    """Texts on a page that keep clear of each other and of earlier items."""
 
     def __init__(self) -> None:
         self._taken: list[Any] = []
@@ -145,10 +145,10 @@ class Labels:
         return replace(words, at=places[best])
 
     def _covered(self, texts: Any) -> Floats:
-        """Return what it costs to put a text on each of some areas, for what lies there."""
-        taken = np.array(self._taken, dtype=object)
-        text, other = shapely.STRtree(taken).query(texts, predicate="intersects")
-        shared = shapely.area(shapely.intersection(texts[text], taken[other]))
+        """Return the cost of a text on each of some areas, which obstacles there raise."""
+        areas = np.array(self._taken, dtype=object)
+        text, other = shapely.STRtree(areas).query(texts, predicate="intersects")
+        shared = shapely.area(shapely.intersection(texts[text], areas[other]))
         shares: Floats = shared / shapely.area(texts)[text] * np.array(self._weights)[other]
         return np.bincount(text, shares, minlength=len(texts)).astype(np.float64)
 

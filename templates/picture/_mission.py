@@ -42,15 +42,15 @@ def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
                 break
         else:
             places.append((at, [shape.text]))
-    shown: list[Point2] = []
+    discs: list[Point2] = []
     items: list[DrawingItem] = [
         _look(page.point((waypoint.x, waypoint.y)), waypoint.yaw)
         for waypoint in mission.waypoints
         if waypoint.yaw is not None
     ]
     for at, numbers in places:
-        spot = _beside(at, shown)
-        shown.append(spot)
+        spot = _beside(at, discs)
+        discs.append(spot)
         if spot != at:
             items.append(Disc(at, 3.0, Colour.ROUTE))
             items.append(Shape(((at, spot),), line=Colour.ROUTE, width=1.0, open=True))
@@ -96,14 +96,14 @@ def start_label(
     return [labels.place(words, spots)]
 
 
-def _beside(at: Point2, shown: list[Point2]) -> Point2:
+def _beside(at: Point2, discs: list[Point2]) -> Point2:
     """Return the nearest spot around ``at`` where no other number is."""
     for ring in range(4):
         for step in range(8 if ring else 1):
             angle = step * math.tau / 8.0
             out = ring * _NEAR
             spot = (at[0] + out * math.cos(angle), at[1] + out * math.sin(angle))
-            if all(math.dist(spot, other) > _NEAR + 2.0 for other in shown):
+            if all(math.dist(spot, other) > _NEAR + 2.0 for other in discs):
                 return spot
     return at
 

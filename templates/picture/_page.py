@@ -141,10 +141,10 @@ def margins(page: Page) -> list[DrawingItem]:
 
 def heading(figure: Drawing, page: Page) -> list[DrawingItem]:
     """Return title and subtitle."""
-    left = page.style.side
+    side = page.style.side
     return [
-        TextLabel((left, 44.0), figure.title, 26.0, Colour.INK, "start", bold=True),
-        TextLabel((left, 70.0), figure.about, 14.0, Colour.SOFT, "start"),
+        TextLabel((side, 44.0), figure.title, 26.0, Colour.INK, "start", bold=True),
+        TextLabel((side, 70.0), figure.about, 14.0, Colour.SOFT, "start"),
     ]
 
 
@@ -186,7 +186,7 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
 
 
 def legend(page: Page, *, doors: str, low: bool, mission: bool, robot: bool) -> list[DrawingItem]:
-    """Return what the colours mean, in one row at the foot of the page.
+    """Return the meaning of the colours, in one row at the foot of the page.
 
     ``doors`` says when doors are as they are drawn, empty where there are none.
     """

@@ -24,7 +24,7 @@ _DEVIATION: Final = 0.15
 _PLACES: Final = 150
 """Places of a way that scripts find by their time."""
 _SHORT: Final = 10.0
-"""A measured line shorter than this on the page gets a circle, which is to be found."""
+"""A measured line shorter than this on the page gets a circle."""
 _LINES: Final = {
     ShapeRole.TRAIL: (Colour.DRIVEN, 1.8),
     ShapeRole.NEAR_TRAIL: (Colour.CLOSE, 3.2),
@@ -90,7 +90,7 @@ class RunOverlay:
 
 
 def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
-    """Return the lines of a run, what it was told to believe below the truth."""
+    """Return the lines of a run, its estimate below the truth."""
     items: list[DrawingItem] = [
         Shape((page.ring(ring),), line=Colour.ROBOT, width=0.9, opacity=0.55)
         for ring in run.footprints
@@ -135,20 +135,20 @@ def way_data(run: RunOverlay, page: Page) -> str:
 
     Empty if no way has times.
     """
-    found = []
+    ways: list[dict[str, object]] = []
     for way in run.ways:
-        kept = slice(None, None, 1 + len(way.time) // _PLACES)
-        places = [page.point((x, y)) for x, y in way.points[kept].tolist()]
+        every = slice(None, None, 1 + len(way.time) // _PLACES)
+        places = [page.point((x, y)) for x, y in way.points[every].tolist()]
         if len(way.time):
-            found.append(
+            ways.append(
                 {
                     "repeat": way.repeat,
-                    "t": np.round(way.time[kept].astype(np.float64), 1).tolist(),
+                    "t": np.round(way.time[every].astype(np.float64), 1).tolist(),
                     "x": [round(x, 1) for x, _ in places],
                     "y": [round(y, 1) for _, y in places],
                 }
             )
-    return json.dumps(found, separators=(",", ":")) if found else ""
+    return json.dumps(ways, separators=(",", ":")) if ways else ""
 
 
 def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingItem]:
@@ -168,14 +168,14 @@ def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingIt
     else:
         items += [Disc(end, 2.2, colour, Colour.FLOOR, 0.8) for end in ends]
     words = TextLabel(ends[0], mark.words, 13.0, colour, bold=True, halo=Colour.FLOOR, centred=True)
-    shown = [(x, y) for x, y in ends if 0.0 <= x <= page.width and 0.0 <= y <= page.height]
-    around = [(x + d, y + d) for x, y in shown or ends for d in (-12.0, 12.0)]
+    visible = [(x, y) for x, y in ends if 0.0 <= x <= page.width and 0.0 <= y <= page.height]
+    around = [(x + d, y + d) for x, y in visible or ends for d in (-12.0, 12.0)]
     items.append(labels.place(words, spots_around(around, words, page)))
     return items
 
 
 def run_key(run: RunOverlay, page: Page) -> list[DrawingItem]:
-    """Return what the lines mean, in a row of its own at the foot of the page."""
+    """Return the meaning of the lines, in a row of its own at the foot of the page."""
     nearest = min((float(np.nanmin(w.clearance, initial=math.inf)) for w in run.ways), default=0.0)
     limit = max((way.limit for way in run.ways), default=0.0)
     entries = (
@@ -190,7 +190,7 @@ def run_key(run: RunOverlay, page: Page) -> list[DrawingItem]:
     )
     return legend_row(
         page,
-        [(text, colour) for text, colour, shown in entries if shown],
+        [(text, colour) for text, colour, is_drawn in entries if is_drawn],
         22.0,
         lambda colour, x, y: Shape((((x, y), (x + 16.0, y)),), line=colour, width=4.0, open=True),
     )

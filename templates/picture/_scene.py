@@ -48,7 +48,7 @@ def floors(scene: Scene, page: Page) -> list[DrawingItem]:
 
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
-    """Return what stands still: low things and sills in light, what is cut in dark."""
+    """Return the solids: low things and sills in light, walls at the cut in dark."""
     standing = list(plan_shapes.solid_shapes(scene, CUT))
     low, cut = (
         tuple(_polygon(shape) for shape in standing if shape.role is role)
@@ -125,13 +125,13 @@ def _union(areas: tuple[Polygon, ...]) -> Any:
 
 
 def _rings(area: Any, page: Page) -> tuple[tuple[tuple[float, float], ...], ...]:
-    found = []
+    rings = []
     for part in shapely.get_parts(shapely.clip_by_rect(area, *page.bounds)):
         if part.geom_type == "Polygon":
             for ring in (part.exterior, *part.interiors):
                 corners = shapely.get_coordinates(ring)[:-1].tolist()
-                found.append(page.ring(tuple((x, y) for x, y in corners)))
-    return tuple(found)
+                rings.append(page.ring(tuple((x, y) for x, y in corners)))
+    return tuple(rings)
 
 
 def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:

@@ -136,10 +136,10 @@ def _metres(value: float) -> str:
 
 def nearest_mark(runs: Iterable[RunTracks]) -> MeasuredMark | None:
     """Return where a robot came nearest to an obstacle; ``None`` if no clearance is known."""
-    known = [run for run in runs if not np.isnan(run.clearance).all()]
-    if not known:
+    measured = [run for run in runs if not np.isnan(run.clearance).all()]
+    if not measured:
         return None
-    run = min(known, key=lambda run: float(np.nanmin(run.clearance)))
+    run = min(measured, key=lambda run: float(np.nanmin(run.clearance)))
     index = int(np.nanargmin(run.clearance))
     place, clearance = (float(run.x[index]), float(run.y[index])), float(run.clearance[index])
     return MeasuredMark((place, place), _metres(clearance), fails=clearance <= 0.0)

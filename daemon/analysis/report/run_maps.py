@@ -294,14 +294,16 @@ def _facts(trace: Trace, tracks: RunTracks, part: _RunPart) -> Iterator[str]:
 
 def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
     truth, estimate = trace.ground_truth, trace.estimate
-    shown, kept = part.of(tracks.time), np.flatnonzero(part.of(estimate.time))
-    kept = kept[:: max(1, len(kept) // _POINTS)]
+    visible, indices = part.of(tracks.time), np.flatnonzero(part.of(estimate.time))
+    indices = indices[:: max(1, len(indices) // _POINTS)]
     steps = min(_FOOTPRINTS, max(2, round((part.until - part.since) / _APART)))
     moments = np.linspace(part.since, min(part.until, float(truth.time[-1])), steps).tolist()
-    places = np.column_stack((tracks.x, tracks.y))[shown]
+    places = np.column_stack((tracks.x, tracks.y))[visible]
     overlay = RunOverlay(
-        ways=(DrivenWay(places, tracks.clearance[shown], tracks.limit),),
-        believed=tuple(zip(estimate.x[kept].tolist(), estimate.y[kept].tolist(), strict=True)),
+        ways=(DrivenWay(places, tracks.clearance[visible], tracks.limit),),
+        believed=tuple(
+            zip(estimate.x[indices].tolist(), estimate.y[indices].tolist(), strict=True)
+        ),
         contacts=tuple(
             (x, y) for time, _, x, y in tracks.contacts if part.since <= time <= part.until
         ),
@@ -314,14 +316,16 @@ def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
         return overlay
     return replace(
         overlay,
-        apparent_goals=_apparent_goals(trace, part.until, kept),
+        apparent_goals=_apparent_goals(trace, part.until, indices),
         positions=joint_positions(trace, part.until),
         closely=True,
     )
 
 
-def _apparent_goals(trace: Trace, until: float, kept: npt.NDArray[np.int64]) -> tuple[Point2, ...]:
-    """Return where the waypoint of a moment lies for the robot, at each of its ``kept`` estimates.
+def _apparent_goals(
+    trace: Trace, until: float, indices: npt.NDArray[np.int64]
+) -> tuple[Point2, ...]:
+    """Return where the waypoint of a moment lies for the robot, for its estimates at ``indices``.
 
     It knows the waypoint in the map, and its own estimated pose. It drives to the waypoint as seen
     from there, which is off by the error of its localisation, turned by that of its heading.
@@ -331,8 +335,8 @@ def _apparent_goals(trace: Trace, until: float, kept: npt.NDArray[np.int64]) -> 
         return ()
     goal, estimate = trace.spec.mission.waypoints[number - 1], trace.estimate
     goals = []
-    for index in kept.tolist():
+    for index in indices.tolist():
         believed = Pose2(*(float(v[index]) for v in (estimate.x, estimate.y, estimate.yaw)))
-        seen = believed.inverse().apply((goal.x, goal.y))
-        goals.append(pose_at(trace.ground_truth, float(estimate.time[index])).apply(seen))
+        target = believed.inverse().apply((goal.x, goal.y))
+        goals.append(pose_at(trace.ground_truth, float(estimate.time[index])).apply(target))
     return tuple(goals)
