@@ -176,6 +176,7 @@ def verify_spec(
     places: StatePaths,
     wall: float = 0.0,
     execute_run: ExecuteRun = execute,
+    watch: WatchExecutions | None = None,
 ) -> Verification:
     """Execute a specification without a recording ``repeats`` times; the first takes its place.
 
@@ -187,7 +188,9 @@ def verify_spec(
         if first.result is None:
             return _unverified(spec, ExecutedRun(problem=first.problem))
         trace = trace_in(Path(name), 0)
-        again = verify(trace, repeats - 1, places=places, wall=wall, execute_run=execute_run)
+        again = verify(
+            trace, repeats - 1, places=places, wall=wall, execute_run=execute_run, watch=watch
+        )
         return replace(again, trace="")
 
 

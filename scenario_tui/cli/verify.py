@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -124,10 +124,9 @@ def verify(
     for name in named:
         refuse_missing_file(name)
     target = DaemonTarget(connect, state)
-    jobs = _jobs(named, target, every)
-    limit = read_wall(wall)
+    jobs = _jobs(named, target, repeats, read_wall(wall), every)
     if len(jobs) == 1:
-        (found,) = (job(repeats, limit, _watch) for job in jobs)
+        found = jobs[0](watch=_watch)
         if as_json:
             VerifyOutput(**_values(found)).emit()
         else:
@@ -135,7 +134,7 @@ def verify(
         raise typer.Exit(_code([found]))
     several = []
     for job in track_progress(jobs, len(jobs), "running again"):
-        found = job(repeats, limit, None)
+        found = job()
         several.append(found)
         if not as_json:
             _print(found, details=False)
@@ -146,72 +145,36 @@ def verify(
     raise typer.Exit(_code(several))
 
 
-_Watch: TypeAlias = "Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]] | None"
-_Job: TypeAlias = "Callable[[int | None, float, _Watch], Verification]"
-
-
-def _jobs(named: Sequence[str], target: DaemonTarget, every: bool) -> list[_Job]:
-    """Return what executes each specification that is meant, one of each cell unless ``every``."""
+def _jobs(
+    named: Sequence[str], target: DaemonTarget, repeats: int | None, wall: float, every: bool
+) -> list[Callable[..., Verification]]:
+    """Return the verifications that are meant: one of each cell, or of ``every`` run."""
+    from daemon.analysis import verification
     from daemon.trace import read_spec
     from scenario_tui.cli.named_traces import all_traces
-
-    files = [Path(name) for name in named if _is_campaign_file(name)]
-    recorded = [name for name in named if not _is_campaign_file(name)]
-    jobs: list[_Job] = []
-    for name in recorded:
-        traces = {path: read_spec(path) for path in all_traces([name], target, "RUN|CAMPAIGN")}
-        cells = _one_of_each(traces.values()) if len(traces) > 1 and not every else traces.values()
-        chosen = {spec.digest for spec in cells}
-        jobs += [
-            partial(_verify_trace, path, spec, target)
-            for path, spec in traces.items()
-            if spec.digest in chosen
-        ]
-    for file in files:
-        jobs += _campaign_jobs(file, target, every)
-    return jobs
-
-
-def _is_campaign_file(name: str) -> bool:
-    return Path(name).suffix in (".yaml", ".yml") and Path(name).is_file()
-
-
-def _one_of_each(specs: Iterable[RunSpec]) -> list[RunSpec]:
-    """Return the first run of each scenario and system under test."""
-    found: dict[tuple[str, str], RunSpec] = {}
-    for spec in specs:
-        found.setdefault((spec.scenario, spec.sut.name), spec)
-    return list(found.values())
-
-
-def _verify_trace(
-    path: Path, spec: RunSpec, target: DaemonTarget, repeats: int | None, wall: float, watch: _Watch
-) -> Verification:
-    from daemon.analysis.verification import verify as execute_again
-
-    count = _count(spec, repeats)
-    return execute_again(path, count, places=target.paths, wall=wall, watch=watch)
-
-
-def _campaign_jobs(file: Path, target: DaemonTarget, every: bool) -> list[_Job]:
-    from daemon.analysis.verification import verify_spec
     from scenario_tui.submission import prepare_submission
 
-    prepared = prepare_submission(file)
-    submission, warnings = prepared.submission, prepared.warnings
-    report_diagnostics(warnings)
-    scenes = {scene.digest: scene for scene in submission.scenes}
-
-    def job(spec: RunSpec, repeats: int | None, wall: float, _: _Watch) -> Verification:
-        count = _count(spec, repeats)
-        return verify_spec(spec, scenes[spec.scene], count, places=target.paths, wall=wall)
-
-    specs = submission.specs if every else _one_of_each(submission.specs)
-    return [partial(job, spec) for spec in specs]
-
-
-def _count(spec: RunSpec, repeats: int | None) -> int:
-    return repeats or (_REPEATABLE if spec.sut.repeatable else _EXTERNAL)
+    jobs: list[Callable[..., Verification]] = []
+    for name in named:
+        runs: list[tuple[RunSpec, Callable[..., Verification]]]
+        if Path(name).suffix in (".yaml", ".yml") and Path(name).is_file():
+            prepared = prepare_submission(Path(name))
+            report_diagnostics(prepared.warnings)
+            scenes = {scene.digest: scene for scene in prepared.submission.scenes}
+            verify_spec = verification.verify_spec
+            specs = prepared.submission.specs
+            runs = [(spec, partial(verify_spec, spec, scenes[spec.scene])) for spec in specs]
+        else:
+            traces = all_traces([name], target, "RUN|CAMPAIGN")
+            runs = [(read_spec(path), partial(verification.verify, path)) for path in traces]
+        cells = set[tuple[str, str]]()
+        for spec, job in runs:
+            cell = (spec.scenario, spec.sut.name)
+            if every or cell not in cells:
+                count = repeats or (_REPEATABLE if spec.sut.repeatable else _EXTERNAL)
+                jobs.append(partial(job, count, places=target.paths, wall=wall))
+            cells.add(cell)
+    return jobs
 
 
 def _watch(executions: Iterator[ExecutedRun], count: int) -> Sequence[ExecutedRun]:
