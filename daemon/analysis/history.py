@@ -18,8 +18,8 @@ from daemon.judging.assessment import (
     assess,
     compare_campaigns,
 )
-from daemon.model.assessments import AssessmentRules, CellAssessment, CellVerdict
-from daemon.model.spec import OracleText, RunSpec
+from daemon.model.assessments import CellAssessment
+from daemon.model.spec import RunSpec
 from daemon.model.status import CampaignRow, RunRow
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verbs import CampaignSource
@@ -29,7 +29,7 @@ from grammars.text.words import count_noun, enumerate_words, format_quantity
 
 _LONGEST: Final = 60
 """Characters of a value that is told as it was and as it is; of a longer one, that it changed."""
-_MOST_NAMED: Final = 3
+_MOST_NAMED: Final = 2
 _SHOWN_OF_HASH: Final = 12
 
 Setup: TypeAlias = Mapping[str, Mapping[str, str]]
@@ -38,13 +38,16 @@ Setup: TypeAlias = Mapping[str, Mapping[str, str]]
 
 @dataclass(frozen=True, slots=True)
 class OracleRecord:
-    """An oracle of a cell in one submission: how many of ``n`` repeats pass, and by how much.
+    """An oracle of a scenario with a system in one submission.
 
-    ``low`` to ``high`` is the exact 95 % interval of the rate. ``worst`` and ``median`` are margins
-    [``unit``] of repeats that pass or fail, ``None`` where no repeat has one.
+    ``passed`` of ``n`` repeats pass, ``low`` to ``high`` is the exact 95 % interval of the rate.
+    ``worst`` and ``median`` are margins [``unit``] of repeats that pass or fail, ``None`` where no
+    repeat has one. ``simulated`` and ``cpu`` are medians of the times of a run [s].
     """
 
-    name: str
+    scenario: str
+    sut: str
+    oracle: str
     unit: str
     verdict: str
     passed: int
@@ -53,17 +56,13 @@ class OracleRecord:
     high: float
     worst: float | None
     median: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class CellRecord:
-    """A scenario with a system in one submission; ``duration`` and ``cpu`` are medians [s]."""
-
-    scenario: str
-    sut: str
-    oracles: tuple[OracleRecord, ...]
-    duration: float | None
+    simulated: float | None
     cpu: float | None
+
+    @property
+    def cell(self) -> tuple[str, str]:
+        """The scenario and the system."""
+        return self.scenario, self.sut
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ class SubmissionRecord:
     uncommitted: bool | None
     machines: tuple[str, ...]
     cpu: float
-    cells: tuple[CellRecord, ...]
+    oracles: tuple[OracleRecord, ...]
     changes: tuple[str, ...] = ()
     verdicts: tuple[VerdictChange, ...] = ()
     quantities: tuple[QuantityChange, ...] = ()
@@ -104,31 +103,19 @@ class CampaignHistory:
         newest = self.submissions[-1]
         if len(self.submissions) == 1:
             return f"{newest.id} is the only submission of {self.name}: nothing to compare yet"
-        before = self.submissions[-2].id
-        count = sum(len(cell.oracles) for cell in newest.cells)
+        count = count_noun(len(newest.oracles), "verdict")
+        since = f"changed since {self.submissions[-2].id}"
         if newest.verdicts:
-            told = [verdict_words(change) for change in newest.verdicts[:_MOST_NAMED]]
-            more = len(newest.verdicts) - len(told)
-            words = enumerate_words([*told, f"{more} more"] if more else told)
-            changed = len(newest.verdicts)
-            return f"{changed} of {count_noun(count, 'verdict')} changed since {before}: {words}"
-        same = f"none of {count_noun(count, 'verdict')} changed since {before}"
-        if not newest.quantities:
-            return same
-        quantities = [quantity_words(change) for change in newest.quantities[:_MOST_NAMED]]
-        more = len(newest.quantities) - len(quantities)
-        words = enumerate_words([*quantities, f"{more} more"] if more else quantities)
-        return f"{same}, but values did: {words}"
+            words = _some_of([verdict_words(change) for change in newest.verdicts])
+            return f"{len(newest.verdicts)} of {count} {since}: {words}"
+        words = _some_of([quantity_words(change) for change in newest.quantities])
+        return f"none of {count} {since}{f', but values did: {words}' if words else ''}"
 
     @property
     def cells(self) -> tuple[tuple[str, str], ...]:
         """The scenarios with their systems that some submission has, the newest ones first."""
-        cells = [
-            (cell.scenario, cell.sut)
-            for submission in reversed(self.submissions)
-            for cell in submission.cells
-        ]
-        return tuple(dict.fromkeys(cells))
+        newest_first = reversed(self.submissions)
+        return tuple(dict.fromkeys(one.cell for each in newest_first for one in each.oracles))
 
 
 def verdict_words(change: VerdictChange) -> str:
@@ -175,14 +162,9 @@ def _submission(
     setup: Setup,
 ) -> SubmissionRecord:
     assessment = assess(judged.declared, judged.records)
-    changes: tuple[str, ...] = ()
-    verdicts: tuple[VerdictChange, ...] = ()
-    quantities: tuple[QuantityChange, ...] = ()
-    if before is not None:
-        changes = tuple(_changes(before[1], setup))
-        difference = compare_campaigns(before[0], judged)
-        verdicts = difference.verdicts
-        quantities = tuple(shift for shift in difference.shifts if shift.changed)
+    difference = compare_campaigns(before[0], judged) if before else None
+    shifts = difference.shifts if difference else ()
+    own = [one.result for one in judged.records if one.result is not None and not one.cached]
     return SubmissionRecord(
         id=row.id,
         submitted_at=row.submitted_at,
@@ -193,50 +175,43 @@ def _submission(
         branch=origin.branch,
         uncommitted=origin.changed,
         machines=_machines(judged.records),
-        cpu=sum(cpu for record in judged.records if (cpu := _cpu(record)) and not record.cached),
-        cells=tuple(_cell(cell, judged.records) for cell in assessment.cells),
-        changes=changes,
-        verdicts=verdicts,
-        quantities=quantities,
+        cpu=sum(result.timing.cpu for result in own),
+        oracles=tuple(
+            record for cell in assessment.cells for record in _oracles(cell, judged.records)
+        ),
+        changes=tuple(_changes(before[1], setup)) if before else (),
+        verdicts=difference.verdicts if difference else (),
+        quantities=tuple(shift for shift in shifts if shift.changed),
     )
 
 
-def _cell(cell: CellAssessment, records: Iterable[RunRow]) -> CellRecord:
+def _oracles(cell: CellAssessment, records: Iterable[RunRow]) -> Iterator[OracleRecord]:
     runs = [one for one in records if (one.scenario, one.sut) == (cell.scenario, cell.sut)]
-    results = [one.result for one in runs if one.result is not None]
-    return CellRecord(
-        cell.scenario,
-        cell.sut,
-        tuple(_oracle(oracle, runs) for oracle in cell.oracles),
-        _median([result.timing.simulated for result in results]),
-        _median([result.timing.cpu for result in results]),
-    )
-
-
-def _oracle(oracle: CellVerdict, runs: Iterable[RunRow]) -> OracleRecord:
-    verdicts = [one.verdict(oracle.oracle) for one in runs if one.ended != "crashed"]
-    judged = [one for one in verdicts if one and one.outcome in (Outcome.PASS, Outcome.FAIL)]
-    # Margins without a unit only say true or false.
-    margins = [one.margin for one in judged if one.margin is not None and one.unit]
-    return OracleRecord(
-        name=oracle.oracle,
-        unit=next((one.unit for one in judged), ""),
-        verdict=oracle.word,
-        passed=oracle.passed,
-        n=oracle.n,
-        low=oracle.low,
-        high=oracle.high,
-        worst=min(margins, default=None),
-        median=_median(margins),
-    )
+    times = [one.result.timing for one in runs if one.result is not None]
+    for oracle in cell.oracles:
+        verdicts = [one.verdict(oracle.oracle) for one in runs if one.ended != "crashed"]
+        judged = [one for one in verdicts if one and one.outcome in (Outcome.PASS, Outcome.FAIL)]
+        # Margins without a unit only say true or false.
+        margins = [one.margin for one in judged if one.margin is not None and one.unit]
+        yield OracleRecord(
+            scenario=cell.scenario,
+            sut=cell.sut,
+            oracle=oracle.oracle,
+            unit=next((one.unit for one in judged), ""),
+            verdict=oracle.word,
+            passed=oracle.passed,
+            n=oracle.n,
+            low=oracle.low,
+            high=oracle.high,
+            worst=min(margins, default=None),
+            median=_median(margins),
+            simulated=_median([time.simulated for time in times]),
+            cpu=_median([time.cpu for time in times]),
+        )
 
 
 def _median(values: Sequence[float]) -> float | None:
     return median(values) if values else None
-
-
-def _cpu(record: RunRow) -> float:
-    return record.result.timing.cpu if record.result is not None else 0.0
 
 
 def _machines(records: Iterable[RunRow]) -> tuple[str, ...]:
@@ -245,6 +220,7 @@ def _machines(records: Iterable[RunRow]) -> tuple[str, ...]:
 
 
 def _setup(judged: JudgedCampaign, origin: CampaignOrigin, specs: Sequence[RunSpec]) -> Setup:
+    policy = judged.declared.policy
     uncommitted = " with uncommitted changes" if origin.changed else ""
     setup: dict[str, dict[str, str]] = {
         "": {
@@ -254,7 +230,10 @@ def _setup(judged: JudgedCampaign, origin: CampaignOrigin, specs: Sequence[RunSp
             "seed": "" if origin.seed is None else str(origin.seed),
             "engine": ", ".join(sorted({spec.engine for spec in specs})),
             "machine": ", ".join(_machines(judged.records)),
-            **_rules(judged.declared),
+            "repeats": str(policy.n),
+            "policy": f"rate {policy.rate:g}" if policy.rule == "rate" else policy.rule,
+            "expectations": codec.digest(judged.declared.expectations),
+            "comparisons": codec.digest(judged.declared.comparisons),
         }
     }
     for spec in specs:
@@ -268,23 +247,9 @@ def _setup(judged: JudgedCampaign, origin: CampaignOrigin, specs: Sequence[RunSp
             "moving objects": codec.digest(spec.behaviours),
             "map": codec.digest(spec.map),
             "limit": f"{spec.limit:g} s",
-            **{_oracle_name(oracle): oracle.text for oracle in spec.oracles},
+            **{f"oracle {oracle.name}": oracle.text for oracle in spec.oracles},
         }
     return setup
-
-
-def _oracle_name(oracle: OracleText) -> str:
-    return f"oracle {oracle.name}"
-
-
-def _rules(declared: AssessmentRules) -> dict[str, str]:
-    policy = declared.policy
-    return {
-        "repeats": str(policy.n),
-        "policy": f"{policy.rule} {policy.rate:g}" if policy.rule == "rate" else policy.rule,
-        "expectations": codec.digest(declared.expectations),
-        "comparisons": codec.digest(declared.comparisons),
-    }
 
 
 def _changes(before: Setup, after: Setup) -> Iterator[str]:
@@ -299,9 +264,14 @@ def _changes(before: Setup, after: Setup) -> Iterator[str]:
             if words := _change_words(aspect, old.get(aspect, ""), new.get(aspect, "")):
                 subjects.setdefault(words, []).append(subject)
     for words, names in subjects.items():
-        named = names if len(names) <= _MOST_NAMED else [*names[:2], f"{len(names) - 2} more"]
-        about = enumerate_words(named)
+        about = _some_of(names)
         yield f"{about}: {words}" if about else words
+
+
+def _some_of(words: Sequence[str]) -> str:
+    """Return the first of some words, and how many more there are."""
+    more = len(words) - _MOST_NAMED
+    return enumerate_words([*words[:_MOST_NAMED], f"{more} more"] if more > 0 else words)
 
 
 def _change_words(aspect: str, old: str, new: str) -> str:

@@ -13,7 +13,7 @@ from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.search_answer import Influence, SearchAnswer
 from daemon.model.trials import Trial, smallest_so_far
 from daemon.search.answers.sentences import is_by_chance, margin_words, minus, point_words
-from daemon.search.points import position_in_range, written_point
+from daemon.search.points import position_in_range, range_text, written_point
 
 MOST_PAIRED: Final = 4
 """Parameters of which every two have a figure; of more, all stand side by side."""
@@ -205,15 +205,7 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
         }
         for point, colour, about in _marked_points(task, nearest)
     ]
-    ends = [_ends(parameter) for parameter in task.parameters]
-    words = [low for low, _ in ends] + [high for _, high in ends]
-    places = {"axis": [*range(count)] * 2, "share": [-0.08] * count + [1.08] * count}
-    labels = {
-        "data": table({**places, "words": words}),
-        "mark": {"type": "text", "color": "var(--soft)"},
-        "encoding": {"text": {"field": "words", "type": "nominal"}},
-    }
-    names = json.dumps([task.short_name(parameter.name) for parameter in task.parameters])
+    names = json.dumps([[task.short_name(one.name), range_text(one)] for one in task.parameters])
     axis = {
         "values": list(range(count)), "labelExpr": f"{names}[datum.value]", "title": None,
         "labelAngle": -28, "labelLimit": 130, "labelOverlap": False, "labelColor": "var(--ink)",
@@ -222,10 +214,9 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
     limits = {"domain": [-0.4, count - 0.6], "nice": False}
     across = {
         "x": _quantity("axis", scale=limits, axis=axis),
-        "y": _quantity("share", scale={"domain": [-0.12, 1.12], "nice": False}, axis=None),
+        "y": _quantity("share", scale={"domain": [-0.08, 1.08], "nice": False}, axis=None),
     }
-    layer = [lines, *marked, labels]
-    return {"width": _WIDTH, "height": 260, "encoding": across, "layer": layer}
+    return {"width": _WIDTH, "height": 240, "encoding": across, "layer": [lines, *marked]}
 
 
 def influence_chart(task: SearchTask, answer: SearchAnswer) -> Chart | None:
@@ -328,9 +319,9 @@ def _margin_colour(task: SearchTask, trials: Sequence[Trial]) -> dict[str, Any]:
         "type": "threshold", "domain": [float(f"{edge:.2g}") for edge in edges],
         "range": list(RAMP),
     }  # fmt: skip
-    legend = {
-        "columns": 6, "titleColor": "var(--soft)", "titleFontSize": 9, "titleFontWeight": "normal",
-    }  # fmt: skip
+    look = {"titleColor": "var(--soft)", "titleFontSize": 9, "titleFontWeight": "normal"}
+    # Small charts side by side have no room for it.
+    legend = None if 2 < len(task.parameters) <= MOST_PAIRED else {"columns": 6, **look}
     return _quantity("margin", scale=scale, title=_margin_title(task), legend=legend)
 
 
@@ -368,12 +359,6 @@ def _folded(count: int) -> list[dict[str, Any]]:
         {"fold": [f"p{index}" for index in range(count)], "as": ["axis", "share"]},
         {"calculate": "toNumber(slice(datum.axis, 1))", "as": "axis"},
     ]
-
-
-def _ends(parameter: SearchParameter) -> tuple[str, str]:
-    if parameter.choices:
-        return parameter.shown(parameter.choices[0]), parameter.shown(parameter.choices[-1])
-    return minus(f"{parameter.low:.6g}"), parameter.shown(float(f"{parameter.high:.6g}"))
 
 
 def _marked_points(task: SearchTask, nearest: Point | None) -> Iterator[tuple[Point, str, str]]:

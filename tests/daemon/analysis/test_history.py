@@ -16,6 +16,7 @@ from daemon.model.spec import OracleText, SutReference, Timing
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import invoke
+from tests.chromium import CHROMIUM, chromium_page
 from tests.daemon.batch.samples import make_result, make_search, make_spec, submission_of
 from tests.scenario_tui.cli.outputs import declared
 
@@ -111,9 +112,8 @@ def test_submissions_stand_in_their_order_with_what_came_out(history, ledger):
     newest = history.submissions[-1]
     assert (newest.runs, newest.unfinished, newest.cpu) == (10, 0, 15.0)
     assert (newest.machines, newest.commit, newest.uncommitted) == (("bench",), "b" * 40, False)
-    cell = newest.cells[0]
-    assert (cell.scenario, cell.sut, cell.duration, cell.cpu) == ("S1", "pilot", 20.0, 1.5)
-    (oracle,) = cell.oracles
+    oracle = newest.oracles[0]
+    assert (oracle.cell, oracle.simulated, oracle.cpu) == (("S1", "pilot"), 20.0, 1.5)
     assert (oracle.passed, oracle.n, oracle.worst, oracle.median) == (2, 5, -0.25, -0.25)
     with LedgerReader.open(ledger) as reader:
         records = reader.all_runs("demo-3", results=True)
@@ -163,6 +163,17 @@ def test_the_page_has_a_chart_for_each_cell_and_nothing_of_what_names_do(history
     assert HOSTILE not in page
     assert "system pilot: speed 1.0 → 1.5" in before
     assert history_page(replace(history, submissions=history.submissions[:1]))
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
+def test_charts_come_alive_and_nothing_is_wider_than_a_phone(history, tmp_path):
+    file = tmp_path / "history.html"
+    file.write_text(history_page(history), encoding="utf-8")
+    with chromium_page(file, tmp_path, width=500) as page:
+        page.evaluate("document.querySelector('#cells').scrollIntoView()")
+        assert page.wait("document.querySelectorAll('#cells .live .mark-line path').length") > 2
+        assert page.evaluate("document.documentElement.scrollWidth") <= 500
+        assert page.problems == []
 
 
 @pytest.mark.parametrize("name", ["demo", "demo-2"])
