@@ -17,25 +17,21 @@ OURS: Final = Path(__file__).parent
 
 
 def render_report(
-    filters: Mapping[str, Callable[..., Any]],
-    *,
-    template: str = "report.html.j2",
-    library: str = "",
-    **values: Any,
+    filters: Mapping[str, Callable[..., Any]], *, template: str, library: str, **values: Any
 ) -> str:
     """Return a page filled with ``values``, each of them escaped.
 
     Only :class:`markupsafe.Markup` (figures drawn here) goes in as it is. Names missing in the
-    template are errors; characters no document can hold are replaced. ``library`` is the script
-    that ours use; the page executes nothing beyond them, and fetches nothing. A template puts
-    ``script`` at its end and ``policy`` into its head. Without a library it has no script at all.
+    template are errors; characters no document can hold are replaced. The page executes
+    ``library`` and the scripts of this folder that use it, nothing else, and fetches nothing.
     """
     ours = [file.read_text(encoding="utf-8") for file in sorted(OURS.glob("*.js"))]
-    script = "\n".join((library, *ours)) if library else ""
+    script = "\n".join((library, *ours))
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    allowed = f"script-src 'sha256-{digest}'; " if script else ""
-    policy = f"default-src 'none'; {allowed}style-src 'unsafe-inline'; img-src data:"
+    allowed = f"script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:"
     environment = strict_environment(jinja2.FileSystemLoader(OURS), autoescape=True)
     environment.filters.update(filters)
     page = environment.get_template(template)
-    return page.render(values, script=Markup(script), policy=Markup(policy))
+    return page.render(
+        values, script=Markup(script), policy=Markup(f"default-src 'none'; {allowed}")
+    )

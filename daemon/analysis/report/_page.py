@@ -103,6 +103,7 @@ def write_page(
     }
     return render_report(
         filters,
+        template="report.html.j2",
         library=page_script(),
         results=results,
         assessment=assessment,
