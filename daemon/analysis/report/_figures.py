@@ -13,20 +13,18 @@ from markupsafe import Markup, escape
 
 from daemon.analysis.charts import Chart, chart_figure, draw_charts, svg_pdf
 from daemon.analysis.parallel_map import parallel_map
-from daemon.analysis.report._data import ReportData, ReportRun
-from daemon.analysis.report._measures import MEASURES
-from daemon.analysis.report._plots import (
+from daemon.analysis.report._campaign_charts import box_chart, comparison_chart, trigger_chart
+from daemon.analysis.report._cell_charts import (
     REPEATS,
     ValueLimits,
-    box_chart,
     clearance_chart,
-    comparison_chart,
     localisation_chart,
     peak_chart,
     returns_chart,
-    trigger_chart,
     value_limits,
 )
+from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._references import (
     ReferenceMark,
     cell_marks,
@@ -137,6 +135,10 @@ def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
         if oracle.status is not met or oracle.verdict is not Outcome.PASS
     ]
     return tuple(sorted(notable, key=lambda oracle: oracle.status is met))
+
+
+def _systems(data: ReportData) -> list[str]:
+    return list(dict.fromkeys(cell.sut for cell in data.assessment.cells))
 
 
 def _drawn(data: ReportData) -> list[ReportRun]:
@@ -259,7 +261,7 @@ def _boxes(data: ReportData, marks: _Marks) -> _Plan:
         name = measure.name
         if name in drawn and rows:
             of_measure = {cell: of_cell.get(name, []) for cell, of_cell in marks.items()}
-            chart = box_chart(rows, f"{name} [{measure.unit}]", of_measure)
+            chart = box_chart(rows, _systems(data), f"{name} [{measure.unit}]", of_measure)
             label = f"Boxplots of {name} by scenario"
             yield ReportFigure("boxes", "", "", name, label, name, chart), None
 
@@ -271,7 +273,9 @@ def _comparisons(data: ReportData) -> _Plan:
     for unit in dict.fromkeys(verdict.unit for verdict in verdicts):
         of_unit = [verdict for verdict in verdicts if verdict.unit == unit]
         names = {verdict.comparison for verdict in of_unit}
-        chart = comparison_chart(of_unit, {key: m for key, m in marks.items() if key[0] in names})
+        chart = comparison_chart(
+            of_unit, _systems(data), {key: m for key, m in marks.items() if key[0] in names}
+        )
         label = f"What comparisons in {unit} found, with their bounds and limits"
         caption = f"differences in {unit}"
         yield ReportFigure("comparison", "", "", caption, label, unit, chart), None
