@@ -142,7 +142,12 @@ def _diamonds(group: str, names: Sequence[str], top: float, marks: _Marks) -> It
         "label": [mark.label for _, _, mark in shown],
         "source": [mark.source for _, _, mark in shown],
         # Towards the middle, and below what is highest: the words must not run out of the chart.
-        "rise": [10 if mark.value > 0.9 * top else -7 for _, _, mark in shown],
+        # Those of one group stand on lines of their own.
+        "rise": [
+            (-7 - 9 * lines if mark.value <= 0.9 * top else 10 + 9 * lines)
+            for number, (name, _, mark) in enumerate(shown)
+            for lines in [sum(other[0] == name for other in shown[number + 1 :])]
+        ],
         "side": ["left" if 2 * names.index(name) < len(names) else "right" for name, _, _ in shown],
     }
     black = {"color": {"value": INK}, "y": quantity("reference")}
