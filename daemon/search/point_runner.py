@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -26,8 +27,8 @@ _MOST_OTHERS: Final = 5
 class PointRunner:
     """Issues the runs of points and remembers what came of them.
 
-    ``position`` and ``number`` are the next ones; ``reused`` of the runs had a result before,
-    ``executed`` had not.
+    ``position`` and ``number`` are the next ones. Of the runs ``reused`` had a result before and
+    ``executed`` had none.
     """
 
     case: SearchCase
@@ -38,8 +39,7 @@ class PointRunner:
     executed: int = 0
     reused: int = 0
     _trials: dict[Point, Trial] = field(default_factory=dict)
-    _refused: set[int] = field(default_factory=set)
-    _repeats: dict[tuple[int, int], Trial] = field(default_factory=dict)
+    _repeats: defaultdict[int, list[Trial]] = field(default_factory=lambda: defaultdict(list))
 
     @property
     def repeats(self) -> int:
@@ -56,7 +56,7 @@ class PointRunner:
         try:
             candidates = [self.case.candidate(point, number, r) for r in range(self.repeats)]
         except InputError:
-            self._refused.add(number)
+            self._trials[point] = Trial(proposal)
             return proposal
         for repeat, candidate in enumerate(candidates):
             self.issue(replace(proposal, repeat=repeat), candidate)
@@ -64,13 +64,10 @@ class PointRunner:
 
     def finish(self, proposal: Proposal) -> Trial:
         """Wait for the runs of a point and return their trial."""
-        if proposal.number in self._refused:
-            trial = Trial(proposal)
-        else:
+        if proposal.values not in self._trials:
             positions = range(proposal.position, proposal.position + self.repeats)
-            trial = median_trial([self._trial(position) for position in positions])
-        self._trials.setdefault(proposal.values, trial)
-        return trial
+            self._trials[proposal.values] = median_trial(list(map(self._trial, positions)))
+        return self._trials[proposal.values]
 
     def _trial(self, position: int) -> Trial:
         return read_trial(self.case.task, self.wait(position))
@@ -105,11 +102,11 @@ class PointRunner:
         """
         if not result.fails or self.repeats > 1:
             return result.fails
-        others = self._others_of(result)
-        failed, half = sum(one.fails for one in others), _half(self.others)
-        if failed >= half:
+        others = self._repeats[result.number][: self.others]
+        failed = sum(one.fails for one in others)
+        if 2 * failed >= self.others:
             return True
-        return False if len(others) - failed > self.others - half else None
+        return False if 2 * (len(others) - failed) > self.others else None
 
     def judge(self, results: Sequence[Trial | None]) -> list[Trial | None]:
         """Return results, and the median of the passing repeats for failures that do not hold.
@@ -117,37 +114,31 @@ class PointRunner:
         Half of the repeats decide where they agree, otherwise the rest is run as well.
         """
         failures = [one for one in results if one is not None and one.fails]
-        for first, last in ((1, _half(self.others)), (_half(self.others) + 1, self.others)):
-            unclear = [one for one in failures if self.holds(one) is None]
-            self._run_repeats([(one, r) for one in unclear for r in range(first, last + 1)])
+        for times in ((self.others + 1) // 2, self.others):
+            self._run_repeats([one for one in failures if self.holds(one) is None], times)
         return [self._usual(one) for one in results]
 
     def _usual(self, result: Trial | None) -> Trial | None:
         if result is None or self.holds(result) == result.fails:
             return result
-        return median_trial([one for one in self._others_of(result) if not one.fails])
-
-    def _others_of(self, result: Trial) -> list[Trial]:
-        keys = [(result.number, repeat) for repeat in range(1, self.others + 1)]
-        return [self._repeats[key] for key in keys if key in self._repeats]
+        return median_trial([one for one in self._repeats[result.number] if not one.fails])
 
     def repeat(self, result: Trial, times: int) -> list[Trial]:
         """Return so many repeats of a point, with other noise than the first run."""
-        repeats = range(self.repeats, self.repeats + times)
-        self._run_repeats([(result, repeat) for repeat in repeats])
-        return [self._repeats[result.number, repeat] for repeat in repeats]
+        self._run_repeats([result], times)
+        return self._repeats[result.number][:times]
 
-    def _run_repeats(self, repeats: Sequence[tuple[Trial, int]]) -> None:
-        """Run repeats of points that were not run before, a window at a time."""
+    def _run_repeats(self, trials: Sequence[Trial], times: int) -> None:
+        """Run points again until each has so many repeats, a window at a time."""
         window = self.case.task.window
-        new = [(r, repeat) for r, repeat in repeats if (r.number, repeat) not in self._repeats]
+        new = [(one, r) for one in trials for r in range(len(self._repeats[one.number]), times)]
         for start in range(0, len(new), window):
-            batch = [(one, r, self._begin_repeat(one, r)) for one, r in new[start : start + window]]
-            for trial, repeat, position in batch:
-                self._repeats[trial.number, repeat] = self._trial(position)
+            batch = [(one, self._begin_repeat(one, r)) for one, r in new[start : start + window]]
+            for trial, position in batch:
+                self._repeats[trial.number].append(self._trial(position))
 
-    def _begin_repeat(self, trial: Trial, repeat: int) -> int:
-        number, point = trial.number, trial.point
+    def _begin_repeat(self, trial: Trial, index: int) -> int:
+        number, point, repeat = trial.number, trial.point, self.repeats + index
         proposal = Proposal(self.position, number, repeat, "confirm", "repeat", True, point)
         return self.issue(proposal, self.case.candidate(point, number, repeat))
 
@@ -164,8 +155,3 @@ class PointRunner:
         self.executed += not row.cached
         self.reused += bool(row.cached)
         return row
-
-
-def _half(repeats: int) -> int:
-    """Return the least number of repeats that are half of them."""
-    return (repeats + 1) // 2
