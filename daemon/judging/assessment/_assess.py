@@ -37,6 +37,7 @@ from daemon.model.assessments import (
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.words import format_quantity
 
 PairKey: TypeAlias = tuple[str, int, int]
 """What makes two runs a pair: the variant of the floor plan, the repeat, the seed."""
@@ -321,20 +322,16 @@ def _passing_runs(
 
 
 def evidence_text(verdict: Verdict) -> str:
-    """Return a verdict's margin and evidence: ``-0.012 m  t=41.3 s  door_17``."""
-    evidence = verdict.evidence
-    parts = ["" if verdict.margin is None else _quantity(verdict.margin, verdict.unit)]
+    """Return a verdict's margin and evidence: ``−0.012 m  t=41.3 s  door_17``."""
+    evidence, margin = verdict.evidence, verdict.margin
+    parts = ["" if margin is None else format_quantity(margin, verdict.unit, signed=True)]
     parts.append("" if evidence.time is None else f"t={evidence.time:.1f} s")
     parts.extend((evidence.object, evidence.note))
     return "  ".join(part for part in parts if part)
 
 
-def _quantity(value: float, unit: str) -> str:
-    return f"{value:+.3g} {unit}" if unit not in ("", "1") else f"{value:+.3g}"
-
-
 def _unexpected_comparison(cell: ComparisonVerdict) -> UnexpectedVerdict:
-    mean = "" if cell.mean is None else f"  {_quantity(cell.mean, cell.unit)}"
+    mean = "" if cell.mean is None else f"  {format_quantity(cell.mean, cell.unit, signed=True)}"
     return UnexpectedVerdict(
         scenario="",
         sut=cell.sut,
