@@ -88,7 +88,7 @@ def _case(name: str, place: str, result: FinalResult | None, output: str = "") -
     case = TestCase(xml_text(name), xml_text(place))
     if result is not None:
         # GitLab shows the text of the element, not its message.
-        result.text = result.message = xml_text(result.message)
+        result.text = result.message
         case.result = result
     if output:
         case.system_out = xml_text(output)
@@ -129,14 +129,15 @@ def _result(
     # JUnit knows no expectations and no third verdict. As pytest does: what fails as expected is
     # skipped, what passes against expectation fails; inconclusive is an error, so that a build that
     # shows nothing is not green.
+    message, why = xml_text(message), xml_text(cell.why)
     if cell.expected != "pass" and cell.status is ExpectationStatus.MET:
         if cell.verdict is Outcome.PASS:
             return None
-        return Skipped(f"xfail: {cell.why}", "xfail")
+        return Skipped(f"xfail: {why}", "xfail")
     if cell.verdict is Outcome.ERROR:
         return Error(message, "error")
     if cell.expected != "pass" and passed:
-        return Failure(f"expected {cell.expected} ({cell.why}), but {message}", "xpass")
+        return Failure(f"expected {cell.expected} ({why}), but {message}", "xpass")
     if cell.verdict is Outcome.INCONCLUSIVE:
         return Error(message, cell.word)
     return Failure(message, "fail") if cell.verdict is Outcome.FAIL else None
