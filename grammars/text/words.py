@@ -39,13 +39,13 @@ def format_quantity(
     bare = unit in ("", "1")
     # The margin of a strict limit that is met exactly is less than nothing, by nothing.
     zero = abs(value) < (sys.float_info.min * 2 if bare else _ZERO)
-    shown = math.copysign(0.0, value) if zero else value
-    number = f"{shown:{sign}.{digits}g}"
+    rounded = math.copysign(0.0, value) if zero else value
+    number = f"{rounded:{sign}.{digits}g}"
     # The format turns to powers of ten early; up to a million digits are read faster.
     if "e" in number and 1e-4 <= abs(value) < 1e6:
         number = f"{value:{sign}.0f}"
     elif "e-" in number and not bare:
-        number = f"{shown:{sign}.6f}"
+        number = f"{rounded:{sign}.6f}"
     number = number.replace("-", "−")
     return number if bare else f"{number} {unit}"
 

@@ -100,8 +100,8 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
     """
     far = [name for name in named if _is_on_named_daemon(name, target)]
     near = [name for name in named if name not in far]
-    found = _find_local_traces(near, target, hint) if near else ()
-    return (*found, *_fetch_traces(far, target, hint)) if far else found
+    traces = _find_local_traces(near, target, hint) if near else ()
+    return (*traces, *_fetch_traces(far, target, hint)) if far else traces
 
 
 def refuse_other_files(named: Sequence[str], hint: str) -> None:
@@ -122,7 +122,7 @@ def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) ->
     from daemon.analysis.rejudge import find_traces
 
     with wrong_usage(hint):
-        found: dict[Path, None] = {}
+        paths: dict[Path, None] = {}
         for name in named:
             resolved = resolve_recorded(name, target.paths)
             try:
@@ -131,8 +131,8 @@ def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) ->
                 raise ValueError(why_without_traces(resolved, target) or str(error)) from error
             if not names_traces(name):
                 _say_what_is_missing(resolved, len(traces), target)
-            found |= dict.fromkeys(traces)
-        return tuple(found)
+            paths |= dict.fromkeys(traces)
+        return tuple(paths)
 
 
 def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> None:
@@ -159,11 +159,11 @@ def why_without_traces(name: str, target: DaemonTarget) -> str:
     if not target.paths.ledger.is_file():
         return ""
     with LedgerReader.open(target.paths) as ledger, suppress(Refused):
-        found = _find_named(ledger, name)
-        if isinstance(found, RunDetail):
-            campaign = find_campaign(ledger, found.row.campaign)
-            return why_no_trace(found.row, _as_daemon_sees(campaign, target), ledger)
-        return without_traces_text(_as_daemon_sees(found, target))
+        subject = _find_named(ledger, name)
+        if isinstance(subject, RunDetail):
+            campaign = find_campaign(ledger, subject.row.campaign)
+            return why_no_trace(subject.row, _as_daemon_sees(campaign, target), ledger)
+        return without_traces_text(_as_daemon_sees(subject, target))
     return ""
 
 
@@ -196,22 +196,22 @@ def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunRow, .
     from daemon.model.status import RunDetail
 
     try:
-        found = _find_named(daemon, name)
+        subject = _find_named(daemon, name)
     except Refused as error:
         if "." in name:
             raise
         raise Refused(f"{name} is no file and no run: {error}") from error
-    if isinstance(found, RunDetail):
-        if found.row.result is None:
-            campaign = daemon.campaign(found.row.campaign)
-            message = why_no_trace(found.row, campaign, daemon)
+    if isinstance(subject, RunDetail):
+        if subject.row.result is None:
+            campaign = daemon.campaign(subject.row.campaign)
+            message = why_no_trace(subject.row, campaign, daemon)
             raise typer.BadParameter(message, param_hint=hint)
-        return (found.row,)
-    rows = daemon.all_runs(found.id, results=True)
+        return (subject.row,)
+    rows = daemon.all_runs(subject.id, results=True)
     rows = tuple(row for row in rows if row.result is not None)
     if not rows:
-        raise typer.BadParameter(without_traces_text(found), param_hint=hint)
-    _say_progress(found, len(rows))
+        raise typer.BadParameter(without_traces_text(subject), param_hint=hint)
+    _say_progress(subject, len(rows))
     return rows
 
 
@@ -221,9 +221,9 @@ def transfer_progress(total: int) -> Iterator[ByteProgress]:
     from rich.progress import BarColumn, DownloadColumn, TransferSpeedColumn
 
     columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with open_progress(*columns) as shown:
-        task = shown.add_task("", total=total)
-        yield lambda count: shown.advance(task, count)
+    with open_progress(*columns) as progress:
+        task = progress.add_task("", total=total)
+        yield lambda count: progress.advance(task, count)
 
 
 def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
@@ -275,8 +275,8 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
         return name
     try:
         with LedgerReader.open(paths) as ledger:
-            found = _find_named(ledger, name)
-            return found.row.id if isinstance(found, RunDetail) else found.id
+            subject = _find_named(ledger, name)
+            return subject.row.id if isinstance(subject, RunDetail) else subject.id
     except Refused as error:
         # Traces of a campaign the ledger has forgotten may still be there.
         if Path(name).exists() or ("/" not in name and (paths.traces / name).is_dir()):

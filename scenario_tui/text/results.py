@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """Whether a campaign is as expected: ``word`` names its glyph, ``text`` says it shortly."""
+    """Agreement of a campaign with its expectations: ``word`` names its glyph, ``text`` says it."""
 
     word: str
     text: str
@@ -121,8 +121,8 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
         if any(cell.oracles for cell in assessment.cells):
             return SO_FAR_FINE
         # A search that runs has no run between two proposals.
-        begun = "queued" not in states or "running" in states
-        return Conclusion("running" if begun else "queued", NONE_JUDGED)
+        has_begun = "queued" not in states or "running" in states
+        return Conclusion("running" if has_begun else "queued", NONE_JUDGED)
     if code == 4 and "cancelled" in states:
         return Conclusion("cancelled", "cancelled")
     return _CONCLUSIONS[code]
@@ -144,15 +144,15 @@ def overall_conclusion(
     newest: dict[str, CampaignRow] = {}
     for row in campaigns:
         newest.setdefault(row.name, row)
-    found = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
-    if count := sum(one.unexpected for one in found):
+    judgements = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
+    if count := sum(one.unexpected for one in judgements):
         return unexpected_conclusion(count)
     # What was cancelled says nothing more, and must not hide what the others say.
-    found = [one for one in found if one.word != "cancelled"] or found
-    judged = [one for one in found if one.text != NONE_JUDGED]
-    if judged and len(judged) < len(found) and all(one.word == "pass" for one in judged):
+    judgements = [one for one in judgements if one.word != "cancelled"] or judgements
+    judged = [one for one in judgements if one.text != NONE_JUDGED]
+    if judged and len(judged) < len(judgements) and all(one.word == "pass" for one in judged):
         return SO_FAR_FINE
-    return min(found, key=lambda one: SEVERITY.index(one.word), default=None)
+    return min(judgements, key=lambda one: SEVERITY.index(one.word), default=None)
 
 
 def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
@@ -161,9 +161,9 @@ def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
     Of those with the cell's verdict one that is not as expected comes first, then the smallest
     margin: a tight pass is worth seeing.
     """
-    found = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
+    oracles = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
     # False before True: not met before met, with a margin before without.
-    return min(found, key=_interest, default=None)
+    return min(oracles, key=_interest, default=None)
 
 
 def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
