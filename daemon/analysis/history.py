@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Final, TypeAlias
 
+from daemon.batch.errors import Refused
 from daemon.judging.assessment import (
     JudgedCampaign,
     QuantityChange,
@@ -136,9 +137,12 @@ def quantity_words(change: QuantityChange) -> str:
 def read_history(source: CampaignSource, name: str) -> CampaignHistory:
     """Return the history of the campaigns of a name; searches of that name are none.
 
-    Raises :class:`daemon.batch.errors.DaemonError` where a ledger or daemon cannot be asked.
+    Raises :class:`daemon.batch.errors.DaemonError` for a name of searches alone, and where a ledger
+    or daemon cannot be asked.
     """
     rows = [row for row in source.campaign_page(name=name) if not row.search]
+    if not rows:
+        raise Refused(f"{name} is a search, which has no history: see `scenario report {name}`")
     submissions: list[SubmissionRecord] = []
     before: tuple[JudgedCampaign, Setup] | None = None
     for row in sorted(rows, key=lambda row: row.submitted_at):

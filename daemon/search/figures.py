@@ -117,18 +117,18 @@ def space_charts(
     """
     count = len(task.parameters)
     # Of one or two parameters nothing differs but what is drawn: these steps say more.
-    drawn = [one for one in (*trials, *(steps if count <= 2 else ())) if one.value is not None]
-    if not drawn:
+    judged = [one for one in (*trials, *(steps if count <= 2 else ())) if one.value is not None]
+    if not judged:
         return
     if count == 1:
-        yield "", _range_chart(task, drawn, nearest)
+        yield "", _range_chart(task, judged, nearest)
     elif count > MOST_PAIRED:
-        yield "", _parallel_chart(task, drawn, nearest)
+        yield "", _parallel_chart(task, judged, nearest)
     else:
         names = [task.short_name(parameter.name) for parameter in task.parameters]
         for x, y in combinations(range(count), 2):
             caption = "" if count == 2 else f"{names[y]} over {names[x]}"
-            yield caption, _pair_chart(task, drawn, nearest, (x, y))
+            yield caption, _pair_chart(task, judged, nearest, (x, y))
 
 
 def _range_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | None) -> Chart:
@@ -173,15 +173,16 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
     """
     passing = [one for one in trials if not one.fails]
     passing = passing[:: max(1, math.ceil(len(passing) / MOST_LINES))]
-    drawn = [*passing, *(one for one in trials if one.fails)]
+    lines = [*passing, *(one for one in trials if one.fails)]
     count = len(task.parameters)
-    kept = " && ".join(
+    in_brush = " && ".join(
         f"(brush.axis[0] > {i} || brush.axis[1] < {i} || inrange(datum.p{i}, brush.share))"
         for i in range(count)
     )
-    opacity = {"test": f"!isValid(brush.axis) || ({kept})", "value": 0.6}
-    lines = {
-        "data": table({**_columns(task, drawn), **_heights(task, [one.point for one in drawn])}, 3),
+    opacity = {"test": f"!isValid(brush.axis) || ({in_brush})", "value": 0.6}
+    heights = _heights(task, [one.point for one in lines])
+    ways = {
+        "data": table({**_columns(task, lines), **heights}, 3),
         "transform": _folded(count),
         "params": [{"name": "brush", "select": "interval"}],
         "mark": "line",
@@ -216,20 +217,20 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
         "x": _quantity("axis", scale=limits, axis=axis),
         "y": _quantity("share", scale={"domain": [-0.08, 1.08], "nice": False}, axis=None),
     }
-    return {"width": _WIDTH, "height": 240, "encoding": across, "layer": [lines, *marked]}
+    return {"width": _WIDTH, "height": 240, "encoding": across, "layer": [ways, *marked]}
 
 
 def influence_chart(task: SearchTask, answer: SearchAnswer) -> Chart | None:
     """Return a bar for each parameter, the strongest first; ``None`` without any."""
-    shown = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
-    if not shown:
+    ordered = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
+    if not ordered:
         return None
-    names = [task.short_name(one.parameter) for one in shown]
+    names = [task.short_name(one.parameter) for one in ordered]
     columns: dict[str, Sequence[Any]] = {
         "name": names,
-        "correlation": [one.correlation for one in shown],
-        "words": [minus(f"{one.correlation:+.2f}") for one in shown],
-        "group": [_influence_group(task, one) for one in shown],
+        "correlation": [one.correlation for one in ordered],
+        "words": [minus(f"{one.correlation:+.2f}") for one in ordered],
+        "group": [_influence_group(task, one) for one in ordered],
     }
     groups = {
         "larger values fail": "var(--second)",
@@ -254,7 +255,7 @@ def influence_chart(task: SearchTask, answer: SearchAnswer) -> Chart | None:
     axis = {"domain": False, "labelColor": "var(--ink)", "labelLimit": 220}
     return {
         "width": 300,
-        "height": 17 * len(shown),
+        "height": 17 * len(ordered),
         # Words may be wider for the reader than where the chart is drawn.
         "padding": {"left": 16, "right": 16, "top": 2, "bottom": 2},
         "data": table(columns),
@@ -363,9 +364,8 @@ def _folded(count: int) -> list[dict[str, Any]]:
 
 def _marked_points(task: SearchTask, nearest: Point | None) -> Iterator[tuple[Point, str, str]]:
     """Yield the scenario as written and the nearest failure, each with its colour and its name."""
-    written = written_point(task)
-    if written is not None:
-        yield written, "ink", "as written"
+    if (point := written_point(task)) is not None:
+        yield point, "ink", "as written"
     if nearest is not None:
         yield nearest, "near", "nearest failure"
 

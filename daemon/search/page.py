@@ -47,9 +47,9 @@ def search_page(
     trials = point_trials(task, proposals)
     steps = point_trials(task, proposals, "nearest")
     charts = list(_charts(row, trials, steps, point_trials(task, baseline)))
-    drawn = draw_charts([chart for _, _, chart in charts]) if charts else []
+    drawings = draw_charts([chart for _, _, chart in charts]) if charts else []
     figures: dict[str, list[tuple[str, Markup]]] = {kind: [] for kind in _LABELS}
-    for (kind, caption, chart), svg in zip(charts, drawn, strict=True):
+    for (kind, caption, chart), svg in zip(charts, drawings, strict=True):
         label = f"{_LABELS[kind]}{f', {caption}' if caption else ''}"
         figures[kind].append((caption, chart_figure(chart, svg, label)))
     shown = answer.shown if answer is not None else None

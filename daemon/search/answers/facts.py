@@ -43,10 +43,10 @@ def make_answer(
     shrunk: ShrunkScenario | None = None,
     holding: Sequence[bool] = (),
 ) -> SearchAnswer:
-    """Return the answer of a search that has learnt these points, sentences included.
+    """Return the answer of a search by the points it has explored, sentences included.
 
-    ``holding`` says of each explored failure that was repeated whether most noises confirm it.
-    The text of the found scenario is not in it: it is written in the end.
+    ``holding`` says of each repeated failure whether most noises confirm it. The text of the found
+    scenario is added at the end.
     """
     outcomes = Counter(trial.outcome for trial in explored)
     judged = [
@@ -106,8 +106,8 @@ def unsought_failures(trials: Sequence[Trial]) -> tuple[UnsoughtFailure, ...]:
     for trial in trials:
         for oracle in trial.unsought:
             before = failures.get(oracle, UnsoughtFailure(oracle, 0, False))
-            written = before.as_written or trial.is_written
-            failures[oracle] = UnsoughtFailure(oracle, before.runs + 1, written)
+            as_written = before.as_written or trial.is_written
+            failures[oracle] = UnsoughtFailure(oracle, before.runs + 1, as_written)
     return tuple(failures.values())
 
 
@@ -128,7 +128,7 @@ def parameter_influence(task: SearchTask, trials: Sequence[Trial]) -> tuple[Infl
     if len(pairs) < _FEWEST:
         return ()
     margins = np.array([value for _, value in pairs])
-    found = []
+    influence = []
     for index, parameter in enumerate(task.parameters):
         values = [point[index] for point, _ in pairs]
         numbers = [value for value in values if not isinstance(value, str)]
@@ -136,8 +136,8 @@ def parameter_influence(task: SearchTask, trials: Sequence[Trial]) -> tuple[Infl
             correlation = correlation_ratio(values, margins)
         else:
             correlation = rank_correlation(np.array(numbers), margins)
-        found.append(Influence(parameter.name, correlation, len(pairs)))
-    return tuple(found)
+        influence.append(Influence(parameter.name, correlation, len(pairs)))
+    return tuple(influence)
 
 
 def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]) -> float:

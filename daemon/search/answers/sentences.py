@@ -16,7 +16,7 @@ from daemon.judging.statistics import (
     proportion_interval,
 )
 from daemon.model.proposals import Phase
-from daemon.model.search import Point, SearchTask
+from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
     Finding,
@@ -59,15 +59,14 @@ def search_word(row: SearchRow) -> str:
 
 def phase_words(row: SearchRow) -> str:
     """Return what a search is doing, or why it stopped."""
-    if row.state == "running":
-        return PHASES[row.phase]
-    if row.state == "waiting":
-        return "waiting for somebody to go on with it"
-    if row.state == "failed":
-        return "it could not go on"
-    if row.state == "cancelled":
-        return "it was cancelled"
-    return ending_words(row.task, row.answer.ended if row.answer else "") or "ended"
+    words = {
+        "running": PHASES[row.phase],
+        "waiting": "waiting for somebody to go on with it",
+        "failed": "it could not go on",
+        "cancelled": "it was cancelled",
+    }
+    ended = row.answer.ended if row.answer else ""
+    return words.get(row.state) or ending_words(row.task, ended) or "ended"
 
 
 def headline(row: SearchRow) -> str:
@@ -104,45 +103,41 @@ def failure_sentence(task: SearchTask, failure: Trial, confirmed: Confirmation |
     else:
         often = f" once and in none of {count_noun(confirmed.runs, 'repeat')}"
         end = ": not reproduced"
-    how = changes_text(task, failure.point)
-    how = f" {how}" if how == AS_WRITTEN else f" with {how}"
-    return f"{oracle} fails{often}{how}{_in_brackets(failure)}{end}"
+    changes = changes_text(task, failure.point)
+    return f"{oracle} fails{often} {changes}{_in_brackets(failure)}{end}"
 
 
 def changes_text(task: SearchTask, point: Point) -> str:
-    """Return the values that are not as written beside the written ones, the largest change first.
+    """Return which values are not as written, the largest change first; of many only some.
 
-    ``kitchen_opens 8.54 s instead of 8 s``; of many only some are named.
+    ``with kitchen_opens 8.54 s instead of 8 s``, or ``as written``.
     """
-    changes = [
-        (-change_size(parameter, value), index)
-        for index, (parameter, value) in enumerate(zip(task.parameters, point, strict=True))
-        if not is_as_written(parameter, value)
-    ]
-    words = [_change_text(task, point, index) for _, index in sorted(changes)]
+    changes = []
+    for parameter, value in zip(task.parameters, point, strict=True):
+        if not is_as_written(parameter, value):
+            written = "" if parameter.written is None else parameter.shown(parameter.written)
+            text = f"{_value_words(task, parameter, value)}{written and f' instead of {written}'}"
+            changes.append((change_size(parameter, value), text))
+    words = [text for _, text in sorted(changes, key=lambda one: -one[0])]
     if len(words) > _MOST_NAMED + 1:
         words = [*words[:_MOST_NAMED], f"{len(words) - _MOST_NAMED} more"]
-    return enumerate_words(words) if words else AS_WRITTEN
-
-
-def _change_text(task: SearchTask, point: Point, index: int) -> str:
-    parameter = task.parameters[index]
-    words = f"{task.short_name(parameter.name)} {parameter.shown(point[index])}"
-    if parameter.written is None:
-        return words
-    return f"{words} instead of {parameter.shown(parameter.written)}"
+    return f"with {enumerate_words(words)}" if words else AS_WRITTEN
 
 
 def point_words(task: SearchTask, point: Point, most: int = 4) -> str:
     """Return the values of a point that are not as written, at most so many of them."""
     words = [
-        f"{task.short_name(parameter.name)} {parameter.shown(value)}"
+        _value_words(task, parameter, value)
         for parameter, value in zip(task.parameters, point, strict=True)
         if not is_as_written(parameter, value)
     ]
     more = len(words) - most
-    told = ", ".join(words[:most]) or AS_WRITTEN
-    return f"{told} and {more} more" if more > 0 else told
+    named = ", ".join(words[:most]) or AS_WRITTEN
+    return f"{named} and {more} more" if more > 0 else named
+
+
+def _value_words(task: SearchTask, parameter: SearchParameter, value: PointValue) -> str:
+    return f"{task.short_name(parameter.name)} {parameter.shown(value)}"
 
 
 def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
@@ -167,10 +162,12 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
 
 def _repeats(answer: SearchAnswer) -> Iterator[str]:
     """Tell what the repeats are worth: the bounds of the rate, and how many failures hold."""
-    if answer.told_confirmation is not None:
-        yield f"with other noise it {_rate_words(answer.told_confirmation)}"
-    first, told = answer.first, answer.told_failure
-    if answer.confirmed is not None and first is not None and first.point != (told or first).point:
+    rate = answer.told_confirmation
+    if rate is not None:
+        bounds = f"{cut_percentage(rate.low)} to {percentage(rate.high)}"
+        yield f"with other noise it fails in {bounds} of runs, with 95 % certainty"
+    first, failure = answer.first, answer.told_failure
+    if answer.confirmed and first and failure and first.point != failure.point:
         often = f"in {answer.confirmed.failed} of {count_noun(answer.confirmed.runs, 'repeat')}"
         yield f"the first failure, run {first.number}, fails {often}"
     if answer.repeated > 1:
@@ -179,17 +176,10 @@ def _repeats(answer: SearchAnswer) -> Iterator[str]:
         yield f"of {answer.repeated} failures that were repeated {holding} {verb} with most noises"
 
 
-def _rate_words(confirmed: Confirmation) -> str:
-    """Return ``fails in 47.8 % to 100 % of runs, with 95 % certainty``."""
-    low, high = cut_percentage(confirmed.low), percentage(confirmed.high)
-    return f"fails in {low} to {high} of runs, with 95 % certainty"
-
-
 def _nearest(task: SearchTask, nearest: NearestFailure) -> Iterator[str]:
     passes = nearest.passes
     if passes is not None:
-        how = changes_text(task, passes.point)
-        yield f"it passes {how if how == AS_WRITTEN else f'with {how}'}{_in_brackets(passes)}"
+        yield f"it passes {changes_text(task, passes.point)}{_in_brackets(passes)}"
     if not nearest.complete:
         runs = count_noun(nearest.runs, "run")
         yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
@@ -221,18 +211,18 @@ def _unsought(answer: SearchAnswer) -> Iterator[str]:
 
 def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     """Say how much of the space fails: runs that were guided prove nothing about that."""
-    drawn, failed = answer.space_filling, answer.space_filling_failed
-    if drawn == 0:
+    runs, failed = answer.space_filling, answer.space_filling_failed
+    if runs == 0:
         yield "no run was drawn without looking at results: how much fails is not known"
     elif failed == 0:
         yield (
-            f"{drawn} of the runs {'is' if drawn == 1 else 'are'} {task.drawn_word}: with 95 % "
-            f"certainty less than {percentage(at_most(failed, drawn))} of the space fails"
+            f"{runs} of the runs {'is' if runs == 1 else 'are'} {task.drawn_word}: with 95 % "
+            f"certainty less than {percentage(at_most(failed, runs))} of the space fails"
         )
     else:
-        low, high = proportion_interval(failed, drawn)
+        low, high = proportion_interval(failed, runs)
         yield (
-            f"{failed} of {drawn} {task.drawn_word} runs {'fails' if failed == 1 else 'fail'}: "
+            f"{failed} of {runs} {task.drawn_word} runs {'fails' if failed == 1 else 'fail'}: "
             f"with 95 % certainty {cut_percentage(low)} to {percentage(high)} of the space"
         )
 

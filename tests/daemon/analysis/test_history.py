@@ -63,9 +63,9 @@ class History:
                 done = ("w", grant.run, grant.attempt, grant.token)
                 self._book.complete(Completion(*done, result), self._now)
 
-    def search(self, campaign):
-        """Enter a search that has the name of the campaign."""
-        self._book.begin_search(replace(make_search(campaign), name="demo"), self._now)
+    def search(self, campaign, name):
+        """Enter a search."""
+        self._book.begin_search(replace(make_search(campaign), name=name), self._now)
 
     def close(self):
         self._connection.close()
@@ -95,7 +95,8 @@ def ledger(tmp_path, monkeypatch):
         origin=origin("b" * 40, digest="2" * 64),
         declared=AssessmentRules(RepeatPolicy(n=REPEATS, rule="rate", rate=0.9)),
     )
-    history.search("demo-search-4")
+    history.search("demo-search-4", "demo")
+    history.search("doors-5", "doors")
     yield history.places
     history.close()
 
@@ -189,4 +190,6 @@ def test_the_command_writes_page_and_json(ledger, capsys, name):
 def test_a_name_that_nobody_submitted_is_refused_with_what_there_is(ledger, capsys):
     assert invoke(["report", "dmeo", "--history"]) == 2
     assert "demo" in capsys.readouterr().err.partition("dmeo")[2]
+    assert invoke(["report", "doors", "--history"]) == 2
+    assert "doors is a search" in capsys.readouterr().err
     assert invoke(["report", "demo", "--history", "--csv", "a.csv"]) == 2

@@ -198,14 +198,14 @@ def test_the_largest_change_is_told_first_and_of_many_only_some():
         parameter("doors.trigger", "m", None),
         replace(parameter("doors.leading", "", "one"), choices=("one", "two")),
     )
-    assert changes_text(task, (8.0, 0.0, 1.5, "one")) == "trigger 1.5 m"
+    assert changes_text(task, (8.0, 0.0, 1.5, "one")) == "with trigger 1.5 m"
     assert changes_text(task, (8.54, -12.0, 1.5, "two")) == (
-        "leading two instead of one, start.y −12 m instead of 0 m, "
+        "with leading two instead of one, start.y −12 m instead of 0 m, "
         "kitchen_opens 8.54 s instead of 8 s and trigger 1.5 m"
     )
     many = make_task(*(seconds(f"doors.t{i}", 5.0) for i in range(6)))
     assert changes_text(many, (5.1, 5.2, 5.3, 5.4, 5.5, 5.0)) == (
-        "t4 5.5 s instead of 5 s, t3 5.4 s instead of 5 s, t2 5.3 s instead of 5 s and 2 more"
+        "with t4 5.5 s instead of 5 s, t3 5.4 s instead of 5 s, t2 5.3 s instead of 5 s and 2 more"
     )
     assert point_words(many, (9.0,) * 6, most=2) == "t0 9 s, t1 9 s and 4 more"
     assert changes_text(many, (5.0,) * 6) == point_words(many, (5.0,) * 6) == "as written"
