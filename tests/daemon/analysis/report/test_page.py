@@ -85,11 +85,6 @@ def test_systems_that_are_not_repeatable_are_marked(data, page):
     assert marked.count("(not repeatable)") == 1
 
 
-def test_the_head_answers_in_one_line(tree):
-    (line,) = [e for e in elements(tree, "p") if e.get("class") == "answer"]
-    assert words(line) == "No. 1 of 14 verdicts is not as expected."
-
-
 def test_nothing_is_fetched(page, tree):
     tags = {str(e.tag).rpartition("}")[2] for e in tree.iter()}
     assert not tags & {"link", "iframe", "object", "embed", "form", "base"}
@@ -132,11 +127,6 @@ def test_everything_from_files_is_escaped(page, tree):
     assert NAME in shown
     assert ABOUT in shown
     assert WHY in words(section(tree, "matrix"))
-
-
-def test_names_with_dollars_are_no_formulas(tree):
-    drawn = [words(e) for e in tree.iter() if str(e.tag).endswith("}text")]
-    assert OPEN_SHOWN in drawn
 
 
 def test_identifiers_are_unique_and_references_lead_somewhere(page, tree):
@@ -238,13 +228,6 @@ def test_what_fails_comes_with_evidence_and_commands(data, tree):
     assert f"known: {WHY}" in known
 
 
-def test_comparisons_have_their_bounds(data, tree):
-    shown = words(section(tree, "comparisons"))
-    for cell in data.assessment.comparisons:
-        assert format_quantity(cell.mean, "s", signed=True) in shown
-        assert format_quantity(cell.limit, "s") in shown
-
-
 def test_the_same_runs_give_the_same_page(data, page):
     again = write_page(
         data, (SuggestedCommand("scenario judge {run}", "judge it again"),), processes=2
@@ -342,22 +325,11 @@ def test_the_building_is_there_small_and_with_its_names(tree):
     assert 0 < lines[0] <= lines[1]
 
 
-def moments(tree):
-    figures = [e for e in tree.iter() if str(e.tag).endswith("}svg")]
-    return [e for e in figures if str(e.get("aria-label")).startswith("The moment that decides")]
-
-
-def test_each_failure_has_a_still_of_its_moment(page, tree):
-    found = moments(tree)
-    assert len(found) >= 2
-    for figure in found:
-        (caption,) = [words(e[0]) for e in elements(tree, "figure") if figure in list(e.iter())]
+def test_each_failure_has_a_picture_of_its_moment(tree):
+    captions = [words(e[0]) for e in elements(tree, "figure") if e.get("class") == "moment"]
+    assert len(captions) >= 2
+    for caption in captions:
         assert re.match(r"repeat \d+, the seconds before (the end|[\d.]+ s)", caption)
-    drawn = re.findall(
-        r"<svg class=\"map\"(?:(?!</svg>).)*The moment that.*?</svg>", page, re.DOTALL
-    )
-    assert max(len(figure.encode()) for figure in drawn) < 60_000
-    assert "<animate" not in page
 
 
 def test_what_figures_share_is_read_once_for_all_of_them(data, monkeypatch):
@@ -427,7 +399,7 @@ def test_figures_are_written_as_vector_files_too(data, tmp_path):
     assert all((tmp_path / "made" / file).read_bytes().startswith(b"%PDF") for file in files)
 
 
-def test_intervals_of_comparisons_are_two_sided(data, tree):
+def test_comparisons_have_two_sided_intervals_and_limits(data, tree):
     shown = words(section(tree, "comparisons"))
     for cell in data.assessment.comparisons:
         assert cell.interval is not None
@@ -435,6 +407,8 @@ def test_intervals_of_comparisons_are_two_sided(data, tree):
         assert cell.interval[0] <= cell.low
         low, high = (format_quantity(bound, signed=True) for bound in cell.interval)
         assert f"{low} to {high} s" in shown
+        assert format_quantity(cell.mean, "s", signed=True) in shown
+        assert format_quantity(cell.limit, "s") in shown
     assert "two-sided, 95 % confidence" in words(section(tree, "matrix"))
 
 
