@@ -46,6 +46,8 @@ from templates.report import render_report
 
 _FEW: Final = 5
 """Repeats of a finding that are shown at once: the gravest."""
+_MOST_LISTED: Final = 50
+"""Repeats listed for each verdict: 250 bytes each, for every oracle of every run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,7 @@ def write_page(
         runs=data.runs,
         buffer=data.buffer,
         few=_FEW,
+        most_listed=_MOST_LISTED,
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
         honest=_strongest_claim(assessment),
