@@ -123,12 +123,12 @@ def _find_case(run: list[str], state: State, campaign: Path | None) -> tuple[Run
     try:
         words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
         return find_case(words, paths, campaign)
-    except InputError:
-        # It names the line of a file, and is a ValueError as well; the others are about the words.
-        raise
     except ValueError as error:
         name = words[0] if words else ""
         message = _about_search(name, paths)
+        if isinstance(error, InputError) and not message:
+            # It names the line of a file; the others are about the words.
+            raise
         if not message and len(words) == 1 and not _has_traces(name, paths):
             message = why_without_traces(name, DaemonTarget(state=state))
         message = message or str(error)

@@ -41,7 +41,7 @@ def test_what_is_found_says_the_same_on_its_own(place):
         assert search["state"] == "finished"
         assert search["answer"]["explored"] == len(body["proposals"]) == 3
         found = load_campaign(place / body["written"]["found"])
-        assert [run.digest for run in expand(found).specs] == [search["answer"]["best"]["digest"]]
+        assert [run.digest for run in expand(found).specs] == [search["answer"]["first"]["digest"]]
         again = call_here("search", file, "--detach", state=state, cwd=place)
         assert (again.returncode, "is known already" in again.stderr) == (0, True)
         standing = call_here("status", "--json", state=state, cwd=place)
