@@ -123,9 +123,9 @@ def _find_case(run: list[str], state: State, campaign: Path | None) -> tuple[Run
     try:
         words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
         return find_case(words, paths, campaign)
-    except ValueError as error:
+    except (InputError, ValueError) as error:
         name = words[0] if words else ""
-        message = _about_search(name, paths)
+        message = _about_search(run[0], paths)
         if isinstance(error, InputError) and not message:
             # It names the line of a file; the others are about the words.
             raise
