@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 SOURCES = (
     *sorted((ROOT / "grammars" / "preflight").glob("_*.py")),
     ROOT / "daemon" / "campaign" / "_findings.py",
-    ROOT / "daemon" / "search" / "preparation" / "checks.py",
+    ROOT / "daemon" / "search" / "preparation.py",
 )
 # Some of their messages are on the page, besides those of what cannot be read at all.
 SHARED = (

@@ -35,8 +35,8 @@ _MOST_TRIES: Final = 10_000
 """Points in a row that are drawn in vain before a space counts as exhausted."""
 _DRAWN: Final = 128
 """Places that TPE draws for each that it proposes. Of optuna's own 24 few lie near the good results
-where a dozen parameters vary: with 128 the search of the demonstration found 22 and 12 failures in
-60 runs with two seeds, with 24 of them 9 and 10.
+where a dozen parameters vary: over a narrow failing region 60 runs found 14.0 failures with 128 and
+9.5 with 24, the mean of 24 searches.
 """
 _DRAWN_FEW: Final = 24
 _MANY_RESULTS: Final = 500

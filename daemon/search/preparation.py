@@ -103,13 +103,12 @@ def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:
         return next(iter(tasks.values()))
     if name in tasks:
         return tasks[name]
+    place = Where(str(path))
     if not tasks:
-        raise InputError(Diagnostic(Where(str(path)), "has no searches", _EXAMPLE))
-    names = ", ".join(tasks)
+        raise InputError.at(place, "has no searches", _EXAMPLE)
     if not name:
-        raise InputError(Diagnostic(Where(str(path)), "has several searches", f"name one: {names}"))
-    hint = did_you_mean(name, tasks)
-    raise InputError(Diagnostic(Where(str(path)), f'has no search "{name}"', hint))
+        raise InputError.at(place, "has several searches", f"name one: {', '.join(tasks)}")
+    raise InputError.at(place, f'has no search "{name}"', did_you_mean(name, tasks))
 
 
 def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
@@ -153,7 +152,7 @@ class _SearchCheck:
 
     def _constraint_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
         name, texts = self.case.task.name, ", ".join(self.case.task.constraints)
-        warn = partial(self._finding, severity=Severity.WARNING)
+        doubt = partial(self._finding, severity=Severity.WARNING)
         # With a seed of its own: findings do not depend on that of the search.
         draws = np.random.default_rng(0).random((_DRAWN, space.dimensions))
         count = sum(space.allowed(space.at(draw)) for draw in draws)
@@ -163,10 +162,10 @@ class _SearchCheck:
             return
         if count < _RARE:
             message = f"{name}: of {_DRAWN} points {count} keep to such that"
-            yield warn(message, "narrow the ranges", "such that")
+            yield doubt(message, "narrow the ranges", "such that")
         if space.written is not None and not space.allowed(space.written):
             message = f"{name}: the scenario as written does not keep to such that: {texts}"
-            yield warn(message, "it is the first run all the same", "such that")
+            yield doubt(message, "it is the first run all the same", "such that")
 
     def _point_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
         """Yield an error for each value that makes no run."""
@@ -177,7 +176,8 @@ class _SearchCheck:
             base_cell = self.case.cell_at(base, 0, 0)
         except InputError as error:
             words = _first(error.diagnostics)
-            yield self._finding(f"{task.name}: the scenario as written makes no run: {words}", "")
+            message = f"{task.name}: the scenario as written makes no run: {words}"
+            yield self._finding(message, "")
             return
         # Problems of the scenario as it stands are reported once, not of every value.
         reported = frozenset(_errors(base_cell))
