@@ -93,8 +93,15 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
     for panel in panels:
         axis = {"labelAngle": -30} if panel is panels[-1] else {"labels": False}
         panel["encoding"]["x"] = {**x, "axis": axis}
-    own = {"scale": {"color": "independent"}}
-    return {"data": table(columns), "vconcat": panels, "spacing": 8, "resolve": own}
+    # An entry of the legend that is clicked is shown alone, in all panels.
+    select = {"type": "point", "fields": ["oracle"]}
+    return {
+        "data": table(columns),
+        "params": [{"name": "shown", "select": select, "bind": "legend", "views": ["pass rate"]}],
+        "vconcat": panels,
+        "spacing": 8,
+        "resolve": {"scale": {"color": "independent"}},
+    }
 
 
 def _colour(field: str, colours: dict[str, str]) -> Chart:
@@ -110,9 +117,12 @@ def _panel(title: str, field: str, ends: tuple[str, str], hover: str, colour: Ch
         "mark": {"type": "rule", "strokeWidth": 3, "opacity": 0.3},
         "encoding": {"y": {**value, "field": ends[0]}, "y2": {"field": ends[1]}},
     }
+    has_oracles = colour["field"] == "oracle"
+    opacity = {"condition": {"param": "shown", "value": 1}, "value": 0.1}
     line = {
+        "name": title,
         "mark": {"type": "line", "point": {"size": 26}, "strokeWidth": 1.3},
-        "encoding": {"y": value, "tooltip": words},
+        "encoding": {"y": value, "tooltip": words, **({"opacity": opacity} if has_oracles else {})},
     }
     return {"width": _WIDTH, "height": 80, "encoding": {"color": colour}, "layer": [bars, line]}
 

@@ -166,13 +166,31 @@ def test_the_page_has_a_chart_for_each_cell_and_nothing_of_what_names_do(history
     assert history_page(replace(history, submissions=history.submissions[:1]))
 
 
+LEGEND_ENTRY = """(() => {
+  const box = [...document.querySelectorAll("#cells .live .role-legend-label text")]
+    .find((text) => text.textContent === "clear").getBoundingClientRect();
+  return [box.x + box.width / 2, box.y + box.height / 2];
+})()"""
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
-def test_charts_come_alive_and_nothing_is_wider_than_a_phone(history, tmp_path):
+def test_an_oracle_that_is_clicked_in_the_legend_is_shown_alone(history, tmp_path):
+    newest = history.submissions[-1]
+    clear = [replace(one, oracle="clear", unit="m") for one in newest.oracles]
+    submission = replace(newest, oracles=(*newest.oracles, *clear))
     file = tmp_path / "history.html"
-    file.write_text(history_page(history), encoding="utf-8")
+    file.write_text(history_page(replace(history, submissions=(submission,) * 2)), "utf-8")
+    faded = "document.querySelectorAll('#cells figure:first-of-type [opacity=\"0.1\"]').length"
     with chromium_page(file, tmp_path, width=500) as page:
+        page.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
         page.evaluate("document.querySelector('#cells').scrollIntoView()")
-        assert page.wait("document.querySelectorAll('#cells .live .mark-line path').length") > 2
+        page.wait("document.querySelectorAll('#cells .live .mark-line path').length")
+        assert page.evaluate(faded) == 0
+        x, y = page.evaluate(LEGEND_ENTRY)
+        page.point("Moved", x, y)
+        page.point("Pressed", x, y, held=True)
+        page.point("Released", x, y, held=True)
+        assert page.wait(faded) > 0
         assert page.evaluate("document.documentElement.scrollWidth") <= 500
         assert page.problems == []
 

@@ -247,7 +247,7 @@ def test_an_area_brushed_over_an_axis_keeps_the_runs_that_lie_in_it(search, tmp_
     with chromium_page(file, tmp_path, width=width) as page:
         page.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
         page.evaluate("document.querySelector('#space .chart').scrollIntoView()")
-        page.wait("document.querySelector('#space .live .mark-line')")
+        page.wait("document.querySelectorAll('#space .live .mark-line').length")
         assert page.evaluate(FADED) == 0
         left, top, high = page.evaluate(FIRST_AXIS)
         start, end = (left - 8, top + 0.3 * high), (left + 8, top + 0.5 * high)
