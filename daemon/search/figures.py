@@ -1,4 +1,4 @@
-"""Figures of a search as charts: margins over its runs, where it fails, and which values decide."""
+"""Figures of a search as charts: margins over its runs, and where it fails."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any, Final
 
 from daemon.analysis.charts import Chart, table
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
-from daemon.model.search_answer import Influence, SearchAnswer
 from daemon.model.trials import Trial, smallest_so_far
-from daemon.search.answers.sentences import is_by_chance, margin_words, minus, point_words
+from daemon.search.answers.sentences import margin_words, point_words
 from daemon.search.points import position_in_range, range_text, written_point
 
 MOST_PAIRED: Final = 4
@@ -25,7 +24,6 @@ Harrower, 2003). Half of it is below zero."""
 _WIDTH: Final = 620
 """Width of a chart over the whole page [px]."""
 _CROSS: Final = "M-.9,-.9L.9,.9M-.9,.9L.9,-.9"
-_BY_CHANCE: Final = "no more than chance"
 _OUTSIDE: Final = 0.06
 """How far beyond its range a written value is drawn, as a share of the range."""
 _HOVER: Final = [{"field": "run"}, {"field": "words", "title": "margin"}, {"field": "point"}]
@@ -67,29 +65,25 @@ def margins_chart(task: SearchTask, trials: Sequence[Trial], baseline: Sequence[
     runs = _quantity("run", scale={"domain": [-0.5, max(last, 1)]})
     courses = _courses({name: unguided, "smallest so far": trials}, last)
     line = {"type": "line", "interpolate": "step-after", "strokeWidth": 1.4}
-    looks = {
-        "color": _scale("of", {"smallest so far": "var(--ink)", name: "var(--second)"}),
-        "strokeDash": _scale("of", {"smallest so far": [1, 0], name: [5, 3]}),
-    }
-    smallest = {"data": courses, "mark": line, "encoding": {"y": _quantity("smallest"), **looks}}
+    colour = _scale("of", {"smallest so far": "var(--ink)", name: "var(--second)"})
+    smallest = {"y": _quantity("smallest"), "color": colour}
     above = {
         "width": _WIDTH,
         "height": 190,
         "encoding": {"x": {**runs, "axis": {"labels": False, "title": None}}},
-        "layer": [_zero(), smallest, dots],
+        "layer": [_zero(), {"data": courses, "mark": line, "encoding": smallest}, dots],
     }
     top = max(1, sum(one.fails for one in trials), sum(one.fails for one in baseline))
     failures = {"x": runs, "y": _quantity("failures", axis={"values": [0, top]})}
-    unnamed = {channel: {**look, "legend": None} for channel, look in looks.items()}
     below = {
         "width": _WIDTH,
         "height": 70,
         "data": courses,
         "mark": line,
-        "encoding": {**failures, **unnamed},
+        "encoding": {**failures, "color": {**colour, "legend": None}},
     }
     # Otherwise the lower panel, which names no lines again, would silence the upper one.
-    own = {"legend": {"color": "independent", "strokeDash": "independent"}}
+    own = {"legend": {"color": "independent"}}
     return {"vconcat": [above, below], "spacing": 6, "resolve": own}
 
 
@@ -218,56 +212,6 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
         "y": _quantity("share", scale={"domain": [-0.08, 1.08], "nice": False}, axis=None),
     }
     return {"width": _WIDTH, "height": 240, "encoding": across, "layer": [ways, *marked]}
-
-
-def influence_chart(task: SearchTask, answer: SearchAnswer) -> Chart | None:
-    """Return a bar for each parameter, the strongest first; ``None`` without any."""
-    ordered = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
-    if not ordered:
-        return None
-    names = [task.short_name(one.parameter) for one in ordered]
-    columns: dict[str, Sequence[Any]] = {
-        "name": names,
-        "correlation": [one.correlation for one in ordered],
-        "words": [minus(f"{one.correlation:+.2f}") for one in ordered],
-        "group": [_influence_group(task, one) for one in ordered],
-    }
-    groups = {
-        "larger values fail": "var(--second)",
-        "larger values pass": "var(--line)",
-        _BY_CHANCE: "var(--wall)",
-    }
-    correlation = _quantity(
-        "correlation",
-        title="rank correlation with the margin",
-        scale={"domain": [-1, 1]},
-        axis={"values": [-1, -0.5, 0, 0.5, 1]},
-    )
-    bars = {
-        "params": [_legend_filter("group")],
-        "mark": {"type": "bar", "height": 9},
-        "encoding": {"x": correlation, "color": _scale("group", groups), "opacity": _kept(1)},
-    }
-    words = {
-        "mark": {"type": "text", "align": "left", "dx": 6},
-        "encoding": {"x": {"datum": 1}, "text": {"field": "words", "type": "nominal"}},
-    }
-    axis = {"domain": False, "labelColor": "var(--ink)", "labelLimit": 220}
-    return {
-        "width": 300,
-        "height": 17 * len(ordered),
-        # Words may be wider for the reader than where the chart is drawn.
-        "padding": {"left": 16, "right": 16, "top": 2, "bottom": 2},
-        "data": table(columns),
-        "encoding": {"y": {"field": "name", "sort": names, "title": None, "axis": axis}},
-        "layer": [bars, words],
-    }
-
-
-def _influence_group(task: SearchTask, influence: Influence) -> str:
-    if is_by_chance(task, influence):
-        return _BY_CHANCE
-    return "larger values pass" if influence.correlation > 0.0 else "larger values fail"
 
 
 def _columns(task: SearchTask, trials: Sequence[Trial]) -> dict[str, list[Any]]:

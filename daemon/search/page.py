@@ -13,13 +13,19 @@ from markupsafe import Markup
 from daemon.analysis.charts import Chart, chart_figure, draw_charts, page_script
 from daemon.analysis.report import GLYPHS
 from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way
-from daemon.model.search import PointValue, SearchParameter
 from daemon.model.search_answer import SearchAnswer, SearchRow
 from daemon.model.spec import own_version
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials
-from daemon.search.answers.sentences import headline, phase_words, point_words, search_word
-from daemon.search.figures import MOST_LINES, influence_chart, margins_chart, space_charts
+from daemon.search.answers.sentences import (
+    headline,
+    is_by_chance,
+    minus,
+    phase_words,
+    point_words,
+    search_word,
+)
+from daemon.search.figures import MOST_LINES, margins_chart, space_charts
 from daemon.search.points import is_as_written, range_text
 from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
 from templates.report import render_report
@@ -58,7 +64,8 @@ def search_page(
         {
             "quantity": format_quantity,
             "range": range_text,
-            "value": _value_text,
+            "correlation": lambda one: minus(f"{one.correlation:+.2f}"),
+            "by_chance": lambda one: is_by_chance(task, one),
             "not_written": lambda trial: point_words(task, trial.point, len(task.parameters)),
         },
         template="search.html.j2",
@@ -72,6 +79,7 @@ def search_page(
         figures=figures,
         maps=dict(_maps(shown, traces)) if shown is not None else {},
         compared=_compared_trials(answer),
+        influence={one.parameter: one for one in answer.influence} if answer is not None else {},
         is_as_written=is_as_written,
         points=ordered[:MOST_LISTED],
         left_out=len(ordered) - MOST_LISTED,
@@ -88,7 +96,6 @@ def search_page(
 _LABELS: Final = {
     "margins": "Margin of every run, the smallest so far, and failures over runs",
     "space": "Margins over the parameters that are varied",
-    "influence": "Influence of parameters as bars",
 }
 
 
@@ -102,9 +109,6 @@ def _charts(
         yield "margins", "", margins_chart(task, trials, baseline)
         for caption, chart in space_charts(task, trials, steps, nearest):
             yield "space", caption, chart
-    influence = influence_chart(task, answer) if answer is not None else None
-    if influence is not None:
-        yield "influence", "", influence
 
 
 def _maps(shown: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Markup]]:
@@ -125,12 +129,7 @@ def _facts(row: SearchRow, proposals: Sequence[RunRow]) -> tuple[tuple[str, str]
     about = task.minimise
     if len(task.scales) > 1:
         about = f"{task.minimise} of {', '.join(scale.oracle for scale in task.scales)}"
-    budget = count_noun(task.runs, "run")
-    if task.seconds:
-        budget += f" or {duration_text(task.seconds)}"
-    stop = {"failures": f"after {count_noun(task.failures, 'failure')}", "settled": "when settled"}
-    if task.stop in stop:
-        budget += f", or {stop[task.stop]}"
+    time = f" or {duration_text(task.seconds)}" if task.seconds else ""
     runs = count_noun(len(proposals), "run")
     reused = sum(bool(one.cached) for one in proposals)
     if reused:
@@ -142,7 +141,7 @@ def _facts(row: SearchRow, proposals: Sequence[RunRow]) -> tuple[tuple[str, str]
         ("scenario", f"{task.scenario} with {task.sut}"),
         ("minimises", about),
         ("varies", count_noun(len(task.parameters), "parameter")),
-        ("budget", budget),
+        ("budget", f"{count_noun(task.runs, 'run')}{time}"),
         ("method", task.method),
         ("seed", str(task.seed)),
         ("confirms", count_noun(task.confirm, "repeat")),
@@ -166,7 +165,3 @@ def _compared_trials(answer: SearchAnswer | None) -> dict[str, Trial]:
         "first failure": answer.first,
     }
     return {name: trial for name, trial in trials.items() if trial is not None}
-
-
-def _value_text(parameter: SearchParameter, value: PointValue | None) -> str:
-    return NOTHING if value is None else parameter.shown(value)

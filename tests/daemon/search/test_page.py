@@ -13,8 +13,8 @@ from daemon.model.search import SearchParameter
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
 from daemon.model.trials import point_trials, smallest_so_far
-from daemon.search.answers.sentences import headline
-from daemon.search.figures import influence_chart, margins_chart, space_charts
+from daemon.search.answers.sentences import headline, minus
+from daemon.search.figures import margins_chart, space_charts
 from daemon.search.page import search_page
 from daemon.search.program import run_search
 from tests.chromium import CHROMIUM, chromium_page
@@ -130,14 +130,11 @@ def test_colours_change_at_zero_and_each_side_has_its_own_scale():
     assert -edges[0] < 0.3 < edges[4]
 
 
-def test_bars_that_chance_draws_as_well_are_grey():
-    row, _ = searched(DOOR, *OTHERS)
-    bars = {
-        one["name"]: one["group"] for one in rows_of(influence_chart(row.task, row.answer)["data"])
-    }
-    assert bars["kitchen_opens"] == "larger values fail"
-    assert set(bars.values()) == {"larger values fail", "no more than chance"}
-    assert influence_chart(row.task, replace(row.answer, influence=())) is None
+def test_influence_that_chance_gives_as_well_is_grey(search):
+    row, _, page = search
+    for one in row.answer.influence:
+        tag = "b" if one.parameter == DOOR.name else 'span class="note"'
+        assert f"<{tag}>{minus(f'{one.correlation:+.2f}')}<" in page
 
 
 def test_of_a_point_that_was_repeated_the_median_counts():
@@ -162,7 +159,7 @@ def test_the_page_is_html_and_needs_nothing_else(search):
     before = page[: page.rindex("<script>")]
     assert set(re.findall(r'(?:src|href)="([^"#]+)', before)) == set()
     assert not re.search(r"url\((?!#)", before)
-    assert before.count('<div class="chart"') == 3
+    assert before.count('<div class="chart"') == 2
     assert row.answer is not None
     assert headline(row)[1:] in page
     for sentence in row.answer.sentences[1:]:
