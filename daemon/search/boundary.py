@@ -98,7 +98,7 @@ def _need(margins: Sequence[float], side: int) -> tuple[float, ...]:
     nearest, spread = min(map(abs, margins)), max(margins) - min(margins)
     if min(margins) < 0.0 <= max(margins):
         return (0.0, -side, nearest)
-    # Zero is the nearer the less the margins would have to change beyond what they do change here.
+    # Zero is nearer where margins need to change less, compared with their changes in the cell.
     return (1.0, nearest / spread if spread > 0.0 else math.inf, -side)
 
 

@@ -1,7 +1,7 @@
 """A search run by its client: the program in this process, its runs in a daemon.
 
-The program of a search is plain code that is run from its beginning every time. The runs that the
-ledger has already are there at once, so it goes on where it was, whatever ended it before.
+The program of a search is plain code that runs from its beginning every time. The ledger returns
+the runs that it has at once, so a search continues after any end.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class SearchClient(threading.Thread):
                 self._left.wait(_LOOK_EVERY)
 
     def _run_program(self, runs: DaemonRuns) -> tuple[SearchState, str, SearchAnswer | None]:
-        """Return how the search ended, why if it failed, and what it has found."""
+        """Return how the search ended, the reason of a failure, and the answer."""
         try:
             runs.load()
             return "finished", "", self._program(runs)
@@ -103,6 +103,6 @@ class SearchClient(threading.Thread):
         except (InputError, SearchDivergedError, DaemonError) as error:
             return "failed", str(error), None
         except Exception as error:
-            # Whatever the program has run into, it would again.
+            # It would run into the same problem again.
             traceback.print_exc()
             return "failed", f"the search broke: {type(error).__name__}: {error}", None

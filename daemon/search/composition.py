@@ -59,7 +59,7 @@ class SearchCase:
         return Candidate(self._spec(cell, repeat), cell.scene)
 
     def run_case(self, point: Point, number: int) -> RunCase:
-        """Return repeat 0 of a point taken apart, to find out what it can do without.
+        """Return repeat 0 of a point taken apart, to find the parts that it does not need.
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """

@@ -166,7 +166,7 @@ class DaemonRuns:
         """
         self._reached = position
         while position >= len(self._rows) or not _has_result(self._rows[position]):
-            # Before the look: what happens from now on is an event.
+            # Before the look: later changes are events.
             self._changed.clear()
             if self._leaving:
                 raise SearchStoppedError(f"the search {self._campaign} is left")
@@ -255,5 +255,5 @@ class DaemonRuns:
 
 
 def _has_result(row: RunRow) -> bool:
-    """Return whether a run has told what it can; a cancelled one is queued again later."""
+    """Return whether a run is at its end; a cancelled one is queued again later."""
     return row.settled and row.state is not RunState.CANCELLED

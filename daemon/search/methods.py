@@ -87,7 +87,7 @@ class SearchMethod:
     def learn(self, value: float | None) -> None:
         """Take in the result of the first proposal without one.
 
-        Lower values are nearer to failing; ``None`` and what is not finite say nothing.
+        Lower values are nearer to failing; ``None``, and numbers that are not finite, are left out.
         """
         value = value if value is not None and math.isfinite(value) else None
         self._values[self._points[len(self._values)]] = value
@@ -246,7 +246,7 @@ def _middles(count: int) -> list[float]:
 
 
 def method_problem(task: SearchTask) -> tuple[str, str] | None:
-    """Return why the method of a search cannot be used, and what can; ``None`` when it can."""
+    """Return why the method of a search cannot be used, and a remedy; ``None`` when it can."""
     method, count = task.method, len(task.parameters)
     lists = [parameter.name for parameter in task.parameters if parameter.choices]
     if method not in METHODS:

@@ -37,7 +37,7 @@ changes are worth more than smaller ones.
 """
 _STARTS: Final = 5
 _MOST_STARTS: Final = 20
-"""Failures to begin with; as long as none of them holds, up to so many."""
+"""Failures to begin with, and their largest number as long as none holds."""
 _AT_A_TIME: Final = 2
 """Points that are tried at the same time, whatever the number of cores."""
 
@@ -141,7 +141,7 @@ class _Approach:
 
         Return the failure, and the last point beside it that passes, if any.
         """
-        # Again where the points ended in the middle of it; what was tried costs nothing.
+        # Again where the points ended in the middle of it; points that were tried cost nothing.
         failing, passes = self.take_back(failing), None
         with suppress(_SpentError):
             for index in reversed(self.changed(failing)):
@@ -167,9 +167,9 @@ class _Approach:
         return failing, next(passes, None)
 
     def _try(self, tried: Sequence[Point]) -> list[Trial | None]:
-        """Return what points say with most noises; raises :class:`_SpentError`."""
+        """Return the trials of points with most noises; raises :class:`_SpentError`."""
         new = {point for point in tried if not self.points.is_known(point)}
-        # A whole batch or none: half of one would make the answer depend on what is left.
+        # A whole batch or none: half of one would make the answer depend on the budget.
         if len(new) > self.budget:
             self.is_spent = True
             raise _SpentError

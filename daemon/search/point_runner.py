@@ -20,12 +20,12 @@ MEDIAN_OF: Final = 3
 """Runs of a point where the system under test is not repeatable: its margin is their median."""
 _FEWEST_OTHERS: Final = 2
 _MOST_OTHERS: Final = 5
-"""A failure holds if at least half of so many repeats with other noise are failures too."""
+"""Repeats with other noise of which at least half must fail for a failure to hold."""
 
 
 @dataclass(slots=True)
 class PointRunner:
-    """Issues the runs of points and remembers what came of them.
+    """Issues the runs of points and remembers their trials.
 
     ``position`` and ``number`` are the next ones. Of the runs ``reused`` had a result before and
     ``executed`` had none.
@@ -124,12 +124,12 @@ class PointRunner:
         return median_trial([one for one in self._repeats[result.number] if not one.fails])
 
     def repeat(self, result: Trial, times: int) -> list[Trial]:
-        """Return so many repeats of a point, with other noise than the first run."""
+        """Return repeats of a point, with other noise than the first run."""
         self._run_repeats([result], times)
         return self._repeats[result.number][:times]
 
     def _run_repeats(self, trials: Sequence[Trial], times: int) -> None:
-        """Run points again until each has so many repeats, a window at a time."""
+        """Run points again until each has that number of repeats, a window at a time."""
         window = self.case.task.window
         new = [(one, r) for one in trials for r in range(len(self._repeats[one.number]), times)]
         for start in range(0, len(new), window):

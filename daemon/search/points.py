@@ -9,13 +9,13 @@ from typing import Final
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 
 _STEPS: Final = 1000
-"""A range without a step is divided into so many."""
+"""Steps of a range that has none."""
 _SAME: Final = 1e-9
 """Values that differ by less than this share of themselves are one: 0.1 + 0.2 is 0.3."""
 
 
 def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
-    """Return whether a value is what the scenario says; no value is where it says nothing."""
+    """Return whether the scenario has this value; never where a parameter is not written."""
     written = parameter.written
     if written is None or isinstance(written, str) or isinstance(value, str):
         return written == value
@@ -84,7 +84,7 @@ def value_between(
 def position_in_range(parameter: SearchParameter, value: PointValue | None) -> float:
     """Return where in its range a value lies, 0 to 1 inside; not a number where it has no place.
 
-    Choices lie evenly, in their order. On a logarithmic range nought, and what is below it, lies
+    Choices lie evenly, in their order. On a logarithmic range zero, and values below it, lie
     infinitely far below.
     """
     if parameter.choices:
@@ -103,7 +103,7 @@ def position_in_range(parameter: SearchParameter, value: PointValue | None) -> f
 
 
 def range_text(parameter: SearchParameter) -> str:
-    """Return what a parameter may be: ``48 .. 72 deg/s``, ``a, b``."""
+    """Return the values of a parameter in words: ``48 .. 72 deg/s``, ``a, b``."""
     if parameter.choices:
         return ", ".join(parameter.shown(choice) for choice in parameter.choices)
     low = parameter.shown(parameter.low)

@@ -1,6 +1,6 @@
 """A search of a campaign file, checked before its first run and handed to a client.
 
-Loading finds what the file alone shows (:mod:`daemon.campaign`). The check here tries the points of
+Loading finds the errors of the file (:mod:`daemon.campaign`). The check here tries the points of
 the search and its method.
 """
 
@@ -60,11 +60,10 @@ def prepare_search(
 ) -> PreparedSearch:
     """Load and check a campaign and one of its searches, for a ``client`` to run.
 
-    ``change`` changes what the file asks. The search's id is made of its content, so that the same
+    ``change`` changes the task of the file. The search's id is made of its content, so the same
     search again is the same one; ``fresh`` asks for a new id. Where ``name`` is none of the file,
-    ``find`` is asked for a known search of that id, which goes on as it was asked for. Raises
-    :class:`InputError` with everything found when there is an error, and when several searches may
-    be meant.
+    ``find`` returns an earlier search of that id, which continues with its own task. Raises
+    :class:`InputError` with all findings when there is an error, and when ``name`` is ambiguous.
     """
     with recording_reads() as read:
         campaign, findings = examine(path)
@@ -112,7 +111,7 @@ def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:
 
 
 def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
-    """Return what keeps a search from being run, and warnings about its points.
+    """Return the errors that keep a search from being run, and warnings about its points.
 
     The scenario as written, every parameter at both of its ends and the centre of the space are
     composed and held against the findings of the pre-flight.

@@ -1,9 +1,9 @@
 """A search from its first proposal to its answer, as plain synchronous code.
 
-Everything in it is a function of the search's files and of what its runs say, in the order of
-their numbers: run again from the start it issues the same runs, so whoever executes them may begin
-anew after a crash and finds those that are there. Only where wall clock is budgeted does a clock
-decide how many points are explored; what was issued by then is gone on with.
+Everything in it is a function of the search's files and of the results of its runs, in the order of
+their numbers. Run again from the start it issues the same runs, and after a crash it finds those
+that are there. Only a budget of wall clock lets a clock decide how many points are explored. Runs
+that were issued by then are continued.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ from daemon.search.space import SearchSpace
 from grammars.text.words import count_noun
 
 ERRORS_IN_A_ROW: Final = 5
-"""So many errors one after another end a search: the next one would be another."""
+"""Errors one after another that end a search: the next run would be one too."""
 _WIDTH: Final = 98
 """Characters of a line of a comment."""
 _SETTLED_RUNS: Final = 20
 _SETTLED_WINDOWS: Final = 3
-"""Nothing better and nothing new for so many results, or windows of them if that is more."""
+"""Results, or windows of them if that is more, without a better margin or a new failure."""
 
 
 def run_search(case: SearchCase, runs: DaemonRuns) -> SearchAnswer:

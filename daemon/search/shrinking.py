@@ -134,7 +134,7 @@ class _SearchExecutor:
 
 
 def missing_words(whole: Candidate, part: Candidate) -> str:
-    """Return what a candidate lacks, in a few words: ``without bedroom_door, waypoint home``."""
+    """Return the missing parts of a candidate: ``without bedroom_door, waypoint home``."""
     remaining = _part_names(part)
     missing = [name for name in _part_names(whole) if name not in remaining]
     more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
