@@ -100,19 +100,26 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
         *_comparisons(data),
         *_triggers(data, limits),
     ]
-    maps = [draw for _, draw in plan if draw is not None]
-    drawn_maps = parallel_map(_call, maps, doing="that draws maps", processes=processes)
+    # Maps of one cell behind each other: mostly they show the same trace, which is read once then.
+    numbers = sorted(
+        (number for number, (_, draw) in enumerate(plan) if draw is not None),
+        key=lambda number: (plan[number][0].scenario, plan[number][0].sut, plan[number][0].kind),
+        reverse=True,
+    )
+    maps = [plan[number][1] for number in numbers]
     # All maps before the first chart: the children of both would share the cores.
-    pictures = iter([str(picture or "") for picture in drawn_maps])
+    drawn = parallel_map(_drawn_map, maps, doing="that draws maps", processes=processes)
+    pictures = dict(zip(numbers, drawn, strict=True))
     charts = [figure.chart for figure, _ in plan if figure.chart is not None]
     drawings = iter(draw_charts(charts, processes=processes))
     return tuple(
-        replace(figure, svg=next(drawings if draw is None else pictures)) for figure, draw in plan
+        replace(figure, svg=pictures[number] if number in pictures else next(drawings))
+        for number, (figure, _) in enumerate(plan)
     )
 
 
-def _call(draw: _Map) -> Markup | None:
-    return draw()
+def _drawn_map(draw: _Map | None) -> str:
+    return str((draw and draw()) or "")
 
 
 def write_figures(figures: tuple[ReportFigure, ...], folder: Path) -> None:

@@ -5,6 +5,7 @@ Also the building of a campaign. All of them are drawn by :mod:`templates.pictur
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -209,6 +210,8 @@ def _world(trace: Trace) -> ArtefactWorld:
     )
 
 
+# Pictures of one cell are drawn behind each other, mostly of the same trace.
+@functools.lru_cache(maxsize=1)
 def _usable_sampler(trace_path: Path) -> SignalSampler | None:
     """Return the signals of a trace; ``None`` if it is gone, empty or not to be trusted."""
     try:
