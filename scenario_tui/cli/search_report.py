@@ -1,4 +1,4 @@
-"""The page of a search: what is brought together for it, from a ledger or a daemon."""
+"""The page of a search: its runs, its baseline and its traces, from a ledger or a daemon."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from daemon.batch.errors import Refused, TraceUnavailable
 from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
+    from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import RunRow
     from daemon.model.verbs import CampaignSource
@@ -21,7 +22,7 @@ _UNGUIDED = ("halton", "random")
 
 @dataclass(frozen=True, slots=True)
 class SearchMaterial:
-    """What the page of a search is made of: its runs, those of a baseline, traces by run."""
+    """A search for its page: its runs, those of a baseline, and the files of traces by run."""
 
     row: SearchRow
     proposals: tuple[RunRow, ...]
@@ -29,46 +30,46 @@ class SearchMaterial:
     traces: Mapping[str, Path]
 
 
-def find_search_id(source: CampaignSource, wanted: str) -> str:
-    """Return the id of the search that is meant, also by its name in its campaign file.
+def find_search_id(source: CampaignSource, name: str) -> str:
+    """Return the id of a search by that id, its beginning, or its name in the campaign file.
 
-    Empty when a campaign is meant. Raises :class:`Refused` when there is neither.
+    Empty for a campaign. Raises :class:`Refused` if there is neither.
     """
-    found = find_campaign_or_search(source, wanted)
-    return found.id if found.search else ""
+    row = find_campaign_or_search(source, name)
+    return row.id if row.search else ""
 
 
-def choose_search(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
-    """Return the search that is meant; ``None`` when it is a campaign or a folder of traces.
+def choose_search(name: str, target: DaemonTarget) -> SearchMaterial | None:
+    """Return the search of a name; ``None`` for a campaign or a folder of traces.
 
-    Raises :class:`Refused` when there is nothing of that name.
+    Raises :class:`Refused` if there is nothing of that name.
     """
     from scenario_tui.cli.named_traces import names_traces
 
-    if wanted.endswith(".mcap") or names_traces(wanted):
+    if name.endswith(".mcap") or names_traces(name):
         return None
     try:
-        return _search_called(wanted, target)
+        return _search_called(name, target)
     except Refused:
-        if Path(wanted).is_dir():
-            return None  # whoever reads traces says that it holds none
+        if Path(name).is_dir():
+            return None  # the reader of traces says that it holds none
         raise
 
 
-def _search_called(wanted: str, target: DaemonTarget) -> SearchMaterial | None:
+def _search_called(name: str, target: DaemonTarget) -> SearchMaterial | None:
     from daemon.batch.ledger import LedgerReader
 
     if not target.named and not target.paths.ledger.is_file():
         return None
     with target.open() if target.named else LedgerReader.open(target.paths) as source:
-        campaign = find_search_id(source, wanted)
+        campaign = find_search_id(source, name)
         return search_material(source, *ask_search(source, campaign)) if campaign else None
 
 
 def ask_search(
     source: CampaignSource, campaign: str, *, runs: bool = True
 ) -> tuple[SearchRow, tuple[RunRow, ...]]:
-    """Return a search, and its ``runs`` if asked; raises :class:`Refused` when there is none."""
+    """Return a search, with its ``runs`` if asked; raises :class:`Refused` if there is none."""
     row = source.search_row(campaign)
     if row is None:
         raise Refused(f"there is no search {campaign}")
@@ -78,7 +79,7 @@ def ask_search(
 def search_material(
     source: CampaignSource, row: SearchRow, proposals: tuple[RunRow, ...]
 ) -> SearchMaterial:
-    """Return what belongs to a search; the traces that are drawn are brought here."""
+    """Return what the page of a search needs; the traces that it draws are brought here."""
     from daemon.batch.stores import local_copy, trace_reference
     from daemon.model.verbs import DaemonClient
 
@@ -95,25 +96,23 @@ def search_material(
 def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:
     """Return the id of the newest finished search of the same that was not guided, or nothing.
 
-    The same are scenario, system, what is minimised and the parameters; a search that was not
-    guided itself is held against none.
+    The same are scenario, system, oracles and ranges. A search that was not guided has no baseline.
     """
-    task = row.task
-    if task.method in _UNGUIDED:
+    if row.task.method in _UNGUIDED:
         return ""
-    for other in searches:
-        about = other.task
-        if (
-            other.state == "finished"
-            and about.method in _UNGUIDED
-            and (about.scenario, about.sut, about.minimise, about.scales)
-            == (task.scenario, task.sut, task.minimise, task.scales)
-            and [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in about.parameters]
-            == [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in task.parameters]
-            and about.constraints == task.constraints
-        ):
-            return other.campaign
-    return ""
+    baselines = (
+        other.campaign
+        for other in searches
+        if other.state == "finished"
+        and other.task.method in _UNGUIDED
+        and _subject(other.task) == _subject(row.task)
+    )
+    return next(baselines, "")
+
+
+def _subject(task: SearchTask) -> tuple[object, ...]:
+    ranges = [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in task.parameters]
+    return task.scenario, task.sut, task.minimise, task.scales, task.constraints, ranges
 
 
 def _traces(row: SearchRow, bring: Callable[[str], Path]) -> dict[str, Path]:

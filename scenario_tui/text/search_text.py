@@ -56,15 +56,15 @@ def sparkline(values: Sequence[float], width: int = 24) -> str:
     Where there are more values than cells, a cell shows the smallest of its values. What is no
     finite number is left out.
     """
-    shown = [value for value in values if math.isfinite(value)]
-    if len(shown) > width:
-        edges = [len(shown) * cell // width for cell in range(width + 1)]
-        shown = [min(shown[a:b]) for a, b in pairwise(edges)]
-    low, high = min([*shown, 0.0]), max([*shown, 0.0])
+    cells = [value for value in values if math.isfinite(value)]
+    if len(cells) > width:
+        edges = [len(cells) * cell // width for cell in range(width + 1)]
+        cells = [min(cells[a:b]) for a, b in pairwise(edges)]
+    low, high = min([*cells, 0.0]), max([*cells, 0.0])
     if high == low:
-        return BLOCKS[0] * len(shown)
+        return BLOCKS[0] * len(cells)
     top = len(BLOCKS) - 1
-    return "".join(BLOCKS[round(top * (value - low) / (high - low))] for value in shown)
+    return "".join(BLOCKS[round(top * (value - low) / (high - low))] for value in cells)
 
 
 def proposal_text(
@@ -87,8 +87,8 @@ def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE
     A value outside of the range is ``<`` or ``>`` at that end; one that has no place is left out.
     """
     line = ["─"] * cells
-    for seen, sign in ((parameter.written, "│"), (value, "●")):
-        share = position_in_range(parameter, seen)
+    for place_of, sign in ((parameter.written, "│"), (value, "●")):
+        share = position_in_range(parameter, place_of)
         if not math.isnan(share):
             place = round(min(1.0, max(0.0, share)) * (cells - 1))
             line[place] = "<" if share < 0.0 else ">" if share > 1.0 else sign
@@ -108,11 +108,11 @@ def parameters_text(
     """
     unsure, quiet = styles["inconclusive"], quiet_style(styles)
     pairs = list(zip(task.parameters, values, strict=True))
-    said = [
+    texts = [
         ("" if value == one.written else _written(one, value), one.shown(value))
         for one, value in pairs
     ]
-    sizes = [max((len(texts[i]) for texts in said), default=0) for i in (0, 1)]
+    sizes = [max((len(pair[i]) for pair in texts), default=0) for i in (0, 1)]
     names = [task.short_name(one.name) for one, _ in pairs]
     longest = max(map(len, names), default=0)
     most = max((width - _RANGE - 7 - _LEAST_NAME) // 2, 4)
@@ -122,7 +122,7 @@ def parameters_text(
     correlations = influence if influence and rest - longest >= _INFLUENCE else {}
     name_cells = max(min(longest, rest), _LEAST_NAME)
     text = Text(no_wrap=True, overflow="ellipsis")
-    for name, (one, value), (written, now) in zip(names, pairs, said, strict=True):
+    for name, (one, value), (written, now) in zip(names, pairs, texts, strict=True):
         changed = value != one.written
         text.append("≠ " if changed else "  ", style=unsure)
         text.append(keep_end(name, name_cells), style="bold" if changed else quiet)
@@ -215,8 +215,8 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
         verb = "was" if answer.reused == 1 else "were"
         words += f", {answer.reused:,} of them {verb} there already"
     # Why it ended is the last of the sentences.
-    told = answer.sentences and answer.ended and row.state != "failed"
-    return words if told else f"{words}; {phase_words(row)}"
+    has_ending = answer.sentences and answer.ended and row.state != "failed"
+    return words if has_ending else f"{words}; {phase_words(row)}"
 
 
 def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
@@ -224,12 +224,12 @@ def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> li
     words = [finding_words(finding) for finding in answer.findings]
     width = max(map(len, words), default=0)
     lines = []
-    for finding, said in zip(answer.findings, words, strict=True):
+    for finding, text in zip(answer.findings, words, strict=True):
         example = finding.example
         parts = [margin(example.value.margin, example.value.unit)] if example.value else []
         if example.verdict is not None:
             parts.append(moment_text(example.verdict.evidence.time))
-        line = Text(f"  {said:<{width}}", style=styles["fail"])
+        line = Text(f"  {text:<{width}}", style=styles["fail"])
         line.append(f"  {' '.join(filter(None, parts))}  ", style="default")
         line.append(example.run, style=quiet_style(styles))
         lines.append(line)
@@ -248,11 +248,11 @@ def influence_lines(
 
     To the left: larger values bring the failure nearer. What chance gives as well is dim.
     """
-    found = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
-    names = [task.short_name(one.parameter) for one in found]
+    ordered = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
+    names = [task.short_name(one.parameter) for one in ordered]
     width = max(map(len, names), default=0)
     lines = []
-    for one, name in zip(found, names, strict=True):
+    for one, name in zip(ordered, names, strict=True):
         style = quiet_style(styles) if is_by_chance(task, one) else ""
         number = minus(f"{one.correlation:+.2f}")
         bar = margin_bar(one.correlation, _HALF)
@@ -273,11 +273,11 @@ def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:
             (f"scenario cancel {row.campaign}", "end it, what was found is kept"),
         )
     shown = row.answer.shown if row.answer is not None else None
-    found: list[tuple[str, str]] = []
+    commands: list[tuple[str, str]] = []
     if shown is not None and shown.run:
         begin = f" --from {shown.verdict.oracle}" if shown.fails and shown.verdict else ""
         what = "watch the failure" if shown.fails else "watch the run nearest to failing"
-        found.append((f"scenario replay {shown.run}{begin}", what))
-        found.append((f"scenario show {shown.run}", "what each oracle says"))
-    found.append((f"scenario results {row.campaign} --runs", "every run of the search"))
-    return tuple(found)
+        commands.append((f"scenario replay {shown.run}{begin}", what))
+        commands.append((f"scenario show {shown.run}", "what each oracle says"))
+    commands.append((f"scenario results {row.campaign} --runs", "every run of the search"))
+    return tuple(commands)
