@@ -130,25 +130,27 @@ def _groups(
 
 def _diamonds(group: str, names: Sequence[str], top: float, marks: _Marks) -> Iterator[Chart]:
     """Return reference values with their deviation or range, named where they are few."""
-    shown = [(*cell, m) for cell, of_cell in marks.items() for m in of_cell if cell[0] in names]
-    if not shown:
+    entries = [(*cell, m) for cell, of_cell in marks.items() for m in of_cell if cell[0] in names]
+    if not entries:
         return
     columns: Table = {
-        group: [name for name, _, _ in shown],
-        "SUT": [sut for _, sut, _ in shown],
-        "reference": [mark.value for _, _, mark in shown],
-        "low": [mark.value if mark.low is None else mark.low for _, _, mark in shown],
-        "high": [mark.value if mark.high is None else mark.high for _, _, mark in shown],
-        "label": [mark.label for _, _, mark in shown],
-        "source": [mark.source for _, _, mark in shown],
+        group: [name for name, _, _ in entries],
+        "SUT": [sut for _, sut, _ in entries],
+        "reference": [mark.value for _, _, mark in entries],
+        "low": [mark.value if mark.low is None else mark.low for _, _, mark in entries],
+        "high": [mark.value if mark.high is None else mark.high for _, _, mark in entries],
+        "label": [mark.label for _, _, mark in entries],
+        "source": [mark.source for _, _, mark in entries],
         # Towards the middle, and below what is highest: the words must not run out of the chart.
         # Those of one group stand on lines of their own.
         "rise": [
             (-7 - 9 * lines if mark.value <= 0.9 * top else 10 + 9 * lines)
-            for number, (name, _, mark) in enumerate(shown)
-            for lines in [sum(other[0] == name for other in shown[number + 1 :])]
+            for number, (name, _, mark) in enumerate(entries)
+            for lines in [sum(other[0] == name for other in entries[number + 1 :])]
         ],
-        "side": ["left" if 2 * names.index(name) < len(names) else "right" for name, _, _ in shown],
+        "side": [
+            "left" if 2 * names.index(name) < len(names) else "right" for name, _, _ in entries
+        ],
     }
     black = {"color": {"value": INK}, "y": quantity("reference")}
     yield layer("rule", columns, {**black, "y": quantity("low"), "y2": {"field": "high"}})
@@ -156,7 +158,7 @@ def _diamonds(group: str, names: Sequence[str], top: float, marks: _Marks) -> It
     diamond = layer("point", columns, about, shape="diamond", filled=True, size=45)
     diamond["mark"] |= {"stroke": "var(--paper)", "strokeWidth": 0.8}
     yield diamond
-    if len(shown) <= _LABELLED:
+    if len(entries) <= _LABELLED:
         place = {"align": {"expr": "datum.side"}, "dy": {"expr": "datum.rise"}}
         words = layer("text", columns, {**black, "text": {"field": "label"}})
         words["mark"] |= place

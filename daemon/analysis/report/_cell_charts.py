@@ -119,8 +119,8 @@ def peak_chart(run: ReportRun, limit: float | None) -> Chart:
     at, value = float(tracks.time[peak]), float(tracks.error[peak])
     time = max(at - _AROUND, 0.0), min(at + _AROUND, float(tracks.time[-1]))
     curves = {"error": ("error", LINE), "σx": ("sigma_x", SECOND), "σy": ("sigma_y", SOFT)}
-    shown = (tracks.time >= time[0]) & (tracks.time <= time[1])
-    values = [getattr(tracks, name)[shown] for name, _ in curves.values()]
+    around = (tracks.time >= time[0]) & (tracks.time <= time[1])
+    values = [getattr(tracks, name)[around] for name, _ in curves.values()]
     dot = layer("circle", {}, {"x": {"datum": at}, "y": {"datum": value}}, color=BAD, size=40)
     lines = [dot]
     if limit is not None and limit < 4.0 * value:
@@ -211,8 +211,8 @@ def _samples(
     time: Any, values: Any, span: tuple[float, float], scale: Floats
 ) -> Iterator[tuple[float, float]]:
     """Return the samples of a curve that make a difference to be seen, no number in its gaps."""
-    shown = (time >= span[0]) & (time <= span[1])
-    points = np.column_stack((time[shown], values[shown])).astype(np.float64)
+    within = (time >= span[0]) & (time <= span[1])
+    points = np.column_stack((time[within], values[within])).astype(np.float64)
     gaps = np.flatnonzero(np.diff(np.isnan(points[:, 1]))) + 1
     for piece in np.split(points, gaps):
         if len(piece) > 1 and not np.isnan(piece).any():
@@ -234,8 +234,8 @@ def returns_chart(runs: Sequence[ReportRun]) -> Chart:
     levels = np.ceil(np.sqrt(counts / max(counts.max(), 1.0)) * len(_HEAT)).astype(int)
     cells = np.argwhere(levels)
     x, y = (cells * side - reach).T.tolist()
-    found = counts[tuple(cells.T)].tolist(), levels[tuple(cells.T)].tolist()
-    columns = {"x": x, "y": y, "returns": found[0], "level": found[1]}
+    count, level = (grid[tuple(cells.T)].tolist() for grid in (counts, levels))
+    columns = {"x": x, "y": y, "returns": count, "level": level}
     scale = {"domain": list(range(1, 1 + len(_HEAT))), "range": _HEAT}
     encoding = {
         "x": quantity("x", "ahead [m]", domain=ends, axis={"tickCount": 5}),

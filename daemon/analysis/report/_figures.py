@@ -108,8 +108,8 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
     )
     maps = [plan[number][1] for number in numbers]
     # All maps before the first chart: the children of both would share the cores.
-    drawn = parallel_map(_drawn_map, maps, doing="that draws maps", processes=processes)
-    pictures = dict(zip(numbers, drawn, strict=True))
+    results = parallel_map(_drawn_map, maps, doing="that draws maps", processes=processes)
+    pictures = dict(zip(numbers, results, strict=True))
     charts = [figure.chart for figure, _ in plan if figure.chart is not None]
     drawings = iter(draw_charts(charts, processes=processes))
     return tuple(
@@ -238,9 +238,11 @@ def _worst_localisation(data: ReportData) -> _Plan:
     Of the campaign, where none asks.
     """
     limit = oracle_limit(data.input.oracles, "loc.error")
-    localised = [run for run in data.runs if "error max" in run.tracks.measures]
-    asked = dict.fromkeys(run.record.scenario for run in localised if _asks_for_error(run.record))
-    groups = [[run for run in localised if run.record.scenario == name] for name in asked]
+    localised = [run for run in _drawn(data) if "error max" in run.tracks.measures]
+    scenarios = dict.fromkeys(
+        run.record.scenario for run in localised if _asks_for_error(run.record)
+    )
+    groups = [[run for run in localised if run.record.scenario == name] for name in scenarios]
     for group in (groups or [localised])[:_MOST_WORST]:
         if group:
             worst = max(group, key=lambda run: run.tracks.measures["error max"])
@@ -257,8 +259,8 @@ def _asks_for_error(record: RunRow) -> bool:
 
 def _boxes(data: ReportData, marks: _Marks) -> _Plan:
     marked = {name for of_cell in marks.values() for name in of_cell}
-    # Those of the paper, and besides whatever there is something to hold against.
-    drawn = {"time in buffer", "error p95", "duration"} | marked
+    # Those of the paper, and every measure with a reference.
+    names = {"time in buffer", "error p95", "duration"} | marked
     for measure in MEASURES:
         rows = [
             (run.record.scenario, run.record.sut, run.record.repeat, value)
@@ -266,7 +268,7 @@ def _boxes(data: ReportData, marks: _Marks) -> _Plan:
             if (value := run.tracks.measures.get(measure.name)) is not None
         ]
         name = measure.name
-        if name in drawn and rows:
+        if name in names and rows:
             of_measure = {cell: of_cell.get(name, []) for cell, of_cell in marks.items()}
             chart = box_chart(rows, _systems(data), f"{name} [{measure.unit}]", of_measure)
             label = f"Boxplots of {name} by scenario"
