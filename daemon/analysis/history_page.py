@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from itertools import cycle
-from typing import Final
+from typing import Any, Final
 
 from daemon.analysis.charts import SERIES, Chart, chart_figure, draw_charts, page_script, table
 from daemon.analysis.history import (
@@ -57,9 +58,13 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
     names = [one.id.removeprefix(f"{history.name}-") for one in history.submissions]
     pairs = list(zip(names, history.submissions, strict=True))
     rows = [(name, one) for name, each in pairs for one in each.oracles if one.cell == cell]
-    numbers = ("oracle", "unit", "low", "high", "worst", "median", "simulated", "cpu")
-    columns = {field: [getattr(one, field) for _, one in rows] for field in numbers}
+    numbers = ("low", "high", "worst", "median", "simulated", "cpu")
+    columns: dict[str, list[Any]] = {
+        field: [_number(getattr(one, field)) for _, one in rows] for field in numbers
+    }
     columns |= {
+        "oracle": [one.oracle for _, one in rows],
+        "unit": [one.unit for _, one in rows],
         "submission": [name for name, _ in rows],
         "rate": [one.passed / one.n for _, one in rows],
         "passed": [f"{one.passed} of {one.n}" for _, one in rows],
@@ -102,6 +107,10 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
         "spacing": 8,
         "resolve": {"scale": {"color": "independent"}},
     }
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _colour(field: str, colours: dict[str, str]) -> Chart:

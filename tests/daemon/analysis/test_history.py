@@ -177,7 +177,9 @@ LEGEND_ENTRY = """(() => {
 def test_an_oracle_that_is_clicked_in_the_legend_is_shown_alone(history, tmp_path):
     newest = history.submissions[-1]
     clear = [replace(one, oracle="clear", unit="m") for one in newest.oracles]
-    submission = replace(newest, oracles=(*newest.oracles, *clear))
+    # Whether a mission is done has no margin.
+    done = [replace(one, oracle="done", unit="", worst=None, median=None) for one in clear]
+    submission = replace(newest, oracles=(*newest.oracles, *clear, *done))
     file = tmp_path / "history.html"
     file.write_text(history_page(replace(history, submissions=(submission,) * 2)), "utf-8")
     faded = "document.querySelectorAll('#cells figure:first-of-type [opacity=\"0.1\"]').length"
