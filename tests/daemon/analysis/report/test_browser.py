@@ -155,6 +155,21 @@ def test_a_chart_comes_alive_in_its_place_and_says_the_values_under_the_pointer(
     }
 
 
+def test_an_entry_of_a_legend_is_shown_alone_after_a_click(open_page):
+    live_chart(open_page, "#localisation .panels:last-child .chart")
+    dimmed = "[...chart.querySelectorAll('.live path[opacity=\"0.05\"]')]"
+    assert open_page.evaluate(f"{dimmed}.length") == 0
+    x, y = open_page.evaluate(
+        "(() => { const entry = [...chart.querySelectorAll('.live text')]"
+        ".find((text) => text.textContent === 'σx').getBoundingClientRect();"
+        " return [entry.x + entry.width / 2, entry.y + entry.height / 2]; })()"
+    )
+    open_page.point("Moved", x, y)
+    open_page.point("Pressed", x, y, held=True)
+    open_page.point("Released", x, y, held=True)
+    assert open_page.wait(f"new Set({dimmed}.map((line) => line.getAttribute('stroke'))).size") == 1
+
+
 def test_a_brushed_span_of_time_is_marked_on_the_map_and_in_the_other_chart(open_page):
     live_chart(open_page, "#localisation .panels:last-child .chart")
     x, y, width, height, *_ = live_chart(open_page, "#clearance .chart")
