@@ -102,8 +102,6 @@ def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> lis
     They are drawn in child processes, never in this one: Vega runs in threads, and a process with
     these could not be forked any more.
     """
-    if not charts:
-        return []
     doing = "that draws charts"
     numbered = list(enumerate(charts))
     return list(parallel_map(_draw, numbered, doing=doing, processes=processes, always_forked=True))

@@ -39,13 +39,13 @@ def parallel_map(
     :class:`daemon.batch.errors.DaemonError`, saying what it was ``doing``, when a child dies.
     """
     count = min(processes or available_cores(), len(items))
-    if not always_forked and (count < 2 or len(items) <= _FEW):
+    if not items or (not always_forked and (count < 2 or len(items) <= _FEW)):
         yield from map(task, items)
         return
     # Forked: children start with oracles loaded and kernels compiled, not each by itself.
     context = multiprocessing.get_context("fork")
     executor = ProcessPoolExecutor(
-        max(count, 1), mp_context=context, initializer=_prepare_child, initargs=(os.getpid(),)
+        count, mp_context=context, initializer=_prepare_child, initargs=(os.getpid(),)
     )
     try:
         yield from executor.map(task, items, chunksize=min(_CHUNK, 1 + len(items) // (4 * count)))

@@ -126,13 +126,20 @@ class Labels:
     def __init__(self) -> None:
         self._taken: list[Any] = []
         self._weights: list[float] = []
+        self._widths: list[float] = []
 
     def avoid(self, items: Iterable[DrawingItem], weight: float) -> None:
         """Keep texts off ``items``: an area fully covered costs ``weight``."""
         for item in items:
-            for area in _areas(item):
-                self._taken.append(area)
-                self._weights.append(weight)
+            for place in _places(item):
+                # A line has no area: it takes its length, as wide as it is drawn with some room.
+                width = item.width + 2 * _PAD if isinstance(item, Shape) and item.open else 0.0
+                self._take(place, weight, width)
+
+    def _take(self, place: Any, weight: float, width: float = 0.0) -> None:
+        self._taken.append(place)
+        self._weights.append(weight)
+        self._widths.append(width)
 
     def place(self, words: TextLabel, spots: Iterable[Point2]) -> TextLabel:
         """Return ``words`` at the best of ``spots``; earlier ones win where all is equal."""
@@ -140,15 +147,15 @@ class Labels:
         areas = _extents(words, places)
         # A little for every later spot: texts stay near what they name unless much is in the way.
         best = int(np.argmin(0.02 * np.arange(len(places)) + self._covered(areas)))
-        self._taken.append(areas[best])
-        self._weights.append(4.0)
+        self._take(areas[best], 4.0)
         return replace(words, at=places[best])
 
     def _covered(self, texts: Any) -> Floats:
         """Return the cost of a text on each of some areas, which obstacles there raise."""
-        areas = np.array(self._taken, dtype=object)
-        text, other = shapely.STRtree(areas).query(texts, predicate="intersects")
-        shared = shapely.area(shapely.intersection(texts[text], areas[other]))
+        taken, widths = np.array(self._taken, dtype=object), np.array(self._widths)
+        text, other = shapely.STRtree(taken).query(texts, predicate="intersects")
+        both, width = shapely.intersection(texts[text], taken[other]), widths[other]
+        shared = np.where(width > 0.0, shapely.length(both) * width, shapely.area(both))
         shares: Floats = shared / shapely.area(texts)[text] * np.array(self._weights)[other]
         return np.bincount(text, shares, minlength=len(texts)).astype(np.float64)
 
@@ -176,15 +183,14 @@ def _extents(words: TextLabel, places: Sequence[Point2]) -> Any:
     return shapely.polygons(np.stack([x, y], axis=2))
 
 
-def _areas(item: DrawingItem) -> list[Any]:
+def _places(item: DrawingItem) -> list[Any]:
     match item:
         case TextLabel():
             return [extent(item)]
         case Disc():
             return [shapely.Point(item.centre).buffer(item.radius + _PAD, quad_segs=4)]
         case Shape(open=True):
-            lines = [LineString(ring) for ring in item.rings if len(ring) > 1]
-            return [line.buffer(item.width + _PAD, quad_segs=1) for line in lines]
+            return [LineString(ring) for ring in item.rings if len(ring) > 1]
         case Shape():
             rings = [ring for ring in item.rings if len(ring) > 2]
             return [MultiPoint(ring).convex_hull for ring in rings]
