@@ -11,12 +11,16 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
+from importlib import metadata
 from typing import Any, Final, TypeAlias
 
+import platformdirs
 from markupsafe import Markup, escape
 
 from daemon.analysis.parallel_map import parallel_map
+from grammars.text.files import write_atomically
 from templates.naming import xml_text
 from templates.report import OURS
 
@@ -111,9 +115,19 @@ def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> lis
 def page_script() -> str:
     """Return Vega, Vega-Lite and Vega-Embed as one script for a page that needs no network.
 
-    The theme of all charts, ``chartTheme``, is a part of it.
+    The theme of all charts, ``chartTheme``, is a part of it. Bundling takes over a second, so the
+    script of a version is kept in the user's cache.
     """
-    (script,) = parallel_map(_bundle, ("",), doing="that bundles Vega", always_forked=True)
+    version = metadata.version("vl-convert-python")
+    cached = platformdirs.user_cache_path("scenario") / f"vega-{version}.js"
+    try:
+        script = cached.read_text(encoding="utf-8")
+    except OSError:
+        (script,) = parallel_map(_bundle, ("",), doing="that bundles Vega", always_forked=True)
+        # Without a cache that can be written it is bundled again for the next page.
+        with suppress(OSError):
+            cached.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(cached, script.encode(), durable=False)
     return f"{script}window.chartTheme = {json.dumps(THEME)};"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -138,27 +139,41 @@ def _strides(poses: Floats) -> npt.NDArray[np.intp]:
 
 def footprint_cells(grid: OccupancyGrid, poses: Floats, ring: Floats) -> _Cells:
     """Return the cells whose centre a convex ``ring`` (m, 2) covers at one of ``poses`` (n, 3)."""
-    rows, columns = grid.cells.shape
-    reach = int(np.hypot(*ring.T).max() / grid.resolution) + 1
-    window = np.arange(-reach, reach + 1)
+    covered: _Cells = np.zeros(grid.cells.shape, np.bool_)
     spots = (poses[:, :2] - (grid.x, grid.y)) / grid.resolution
-    column, row = (np.floor(one)[:, None].astype(np.intp) + window for one in spots.T)
-    # Of the cells around each pose (n, k, k): their centres as the robot sees them [m].
-    u = (column[:, None, :] + 0.5 - spots[:, 0, None, None]) * grid.resolution
-    v = (row[:, :, None] + 0.5 - spots[:, 1, None, None]) * grid.resolution
-    c, s = np.cos(poses[:, 2, None, None]), np.sin(poses[:, 2, None, None])
-    x, y = c * u + s * v, c * v - s * u
-    is_left, is_right = np.ones(x.shape, np.bool_), np.ones(x.shape, np.bool_)
-    for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-        side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-        is_left &= side >= 0.0
-        is_right &= side <= 0.0
-    pose, i, j = np.nonzero(is_left | is_right)  # of every edge, whichever way round the corners go
-    row, column = row[pose, i], column[pose, j]
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    covered: _Cells = np.zeros((rows, columns), np.bool_)
-    covered[row[inside], column[inside]] = True
+    mark_footprints(covered, np.column_stack((spots, poses[:, 2])), ring, grid.resolution)
     return covered
+
+
+@kernel
+def mark_footprints(cells: _Cells, places: Floats, ring: Floats, resolution: float) -> None:
+    """Mark the cells whose centre a convex ``ring`` (m, 2) [m] covers at one of ``places`` (n, 3).
+
+    Places are column, row [cells] and yaw. The corners may go either way round.
+    """
+    rows, columns = cells.shape
+    reach = 0.0
+    for corner in range(len(ring)):
+        reach = max(reach, math.hypot(ring[corner, 0], ring[corner, 1]) / resolution)
+    for place in range(len(places)):
+        x, y = places[place, 0], places[place, 1]
+        c, s = math.cos(places[place, 2]), math.sin(places[place, 2])
+        for row in range(max(0, math.floor(y - reach)), min(rows, math.floor(y + reach) + 1)):
+            for column in range(
+                max(0, math.floor(x - reach)), min(columns, math.floor(x + reach) + 1)
+            ):
+                # The centre of the cell as the robot sees it [m].
+                u, v = (column + 0.5 - x) * resolution, (row + 0.5 - y) * resolution
+                ahead, aside = c * u + s * v, c * v - s * u
+                is_left, is_right = True, True
+                for corner in range(len(ring)):
+                    ax, ay = ring[corner - 1, 0], ring[corner - 1, 1]
+                    bx, by = ring[corner, 0], ring[corner, 1]
+                    side = (bx - ax) * (aside - ay) - (by - ay) * (ahead - ax)
+                    is_left = is_left and side >= 0.0
+                    is_right = is_right and side <= 0.0
+                if is_left or is_right:
+                    cells[row, column] = True
 
 
 def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[CoveredCells]) -> FloorArea:
