@@ -70,6 +70,11 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
         "passed": [f"{one.passed} of {one.n}" for _, one in rows],
         "margins": [_margins_text(one) for _, one in rows],
         "times": [_times_text(one) for _, one in rows],
+        # All oracles of a cell have the same runs: the first of a submission tells their times.
+        "first": [
+            row is None or row[0] != name
+            for row, (name, _) in zip([None, *rows], rows, strict=False)
+        ],
     }
     oracles = list(dict.fromkeys(columns["oracle"]))
     units = dict.fromkeys(one.unit for _, one in rows if one.median is not None)
@@ -85,10 +90,9 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
             )
             for unit in units
         ),
-        # All oracles of a cell have the same runs.
         {
             "transform": [
-                {"filter": {"field": "oracle", "equal": oracles[0]}},
+                {"filter": "datum.first"},
                 {"fold": ["simulated", "cpu"], "as": ["kind", "time"]},
             ]
         }

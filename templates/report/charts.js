@@ -14,17 +14,15 @@
     : Object.values(value)[0].map((_, n) =>
       Object.fromEntries(Object.entries(value).map(([name, column]) => [name, column[n]])));
 
-  // Pointers are measured in pixels of the page: a live chart fills its place unscaled.
+  // A live chart looks as its drawing does, which is stretched to its place. It is not stretched
+  // itself, since pointers are measured in pixels of the page: all its lengths grow.
+  const LENGTH = /(width|height|size|extent|offset|padding|spacing|thickness)$/i;
   function fitted(chart) {
-    const spec = JSON.parse(chart.querySelector("script").textContent, byRows);
     const drawing = chart.querySelector("svg");
-    const place = drawing.getBoundingClientRect(), drawn = drawing.viewBox.baseVal;
-    const views = spec.vconcat ?? [spec];
-    for (const view of views) {
-      view.width += place.width - drawn.width;
-      view.height += (place.height - drawn.height) / views.length;
-    }
-    return spec;
+    const growth = drawing.getBoundingClientRect().width / drawing.viewBox.baseVal.width;
+    const grown = (key, value) => LENGTH.test(key) && typeof value === "number" ? growth * value : byRows(key, value);
+    const text = chart.querySelector("script").textContent;
+    return [JSON.parse(text, grown), JSON.parse(JSON.stringify(chartTheme), grown)];
   }
 
   async function wake(chart) {
@@ -32,8 +30,9 @@
     const place = chart.appendChild(document.createElement("div"));
     place.className = "live";
     try {
-      const result = await vegaEmbed(place, fitted(chart), {
-        mode: "vega-lite", renderer: "svg", actions: false, ast: true, config: chartTheme,
+      const [spec, config] = fitted(chart);
+      const result = await vegaEmbed(place, spec, {
+        mode: "vega-lite", renderer: "svg", actions: false, ast: true, config,
         tooltip: { theme: matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light" },
       });
       alive.set(chart, result);

@@ -38,7 +38,7 @@ from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import TraceError, read_scene
 from grammars.model.scene import Scene
-from templates.naming import file_name, xml_text
+from templates.naming import file_name, free_name, xml_text
 
 _Marks: TypeAlias = dict[tuple[str, str], dict[str, list[ReferenceMark]]]
 
@@ -125,10 +125,12 @@ def _drawn_map(draw: _Map | None) -> str:
 def write_figures(figures: tuple[ReportFigure, ...], folder: Path) -> None:
     """Write each figure as PDF, named by kind, scenario, SUT and subject."""
     folder.mkdir(parents=True, exist_ok=True)
+    names: set[str] = set()
     for figure in figures:
         if figure.svg:
             parts = (figure.kind, figure.scenario, figure.sut, figure.subject)
-            name = file_name("-".join(part for part in parts if part))
+            # The scenario a-b with c and the scenario a with b-c, joined, have the same name.
+            names.add(name := free_name(file_name("-".join(filter(None, parts))), names))
             (folder / f"{name}.pdf").write_bytes(svg_pdf(figure.svg))
 
 

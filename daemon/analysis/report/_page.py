@@ -121,7 +121,9 @@ def write_page(
         findings=group_errors(notable_verdicts(data)),
         measures=measure_columns(data),
         figures=_by_kind(figures),
-        moments={(f.scenario, f.sut, f.subject): f for f in figures if f.subject and f.svg},
+        moments={
+            (f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment" and f.svg
+        },
         references=data.references,
         reference_names=dict.fromkeys((r.name, r.source) for r in results.declared.references),
         runs=data.runs,

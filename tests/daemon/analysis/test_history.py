@@ -1,5 +1,6 @@
 """The history of a campaign: three submissions in a ledger, what changed, the page about it."""
 
+import re
 from dataclasses import replace
 
 import html5lib
@@ -164,6 +165,19 @@ def test_the_page_has_a_chart_for_each_cell_and_nothing_of_what_names_do(history
     assert HOSTILE not in page
     assert "system pilot: speed 1.0 → 1.5" in before
     assert history_page(replace(history, submissions=history.submissions[:1]))
+
+
+def test_times_are_drawn_of_every_submission_also_where_oracles_have_other_names(history):
+    def times(history):
+        (lines, *_) = re.findall(
+            r'aria-label="S1 .*?<path d="([^"]*)" stroke="var\(--second\)"', history_page(history)
+        )
+        return lines
+
+    *older, newest = history.submissions
+    renamed = tuple(replace(one, oracle="arrives soon") for one in newest.oracles)
+    other = replace(history, submissions=(*older, replace(newest, oracles=renamed)))
+    assert times(other).count("L") == times(history).count("L") == 2
 
 
 LEGEND_ENTRY = """(() => {

@@ -134,6 +134,9 @@ def live_chart(browser, selector):
     """Scroll to a chart until it is alive; return where its plot is [px]."""
     browser.evaluate(
         f"chart = document.querySelector({selector!r}); drawn = chart.getBoundingClientRect();"
+        "letters = (svg) => [...svg.querySelectorAll('text')]"
+        ".map((text) => text.getBoundingClientRect().height);"
+        "drawnLetters = letters(chart.querySelector('svg'));"
         "chart.scrollIntoView({ behavior: 'instant', block: 'center' })"
     )
     browser.wait("chart.classList.contains('alive')")
@@ -147,6 +150,8 @@ def test_a_chart_comes_alive_in_its_place_and_says_the_values_under_the_pointer(
     x, y, width, height, drawn_width, drawn_height = live_chart(open_page, "#clearance .chart")
     assert width == pytest.approx(drawn_width, abs=2.0)
     assert height == pytest.approx(drawn_height, abs=4.0)
+    drawn, live = open_page.evaluate("[drawnLetters, letters(chart.querySelector('.live svg'))]")
+    assert live == pytest.approx(drawn, abs=1.0)
     for step in (0.5, 0.51):
         open_page.point("Moved", x + step * width, y + 0.5 * height)
     told = open_page.wait("document.querySelector('#vg-tooltip-element.visible')?.innerText")

@@ -332,6 +332,14 @@ def test_each_failure_has_a_picture_of_its_moment(tree):
         assert re.match(r"repeat \d+, the seconds before (the end|[\d.]+ s)", caption)
 
 
+def test_the_page_says_how_many_findings_have_a_picture(data, page, monkeypatch):
+    count = page.count('<details class="finding"')
+    assert count > 1
+    assert "findings have pictures" not in page
+    monkeypatch.setattr(_figures, "_MOST_MOMENTS", 1)
+    assert f"Only 1 of {count} findings have pictures." in write_page(data, (), processes=1)
+
+
 def test_what_figures_share_is_read_once_for_all_of_them(data, monkeypatch):
     read = []
 
@@ -392,9 +400,10 @@ def test_a_chart_is_drawn_in_the_colours_of_the_page_without_what_answers_to_a_p
 
 def test_figures_are_written_as_vector_files_too(data, tmp_path):
     figures = _figures.draw_figures(data, processes=1)
-    _figures.write_figures(figures, tmp_path / "made")
+    a_bc, ab_c = (replace(figures[0], scenario=s, sut=t) for s, t in (("a", "b-c"), ("a-b", "c")))
+    _figures.write_figures((*figures, a_bc, ab_c), tmp_path / "made")
     files = sorted(file.name for file in (tmp_path / "made").iterdir())
-    assert len(files) == len(figures)
+    assert len(files) == len(figures) + 2
     assert "boxes-duration.pdf" in files
     assert all((tmp_path / "made" / file).read_bytes().startswith(b"%PDF") for file in files)
 
