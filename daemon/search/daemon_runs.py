@@ -226,7 +226,10 @@ class DaemonRuns:
 
     def _require_ours(self) -> None:
         rows = self._daemon.ask(SEARCHES, SearchQuery(self._campaign))
-        if not any(row.client == self._progress.client for row in rows):
+        # A daemon that was started anew, or a client that was slow, knows of no client: its next
+        # word is taken.
+        ours = ("", self._progress.client)
+        if not any(row.client in ours and not row.ended for row in rows):
             raise SearchStoppedError(f"the search {self._campaign} is over")
 
     def _page(self, offset: int, limit: int) -> tuple[RunRow, ...]:

@@ -8,6 +8,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, combinations
 from typing import Any, Final
 
+from daemon.analysis.chart_parts import (
+    BAD,
+    INK,
+    LINE,
+    NEAR,
+    SECOND,
+    SOFT,
+    Table,
+    layer,
+    legend,
+    legend_opacity,
+    quantity,
+    tooltip,
+)
 from daemon.analysis.charts import Chart, table
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.trials import Trial, smallest_so_far
@@ -26,7 +40,7 @@ _WIDTH: Final = 620
 _CROSS: Final = "M-.9,-.9L.9,.9M-.9,.9L.9,-.9"
 _OUTSIDE: Final = 0.06
 """How far beyond its range a written value is drawn, as a share of the range."""
-_HOVER: Final = [{"field": "run"}, {"field": "words", "title": "margin"}, {"field": "point"}]
+_TOOLTIP: Final = tooltip({"run": "run", "words": "margin", "point": "point"})
 """Words of a run under the pointer: its number, its margin, its point."""
 
 
@@ -44,50 +58,44 @@ def margins_chart(task: SearchTask, trials: Sequence[Trial], baseline: Sequence[
         "fails" if one.fails else "guided" if one.proposal.guided else task.drawn_word
         for one in trials
     ]
-    colours = _scale(
-        "kind", {task.drawn_word: "var(--soft)", "guided": "var(--line)", "fails": "var(--bad)"}
-    )
-    shapes = {task.drawn_word: "circle", "guided": "circle", "fails": _CROSS}
-    dots = {
-        "data": table({**_columns(task, trials), "kind": kinds}),
-        "params": [_legend_filter("kind")],
-        "mark": {"type": "point", "size": 22, "strokeWidth": 1.3},
-        "encoding": {
-            "y": _quantity("margin", title=_margin_title(task)),
-            "stroke": colours,
-            "fill": colours,
-            "shape": _scale("kind", shapes),
-            "opacity": _kept(0.9),
-            "tooltip": _HOVER,
-        },
+    colours = _scale("kind", {task.drawn_word: SOFT, "guided": LINE, "fails": BAD})
+    title = _margin_title(task)
+    encoding = {
+        "y": quantity("margin", title),
+        "stroke": colours,
+        "fill": colours,
+        "shape": _scale("kind", {task.drawn_word: "circle", "guided": "circle", "fails": _CROSS}),
+        "opacity": legend_opacity(0.9),
+        "tooltip": _TOOLTIP,
     }
+    columns = {**_columns(task, trials), "kind": kinds}
+    dots = layer("point", columns, encoding, name="runs", size=22, strokeWidth=1.3)
     last = max(one.number + 1 for one in (*trials, *unguided))
-    runs = _quantity("run", scale={"domain": [-0.5, max(last, 1)]})
+    runs = quantity("run", domain=[-0.5, last])
     courses = _courses({name: unguided, "smallest so far": trials}, last)
-    line = {"type": "line", "interpolate": "step-after", "strokeWidth": 1.4}
-    colour = _scale("of", {"smallest so far": "var(--ink)", name: "var(--second)"})
-    smallest = {"y": _quantity("smallest"), "color": colour}
+    line: Chart = {"interpolate": "step-after", "strokeWidth": 1.4}
+    colour = _scale("of", {"smallest so far": INK, name: SECOND})
+    smallest = {"y": quantity("smallest", title), "color": colour}
     above = {
         "width": _WIDTH,
         "height": 190,
         "encoding": {"x": {**runs, "axis": {"labels": False, "title": None}}},
-        "layer": [_zero(), {"data": courses, "mark": line, "encoding": smallest}, dots],
+        "layer": [_zero(), layer("line", courses, smallest, **line), dots],
     }
     top = max(1, sum(one.fails for one in trials), sum(one.fails for one in baseline))
-    failures = {"x": runs, "y": _quantity("failures", axis={"values": [0, top]})}
-    below = {
-        "width": _WIDTH,
-        "height": 70,
-        "data": courses,
-        "mark": line,
-        "encoding": {**failures, "color": {**colour, "legend": None}},
+    failures = {
+        "x": {**runs, "title": "run"},
+        "y": quantity("failures", "failures", axis={"values": [0, top]}),
+        "color": {**colour, "legend": None},
     }
+    below = {"width": _WIDTH, "height": 70, **layer("line", courses, failures, **line)}
     # Otherwise the lower panel, which names no lines again, would silence the upper one.
     own = {"legend": {"color": "independent"}}
-    return {"vconcat": [above, below], "spacing": 6, "resolve": own}
+    panels = {"vconcat": [above, below], "spacing": 6, "resolve": own}
+    return {"params": legend("kind", "runs"), **panels}
 
 
-def _courses(series: Mapping[str, Sequence[Trial]], last: int) -> dict[str, Any]:
+def _courses(series: Mapping[str, Sequence[Trial]], last: int) -> Table:
     """Return the smallest margin and the failures so far after each run, to the ``last`` one."""
     rows: list[tuple[int, str, float, int]] = []
     for name, trials in series.items():
@@ -98,7 +106,7 @@ def _courses(series: Mapping[str, Sequence[Trial]], last: int) -> dict[str, Any]
         if trials:
             rows.append((last, *rows[-1][1:]))
     columns = zip(*rows, strict=True)
-    return table(dict(zip(("run", "of", "smallest", "failures"), columns, strict=True)))
+    return dict(zip(("run", "of", "smallest", "failures"), columns, strict=True))
 
 
 def space_charts(
@@ -126,38 +134,36 @@ def space_charts(
 
 
 def _range_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | None) -> Chart:
-    (parameter,) = task.parameters
-    axes = {"x": _axis(task, 0, "x"), "y": _quantity("margin", title=_margin_title(task))}
-    marks = ((parameter.written, "ink"), (nearest[0] if nearest else None, "near"))
+    axes = {"x": _axis(task, 0, "x"), "y": quantity("margin", _margin_title(task))}
     uprights = [
-        _rule(colour, {"x": {"datum": value}}, strokeDash=[5, 3])
-        for value, colour in marks
-        if value is not None
+        layer("rule", {}, {"x": {"datum": _place(task, 0, point)}}, color=colour, strokeDash=[5, 3])
+        for point, colour, _ in _marked_points(task, nearest)
     ]
-    data = table({**_columns(task, trials), "x": [one.point[0] for one in trials]})
-    dots = {"data": data, **_dots(task, trials, axes)}
-    return {"width": _WIDTH, "height": 200, "layer": [_zero(), *uprights, dots]}
+    dots = _dots(task, trials, axes, {"x": [_place(task, 0, one.point) for one in trials]})
+    return _answering({"width": _WIDTH, "height": 200, "layer": [_zero(), *uprights, dots]})
 
 
 def _pair_chart(
     task: SearchTask, trials: Sequence[Trial], nearest: Point | None, pair: tuple[int, int]
 ) -> Chart:
     """Return the trials over two parameters in the colours of their margins; crosses fail."""
-    first, second = pair
-    axes = {"x": _axis(task, first, "x"), "y": _axis(task, second, "y")}
-    diamonds = [
-        {
-            "data": table({"x": [point[first]], "y": [point[second]]}),
-            "mark": {"type": "point", "shape": "diamond", "size": 90, "filled": True,
-                     "color": f"var(--{colour})", "stroke": "var(--paper)", "tooltip": about},
-            "encoding": axes,
+    across, up = pair
+    axes = {"x": _axis(task, across, "x"), "y": _axis(task, up, "y")}
+
+    def places(points: Sequence[Point]) -> Table:
+        return {
+            "x": [_place(task, across, point) for point in points],
+            "y": [_place(task, up, point) for point in points],
         }
+
+    look: Chart = {"shape": "diamond", "size": 90, "filled": True, "stroke": "var(--paper)"}
+    diamonds = [
+        layer("point", places([point]), axes, color=colour, tooltip=about, **look)
         for point, colour, about in _marked_points(task, nearest)
-    ]  # fmt: skip
-    places = {"x": [one.point[first] for one in trials], "y": [one.point[second] for one in trials]}
-    dots = {"data": table({**_columns(task, trials), **places}), **_dots(task, trials, axes)}
+    ]
+    dots = _dots(task, trials, axes, places([one.point for one in trials]))
     width, height = (420, 300) if len(task.parameters) == 2 else (260, 200)
-    return {"width": width, "height": height, "layer": [dots, *diamonds]}
+    return _answering({"width": width, "height": height, "layer": [dots, *diamonds]})
 
 
 def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | None) -> Chart:
@@ -185,31 +191,30 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
             "color": _margin_colour(task, trials),
             "opacity": {"condition": opacity, "value": 0.03},
             "strokeWidth": {"condition": {"test": "datum.margin < 0", "value": 1.6}, "value": 0.7},
-            "tooltip": _HOVER,
+            "tooltip": _TOOLTIP,
         },
     }
     looks: dict[str, Chart] = {
-        "ink": {"strokeDash": [5, 3]},
-        "near": {"strokeWidth": 2.6, "point": {"color": "var(--near)"}},
+        INK: {"strokeDash": [5, 3]},
+        NEAR: {"strokeWidth": 2.6, "point": {"color": NEAR}},
     }
     marked = [
         {
             "data": table(_heights(task, [point])),
             "transform": _folded(count),
-            "mark": {"type": "line", "color": f"var(--{colour})", "tooltip": about} | looks[colour],
+            "mark": {"type": "line", "color": colour, "tooltip": about} | looks[colour],
         }
         for point, colour, about in _marked_points(task, nearest)
     ]
     names = json.dumps([[task.short_name(one.name), range_text(one)] for one in task.parameters])
     axis = {
         "values": list(range(count)), "labelExpr": f"{names}[datum.value]", "title": None,
-        "labelAngle": -28, "labelLimit": 130, "labelOverlap": False, "labelColor": "var(--ink)",
+        "labelAngle": -28, "labelLimit": 130, "labelOverlap": False, "labelColor": INK,
         "grid": True, "gridWidth": 1, "domain": False,
     }  # fmt: skip
-    limits = {"domain": [-0.4, count - 0.6], "nice": False}
     across = {
-        "x": _quantity("axis", scale=limits, axis=axis),
-        "y": _quantity("share", scale={"domain": [-0.08, 1.08], "nice": False}, axis=None),
+        "x": quantity("axis", domain=[-0.4, count - 0.6], axis=axis),
+        "y": quantity("share", domain=[-0.08, 1.08], axis=None),
     }
     return {"width": _WIDTH, "height": 240, "encoding": across, "layer": [ways, *marked]}
 
@@ -225,22 +230,26 @@ def _columns(task: SearchTask, trials: Sequence[Trial]) -> dict[str, list[Any]]:
     }
 
 
-def _dots(task: SearchTask, trials: Sequence[Trial], axes: Mapping[str, Any]) -> Chart:
+def _dots(
+    task: SearchTask, trials: Sequence[Trial], axes: Mapping[str, Any], places: Table
+) -> Chart:
     colours = _margin_colour(task, trials)
-    grey = {"symbolStrokeColor": "var(--soft)", "symbolFillColor": "var(--soft)"}
-    shapes = _scale("outcome", {"passes": "circle", "fails": _CROSS})
-    return {
-        "params": [_legend_filter("outcome")],
-        "mark": {"type": "point", "size": 36, "strokeWidth": 1.8},
-        "encoding": {
-            **axes,
-            "fill": colours,
-            "stroke": {**colours, "legend": None},
-            "shape": {**shapes, "legend": grey},
-            "opacity": _kept(1),
-            "tooltip": _HOVER,
-        },
+    grey = {"symbolStrokeColor": SOFT, "symbolFillColor": SOFT}
+    encoding = {
+        **axes,
+        "fill": colours,
+        "stroke": {**colours, "legend": None},
+        "shape": {**_scale("outcome", {"passes": "circle", "fails": _CROSS}), "legend": grey},
+        "opacity": legend_opacity(1.0),
+        "tooltip": _TOOLTIP,
     }
+    columns = {**_columns(task, trials), **places}
+    return layer("point", columns, encoding, name="runs", size=36, strokeWidth=1.8)
+
+
+def _answering(chart: Chart) -> Chart:
+    """Return a chart whose legend shows failures alone, or what passes."""
+    return {"params": legend("outcome", "runs"), **chart}
 
 
 def _margin_title(task: SearchTask) -> str:
@@ -264,25 +273,39 @@ def _margin_colour(task: SearchTask, trials: Sequence[Trial]) -> dict[str, Any]:
         "type": "threshold", "domain": [float(f"{edge:.2g}") for edge in edges],
         "range": list(RAMP),
     }  # fmt: skip
-    look = {"titleColor": "var(--soft)", "titleFontSize": 9, "titleFontWeight": "normal"}
+    look = {"titleColor": SOFT, "titleFontSize": 9, "titleFontWeight": "normal"}
     # Small charts side by side have no room for it.
-    legend = None if 2 < len(task.parameters) <= MOST_PAIRED else {"columns": 6, **look}
-    return _quantity("margin", scale=scale, title=_margin_title(task), legend=legend)
+    steps = None if 2 < len(task.parameters) <= MOST_PAIRED else {"columns": 6, **look}
+    return quantity("margin", _margin_title(task), scale=scale, legend=steps)
 
 
 def _axis(task: SearchTask, index: int, field: str) -> dict[str, Any]:
-    """Return the axis of a parameter: a range of numbers, or its choices in their order."""
-    parameter = task.parameters[index]
+    """Return the axis of a parameter: its range, or its choices in their order.
+
+    What is written is on it, too: the search comes from there.
+    """
+    parameter, written = task.parameters[index], task.parameters[index].written
     title = task.short_name(parameter.name)
+    values = parameter.choices or (parameter.low, parameter.high)
+    values = values if written is None or written in values else (*values, written)
     if parameter.choices:
-        scale = {"domain": [parameter.shown(choice) for choice in parameter.choices]}
+        scale = {"domain": [parameter.shown(choice) for choice in values]}
         axis = {"labelAngle": 0}
         return {"field": field, "type": "ordinal", "scale": scale, "axis": axis, "title": title}
     title += f" [{parameter.unit}]" if parameter.unit else ""
-    room = 0.0 if parameter.log else 0.03 * (parameter.high - parameter.low)
-    domain = {"domain": [parameter.low - room, parameter.high + room], "nice": False}
-    kind = {"type": "log"} if parameter.log and parameter.low > 0.0 else {"zero": False}
-    return _quantity(field, title=title, scale={**domain, **kind})
+    ends = [value for value in values if not isinstance(value, str)]
+    low, high = min(ends), max(ends)
+    if parameter.log and low > 0.0:
+        log = {"type": "log", "domain": [low, high], "nice": False}
+        return quantity(field, title, scale=log)
+    room = 0.03 * (high - low)
+    return quantity(field, title, domain=[low - room, high + room])
+
+
+def _place(task: SearchTask, index: int, point: Point) -> PointValue:
+    """Return where a point lies on the axis of a parameter."""
+    parameter = task.parameters[index]
+    return parameter.shown(point[index]) if parameter.choices else point[index]
 
 
 def _heights(task: SearchTask, points: Sequence[Point]) -> dict[str, list[float]]:
@@ -309,13 +332,9 @@ def _folded(count: int) -> list[dict[str, Any]]:
 def _marked_points(task: SearchTask, nearest: Point | None) -> Iterator[tuple[Point, str, str]]:
     """Yield the scenario as written and the nearest failure, each with its colour and its name."""
     if (point := written_point(task)) is not None:
-        yield point, "ink", "as written"
+        yield point, INK, "as written"
     if nearest is not None:
-        yield nearest, "near", "nearest failure"
-
-
-def _quantity(field: str, **more: Any) -> dict[str, Any]:
-    return {"field": field, "type": "quantitative", **more}
+        yield nearest, NEAR, "nearest failure"
 
 
 def _scale(field: str, looks: Mapping[str, Any]) -> dict[str, Any]:
@@ -324,20 +343,7 @@ def _scale(field: str, looks: Mapping[str, Any]) -> dict[str, Any]:
     return {"field": field, "scale": scale, "title": None}
 
 
-def _legend_filter(field: str) -> dict[str, Any]:
-    """Return the parameter by which a click on an entry of the legend shows it alone."""
-    return {"name": "shown", "select": {"type": "point", "fields": [field]}, "bind": "legend"}
-
-
-def _kept(opacity: float) -> dict[str, Any]:
-    return {"condition": {"param": "shown", "value": opacity}, "value": 0.08}
-
-
 def _zero() -> Chart:
     """Return the line at a margin of zero, below which runs fail."""
-    return _rule("bad", {"x": {"value": 0}, "x2": {"value": "width"}, "y": {"datum": 0}})
-
-
-def _rule(colour: str, encoding: Mapping[str, Any], **look: Any) -> Chart:
-    mark = {"type": "rule", "color": f"var(--{colour})", **look}
-    return {"data": {"values": [{}]}, "mark": mark, "encoding": encoding}
+    across = {"x": {"value": 0}, "x2": {"value": "width"}, "y": {"datum": 0}}
+    return layer("rule", {}, across, color=BAD)

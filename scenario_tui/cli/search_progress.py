@@ -20,7 +20,7 @@ from daemon.model.trials import (
     smallest_margin,
     smallest_so_far,
 )
-from daemon.search.answers.sentences import phase_words
+from daemon.search.answers.sentences import margin_words, phase_words
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.progress import (
     WAITING,
@@ -131,9 +131,9 @@ class SearchWatch:
         first = first_failure(self.explored)
         if first is not None and not self.told_first:
             self.told_first = True
-            value = first.value
-            words = f": {value.oracle} by {margin(value.margin, value.unit)}" if value else ""
-            shown.note(f"run {first.number} fails{words} ({first.run})")
+            oracle = first.verdict.oracle if first.verdict else row.task.minimise
+            by = f" by {words}" if (words := margin_words(first)) else ""
+            shown.note(f"run {first.number} fails: {oracle}{by} ({first.run})")
         if row.phase != self.told_phase and row.state == "running":
             shown.note(phase_words(row))
         self.told_phase = row.phase

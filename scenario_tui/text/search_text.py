@@ -15,11 +15,12 @@ from daemon.search.answers.sentences import (
     finding_words,
     headline,
     is_by_chance,
+    margin_words,
     minus,
     phase_words,
     search_word,
 )
-from daemon.search.points import position_in_range
+from daemon.search.points import is_as_written, position_in_range
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
@@ -109,7 +110,7 @@ def parameters_text(
     unsure, quiet = styles["inconclusive"], quiet_style(styles)
     pairs = list(zip(task.parameters, values, strict=True))
     texts = [
-        ("" if value == one.written else _written(one, value), one.shown(value))
+        ("" if is_as_written(one, value) else _written(one, value), one.shown(value))
         for one, value in pairs
     ]
     sizes = [max((len(pair[i]) for pair in texts), default=0) for i in (0, 1)]
@@ -123,7 +124,7 @@ def parameters_text(
     name_cells = max(min(longest, rest), _LEAST_NAME)
     text = Text(no_wrap=True, overflow="ellipsis")
     for name, (one, value), (written, now) in zip(names, pairs, texts, strict=True):
-        changed = value != one.written
+        changed = not is_as_written(one, value)
         text.append("≠ " if changed else "  ", style=unsure)
         text.append(keep_end(name, name_cells), style="bold" if changed else quiet)
         text.append(f" {keep_start(written, sizes[0]):>{sizes[0]}} ", style=quiet)
@@ -226,7 +227,7 @@ def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> li
     lines = []
     for finding, text in zip(answer.findings, words, strict=True):
         example = finding.example
-        parts = [margin(example.value.margin, example.value.unit)] if example.value else []
+        parts = [margin_words(example)]
         if example.verdict is not None:
             parts.append(moment_text(example.verdict.evidence.time))
         line = Text(f"  {text:<{width}}", style=styles["fail"])

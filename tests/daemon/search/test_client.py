@@ -8,8 +8,9 @@ import pytest
 
 from daemon.batch.errors import Refused
 from daemon.model.proposals import ExtendRequest
-from daemon.model.search_answer import SearchProgress
-from daemon.model.verbs import EXTEND, PROGRESS
+from daemon.model.search_answer import SearchProgress, SearchRow
+from daemon.model.verbs import EXTEND, PROGRESS, SEARCHES
+from daemon.search.daemon_runs import DaemonRuns
 from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.harness import ROOT, daemon_at, eventually
 from tests.daemon.batch.samples import TASK, make_extension, make_search, make_submission
@@ -69,8 +70,7 @@ def test_a_search_goes_on_with_the_same_runs_whatever_is_killed(tmp_path, undist
             eventually(lambda: settled(daemon) >= 25)
         part.kill()
         part.restart()
-        client.join(30.0)
-        assert not client.is_alive()
+        eventually(lambda: not client.is_alive())
         with part.client() as daemon:
             (row,) = daemon.searches()
             assert (row.state, row.proposed, row.finished) == ("finished", RUNS + 2, RUNS + 2)
@@ -180,6 +180,28 @@ def test_a_search_that_proposes_otherwise_than_before_fails(daemon, tmp_path):
         assert "run 0 of the search is another one than it was before" in row.note
         gate.touch()
         eventually(lambda: settled(asked, "changed") == TASK.window)
+
+
+def test_a_daemon_that_has_forgotten_the_client_hears_of_it_again():
+    """A daemon that was started anew, say, and has cleared away a scene as well."""
+
+    class ForgetfulDaemon:
+        asked = ()
+
+        def send_files(self, runs):
+            pass
+
+        def ask(self, verb, request):
+            self.asked += (verb,)
+            if verb is SEARCHES:
+                return (SearchRow("s", "s", 0.0, TASK, "waiting"),)
+            if self.asked == (EXTEND,):
+                raise Refused("there is no scene of that digest")
+            return None
+
+    daemon = ForgetfulDaemon()
+    fake_search.issue(TASK, DaemonRuns(daemon, "s", "lab", 0.0), 0, 0, 0, "", {})
+    assert daemon.asked == (EXTEND, SEARCHES, EXTEND)
 
 
 def test_requests_of_clients_are_held_to_the_search(daemon):

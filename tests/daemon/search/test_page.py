@@ -86,6 +86,31 @@ def test_few_parameters_are_drawn_two_by_two_and_many_side_by_side(parameters, c
     assert svg.count("<path") > 20
 
 
+@pytest.mark.parametrize(
+    "parameter",
+    [
+        seconds("doors.early", written=1.0, low=6.0, high=8.0),
+        SearchParameter(
+            "doors.late", "behaviours", 0, "late", "s", choices=(6.0, -8.0), written=1.0
+        ),
+    ],
+)
+def test_every_run_has_its_place_on_the_axis_of_a_parameter(parameter):
+    for parameters in ((parameter,), (DOOR, parameter)):
+        row, rows = searched(*parameters)
+        ((_, chart),) = charts_of(row, rows)
+        field = "x" if len(parameters) == 1 else "y"
+        dots = next(layer for layer in chart["layer"] if layer.get("name") == "runs")
+        domain = dots["encoding"][field]["scale"]["domain"]
+        places = {one[field] for one in rows_of(dots["data"])}
+        if parameter.choices:
+            assert domain == ["6 s", "−8 s", "1 s"]
+            assert places == set(domain)
+        else:
+            assert domain[0] < min(places) == 1.0
+            assert max(places) < domain[1]
+
+
 def test_every_failure_is_a_cross_and_the_smallest_margin_a_line():
     row, rows = searched(DOOR, *OTHERS)
     trials = point_trials(row.task, rows)

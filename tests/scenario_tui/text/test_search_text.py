@@ -8,6 +8,7 @@ import pytest
 from daemon.search.answers.sentences import phase_words, search_word
 from scenario_tui.text.search_text import (
     answer_lines,
+    finding_lines,
     influence_lines,
     parameters_text,
     proposal_text,
@@ -94,6 +95,15 @@ def test_a_line_for_a_search():
         "doors-in-time: the budget of 60 runs is spent, 8 runs, 2 failures, "
         "smallest margin −0.031 m"
     )
+
+
+def test_a_finding_has_the_margin_of_the_oracle_that_fails():
+    answer = make_answer()
+    (finding,) = answer.findings
+    other = replace(finding.example.value, oracle="reached", margin=0.5)
+    example = replace(finding.example, value=other)
+    (line,) = finding_lines(replace(answer, findings=(replace(finding, example=example),)))
+    assert "−0.031 m at 31.5 s" in line.plain
 
 
 def test_the_answer_begins_with_its_sentences():
