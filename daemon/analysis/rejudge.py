@@ -16,7 +16,6 @@ from daemon.analysis.parallel_map import parallel_map
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import is_url, local_copy, trace_reference
 from daemon.judging import oracles
 from daemon.model.spec import OracleText, RunResult
 from daemon.model.verdicts import Outcome, Verdict
@@ -81,35 +80,35 @@ class OracleChange:
 
 def rejudge(
     traces: Sequence[Path],
-    written: Sequence[OracleText] | None,
+    layer: Sequence[OracleText] | None,
     *,
     places: StatePaths,
     processes: int | None = None,
 ) -> Iterator[RejudgedTrace]:
-    """Judge ``traces`` by the oracles ``written`` (``None``: those in each trace), in order.
+    """Judge ``traces`` by the oracles of a ``layer`` (``None``: those in each trace), in order.
 
     Spreads over ``processes`` (default: one per core). A trace that cannot be read gives a
     :class:`RejudgedTrace` with its ``problem``. Raises :class:`DaemonError` when a judging process
     dies.
     """
     oracles.warm_up()
-    task = partial(_judge_file, None if written is None else tuple(written))
+    task = partial(_judge_file, None if layer is None else tuple(layer))
     judged_files = parallel_map(task, traces, doing="that judges", processes=processes)
     for path, judged in zip(traces, judged_files, strict=True):
         yield _compare_with_ledger(places, path, judged)
 
 
-def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedTrace:
+def _judge_file(layer: tuple[OracleText, ...] | None, path: Path) -> RejudgedTrace:
     """Judge one file by these oracles and by its own; the signals are computed once."""
     try:
         trace = read_trace(path)
     except TraceError as error:
         return RejudgedTrace(str(path), problem=error.diagnostics[0].message)
     own = trace.spec.oracles
-    asked = own if written is None else written
     # Its own too, and not what a ledger says only: a trace may be of another machine's.
-    found = oracles.judge(trace, (*asked, *own))
-    verdicts, before = found[: len(asked)], found[len(asked) :]
+    judged = oracles.judge(trace, (*(layer or ()), *own))
+    before = judged[len(layer or ()) :]
+    verdicts = before if layer is None else judged[: len(layer)]
     return RejudgedTrace(
         trace=str(path),
         run=trace.spec.label,
@@ -141,52 +140,3 @@ def _recorded_result(places: StatePaths, path: Path) -> RunResult | None:
     except (DaemonError, ValueError):
         # A ledger of another version says nothing; the trace itself still does.
         return None
-
-
-def find_traces(named: Sequence[str], places: StatePaths) -> tuple[Path, ...]:
-    """Return the traces meant: files, all in a folder, a campaign's or a run's by its id.
-
-    Each once, in the order named, those of a folder by name. Raises ``ValueError`` for a name of
-    none.
-    """
-    found: dict[Path, None] = {}
-    for name in named:
-        found |= dict.fromkeys(_named_traces(name, places))
-    return tuple(found)
-
-
-def _named_traces(name: str, places: StatePaths) -> Sequence[Path]:
-    path = Path(name)
-    if path.is_file():
-        return [path]
-    recorded = [] if path.is_dir() and name else _recorded_traces(name, places)
-    if recorded:
-        return recorded
-    folder = path if name and path.is_dir() else _campaign_folder(name, places)
-    if folder is None:
-        raise ValueError(f"{name} is no trace, no folder, and no campaign or run in {places.state}")
-    traces = sorted(folder.rglob("*.mcap"))
-    if not traces:
-        raise ValueError(f"{folder} holds no traces (.mcap files)")
-    return traces
-
-
-def _campaign_folder(name: str, places: StatePaths) -> Path | None:
-    folder = places.traces / name
-    return folder if "/" not in name and name not in ("", "..", ".") and folder.is_dir() else None
-
-
-def _recorded_traces(name: str, places: StatePaths) -> Sequence[Path]:
-    """Return the traces of a campaign or a run, also where earlier ones were used again."""
-    if not name or not places.ledger.is_file():
-        return []
-    try:
-        with LedgerReader.open(places) as ledger:
-            rows = (ledger.run(name).row,) if "." in name else ledger.all_runs(name, results=True)
-    except DaemonError:
-        return []
-    return [
-        local_copy(trace_reference(row)) if is_url(row.trace) else Path(row.trace)
-        for row in rows
-        if row.result is not None and row.trace
-    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 if TYPE_CHECKING:
     from daemon.analysis.blame import Blame, CandidateRunner, RunCase
     from daemon.batch.paths import StatePaths
+    from scenario_tui.cli.target import DaemonTarget
 
 
 class BlameOutput(Output, schema="blame"):
@@ -109,39 +111,78 @@ def blame(
     )
 
 
-def _find_case(run: list[str], state: State, campaign: Path | None) -> tuple[RunCase, str]:
-    from daemon.analysis.blame import find_case
-    from daemon.batch.paths import StatePaths
-    from grammars.text.diagnostics import InputError
-    from scenario_tui.cli.named_traces import resolve_recorded, why_without_traces
+def _find_case(words: list[str], state: Path | None, campaign: Path | None) -> tuple[RunCase, str]:
+    """Return the run that ``words`` name, taken apart, and how it differs from the recorded one.
+
+    For a trace or an id the layers are needed that a trace does not hold: those of ``campaign``,
+    otherwise of the campaign file that the record of the run names, as long as it specifies that
+    very run.
+    """
+    from daemon.analysis.blame import load_case
+    from daemon.trace import read_spec
+    from scenario_tui.cli.named_traces import one_trace
     from scenario_tui.cli.suggestions import refuse_missing_file
     from scenario_tui.cli.target import DaemonTarget
 
-    refuse_missing_file(run[0])
-    paths = StatePaths.find(state)
-    words = run
-    try:
-        words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
-        return find_case(words, paths, campaign)
-    except (InputError, ValueError) as error:
-        name = words[0] if words else ""
-        message = _about_search(run[0], paths)
-        if isinstance(error, InputError) and not message:
-            # It names the line of a file; the others are about the words.
-            raise
-        if not message and len(words) == 1 and not _has_traces(name, paths):
-            message = why_without_traces(name, DaemonTarget(state=state))
-        message = message or str(error)
-        raise typer.BadParameter(message, param_hint="RUN") from error
+    first, *rest = words
+    refuse_missing_file(first)
+    if first.endswith((".yaml", ".yml")):
+        return load_case(Path(first), *_place_in_campaign(rest)), ""
+    if rest:
+        message = "one trace or one id of a run, or CAMPAIGN.yaml SCENARIO SUT REPEAT"
+        raise typer.BadParameter(message, param_hint="RUN")
+    target = DaemonTarget(state=state)
+    if message := _about_search(first, target.paths):
+        raise typer.BadParameter(message, param_hint="RUN")
+    trace = one_trace(first, target, "RUN")
+    spec = read_spec(trace)
+    file = campaign or _recorded_file(first, trace, target)
+    case = load_case(file, spec.scenario, spec.sut.name, spec.repeat)
+    if case.spec.digest == spec.digest:
+        return case, ""
+    if campaign is None:
+        hint = f"say --campaign {file} to ask about the run as its layers are now"
+        message = f"{file} does not specify this run any more: {hint}"
+        raise typer.BadParameter(message, param_hint="RUN")
+    return case, "its layers have changed since: this is about the run as they are now"
 
 
-def _has_traces(name: str, paths: StatePaths) -> bool:
-    from daemon.analysis.rejudge import find_traces
+def _place_in_campaign(words: list[str]) -> tuple[str, str, int]:
+    """Return scenario, system under test and repeat; the system is empty for the only one."""
+    if not 1 <= len(words) <= 3:
+        message = "name a run of the campaign: SCENARIO SUT REPEAT, such as S1 pilot 0"
+        raise typer.BadParameter(message, param_hint="RUN")
+    scenario, sut, repeat = (*words, *("", "0")[len(words) - 1 :])
+    if not repeat.isdecimal():
+        message = f"{repeat} is not the number of a repeat, they count from 0"
+        raise typer.BadParameter(message, param_hint="RUN")
+    return scenario, sut, int(repeat)
 
-    try:
-        return bool(find_traces([name], paths))
-    except ValueError:
-        return False
+
+def _recorded_file(name: str, trace: Path, target: DaemonTarget) -> Path:
+    """Return the campaign file that the record of a run names, wrong usage without one.
+
+    The record is the note of ``scenario run`` beside the trace, otherwise the ledger.
+    """
+    from daemon.analysis.results import read_campaign_note
+    from daemon.batch.errors import DaemonError
+    from scenario_tui.cli.named_traces import open_records
+    from scenario_tui.cli.target import find_campaign
+
+    origin = read_campaign_note(trace.parent).origin
+    if not origin.path:
+        with suppress(DaemonError, typer.BadParameter), open_records("", target, "RUN") as source:
+            campaign = trace.parent.name
+            if not Path(name).is_file():
+                campaign = find_campaign(source, name.partition(".")[0]).id
+            origin = source.origin(campaign)
+    if not origin.path:
+        message = f"no record names the campaign file of {trace}: say --campaign FILE"
+    elif not Path(origin.path).is_file():
+        message = f"there is no {origin.path} any more: say --campaign FILE"
+    else:
+        return Path(origin.path)
+    raise typer.BadParameter(message, param_hint="RUN")
 
 
 def _about_search(run: str, paths: StatePaths) -> str:
@@ -156,10 +197,6 @@ def _about_search(run: str, paths: StatePaths) -> str:
             return ""
     found = f"scenario-results/search/{campaign}/campaign/"
     return f"{run} is a run of a search: name the scenario it found, a campaign in {found}"
-
-
-def _is_yaml(word: str) -> bool:
-    return word.endswith((".yaml", ".yml"))
 
 
 def _folder(case: RunCase) -> Path:

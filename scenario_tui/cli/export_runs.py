@@ -82,7 +82,7 @@ def _fetch(
     missing: dict[str, str] = {}
     brought: list[Brought] = []
     with target.open() as daemon:
-        for row in recorded_runs(daemon, subject, "SOURCE"):
+        for row in recorded_runs(daemon, subject, target, "SOURCE"):
             try:
                 name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)
                 wanted.append((trace_reference(row), folder / name))

@@ -13,16 +13,14 @@ import typer
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
 from daemon.model.run_state import RunState
 from grammars.text.words import count_noun
-from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import open_progress, say
 from scenario_tui.cli.target import DaemonTarget, find_campaign, find_run
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
-    from daemon.batch.paths import StatePaths
-    from daemon.batch.stores import ByteProgress, TraceReference
-    from daemon.model.status import CampaignRow, RunDetail, RunRow
-    from daemon.model.verbs import CampaignSource, DaemonClient
+    from daemon.batch.stores import ByteProgress
+    from daemon.model.status import CampaignRow, RunRow
+    from daemon.model.verbs import CampaignSource
 
 _MCAP: Final = b"\x89MCAP0\r\n"
 """What every MCAP file begins with."""
@@ -61,47 +59,79 @@ def pointing_to_traces(command: str, named: str, hint: str) -> Iterator[None]:
         raise Unreachable(f"{message} `scenario report {shlex.quote(str(newest))}`") from error
 
 
-def _find_named(source: CampaignSource, name: str) -> CampaignRow | RunDetail:
-    """Return what a name means: with a dot in it a run, else a campaign.
-
-    Ids of campaigns have no dots; files and folders are told apart before anybody is asked.
-    """
-    return find_run(source, name) if "." in name else find_campaign(source, name)
-
-
 def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
     """Return the trace of a run named by its id or as a file; wrong usage for none or several.
 
     It is brought here first when it lies in a store, or with a daemon that ``target`` names.
     ``hint`` is the parameter the words came from.
     """
-    if _is_on_named_daemon(run, target):
-        return _fetch_traces([run], target, hint)[0]
-    traces = _find_local_traces([run], target, hint)
-    if len(traces) != 1:
-        message = f"{run} means {_few(traces)}: name one of them"
-        raise typer.BadParameter(message, param_hint=hint)
-    return traces[0]
-
-
-def _few(traces: Sequence[Path]) -> str:
-    """Return how many traces there are, and the names of the first ones."""
-    count = count_noun(len(traces), "trace")
-    if not traces:
-        return count
-    names = ", ".join(trace.name for trace in traces[:_NAMED])
-    return f"{count} ({names}{', …' if len(traces) > _NAMED else ''})"
+    if files := _trace_files(run):
+        _refuse_several(run, [file.name for file in files], hint)
+        return files[0]
+    with open_records(run, target, hint) as source:
+        rows = recorded_runs(source, run, target, hint)
+        # Before anything is brought: a campaign may have thousands of traces.
+        _refuse_several(run, [row.id for row in rows], hint)
+        return _bring_traces(rows, source)[0]
 
 
 def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
     """Return the traces meant: files, folders, and ids of campaigns and runs.
 
-    Like :func:`one_trace`; wrong usage for what names none.
+    Each once, in the order named, those of a folder by name. Otherwise as :func:`one_trace`; a
+    trace that cannot be brought is left out with a message, unless there is no other.
     """
-    far = [name for name in named if _is_on_named_daemon(name, target)]
-    near = [name for name in named if name not in far]
-    traces = _find_local_traces(near, target, hint) if near else ()
-    return (*traces, *_fetch_traces(far, target, hint)) if far else traces
+    traces: dict[Path, None] = {}
+    for name in named:
+        files = _trace_files(name)
+        if not files:
+            with open_records(name, target, hint) as source:
+                files = _bring_traces(recorded_runs(source, name, target, hint), source)
+        traces |= dict.fromkeys(files)
+    return tuple(traces)
+
+
+def _trace_files(name: str) -> Sequence[Path]:
+    """Return the file of that name, or the traces in the folder of that name."""
+    path = Path(name)
+    if path.is_file():
+        return [path]
+    return sorted(path.rglob("*.mcap")) if name and path.is_dir() else []
+
+
+def names_traces(name: str) -> bool:
+    """Return True if ``name`` is a file here, or a folder with traces in it.
+
+    `scenario new patrol` makes a folder that is called like its campaign and holds none.
+    """
+    return bool(_trace_files(name))
+
+
+def _refuse_several(name: str, traces: Sequence[str], hint: str) -> None:
+    if len(traces) > 1:
+        names = ", ".join(traces[:_NAMED]) + (", …" if len(traces) > _NAMED else "")
+        message = f"{name} means {len(traces)} traces ({names}): name one of them"
+        raise typer.BadParameter(message, param_hint=hint)
+
+
+@contextmanager
+def open_records(name: str, target: DaemonTarget, hint: str) -> Iterator[CampaignSource]:
+    """Open the daemon that people named, otherwise the ledger, to ask it about ``name``.
+
+    Its refusals are wrong usage of the parameter ``hint``.
+    """
+    from daemon.batch.ledger import LedgerReader
+
+    try:
+        if name.endswith(".mcap") or not (target.named or target.paths.ledger.is_file()):
+            state = target.paths.state
+            raise Refused(f"{name} is no trace, no folder, and no campaign or run in {state}")
+        with target.open() if target.named else LedgerReader.open(target.paths) as source:
+            yield source
+    except Refused as error:
+        is_folder = bool(name) and Path(name).is_dir()
+        message = f"{name} holds no traces (.mcap files)" if is_folder else str(error)
+        raise typer.BadParameter(message, param_hint=hint) from error
 
 
 def refuse_other_files(named: Sequence[str], hint: str) -> None:
@@ -118,53 +148,34 @@ def refuse_other_files(named: Sequence[str], hint: str) -> None:
                 raise typer.BadParameter(f"{name} is no trace (MCAP file)", param_hint=hint)
 
 
-def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.analysis.rejudge import find_traces
+def recorded_runs(
+    source: CampaignSource, name: str, target: DaemonTarget, hint: str
+) -> tuple[RunRow, ...]:
+    """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
 
-    with wrong_usage(hint):
-        paths: dict[Path, None] = {}
-        for name in named:
-            resolved = resolve_recorded(name, target.paths)
-            try:
-                traces = find_traces([resolved], target.paths)
-            except ValueError as error:
-                raise ValueError(why_without_traces(resolved, target) or str(error)) from error
-            if not names_traces(name):
-                _say_what_is_missing(resolved, len(traces), target)
-            paths |= dict.fromkeys(traces)
-        return tuple(paths)
-
-
-def _say_what_is_missing(campaign: str, traces: int, target: DaemonTarget) -> None:
-    """Say that a campaign goes on, and how much of it is there."""
-    from daemon.batch.ledger import LedgerReader
-
-    if not target.paths.ledger.is_file():
-        return
-    with LedgerReader.open(target.paths) as ledger:
-        for row in ledger.campaign_page(id=campaign, limit=1):
-            _say_progress(row, traces)
-
-
-def _say_progress(campaign: CampaignRow, traces: int) -> None:
+    Wrong usage of the parameter ``hint``, with the reason, when there is none with a result (yet).
+    Raises :class:`Refused` when it means neither.
+    """
+    # Ids of campaigns have no dots.
+    if "." in name:
+        run = find_run(source, name).row
+        if run.result is None:
+            campaign = find_campaign(source, run.campaign)
+            message = why_no_trace(run, _with_time_left(campaign, target), source)
+            raise typer.BadParameter(message, param_hint=hint)
+        return (run,)
+    try:
+        campaign = find_campaign(source, name)
+    except Refused as error:
+        raise Refused(f"{name} is no trace, no folder and no run: {error}") from error
+    rows = source.all_runs(campaign.id, results=True)
+    rows = tuple(row for row in rows if row.result is not None)
+    if not rows:
+        message = without_traces_text(_with_time_left(campaign, target))
+        raise typer.BadParameter(message, param_hint=hint)
     if rest := unfinished_text(campaign):
-        say(f"{campaign.id} goes on ({rest}): {count_noun(traces, 'run')} finished so far")
-
-
-def why_without_traces(name: str, target: DaemonTarget) -> str:
-    """Return why the campaign or run of that id has no trace, empty when there is none of it."""
-    from daemon.batch.ledger import LedgerReader
-    from daemon.model.status import RunDetail
-
-    if not target.paths.ledger.is_file():
-        return ""
-    with LedgerReader.open(target.paths) as ledger, suppress(Refused):
-        subject = _find_named(ledger, name)
-        if isinstance(subject, RunDetail):
-            campaign = find_campaign(ledger, subject.row.campaign)
-            return why_no_trace(subject.row, _as_daemon_sees(campaign, target), ledger)
-        return without_traces_text(_as_daemon_sees(subject, target))
-    return ""
+        say(f"{campaign.id} goes on ({rest}): {count_noun(len(rows), 'run')} finished so far")
+    return rows
 
 
 def why_no_trace(run: RunRow, campaign: CampaignRow | None, source: CampaignSource) -> str:
@@ -178,41 +189,13 @@ def why_no_trace(run: RunRow, campaign: CampaignRow | None, source: CampaignSour
     return without_trace_text(run, campaign, before)
 
 
-def _as_daemon_sees(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
+def _with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
     """Return a campaign with the time it takes, which only a daemon that runs can say."""
     with suppress(DaemonError):
-        if not campaign.finished:
+        if not campaign.finished and campaign.seconds_left is None:
             with target.open() as daemon:
                 return daemon.campaign(campaign.id) or campaign
     return campaign
-
-
-def recorded_runs(daemon: DaemonClient, name: str, hint: str) -> tuple[RunRow, ...]:
-    """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
-
-    Wrong usage of the parameter ``hint``, with the reason, when there is none with a result (yet).
-    Raises :class:`Refused` when it means neither.
-    """
-    from daemon.model.status import RunDetail
-
-    try:
-        subject = _find_named(daemon, name)
-    except Refused as error:
-        if "." in name:
-            raise
-        raise Refused(f"{name} is no file and no run: {error}") from error
-    if isinstance(subject, RunDetail):
-        if subject.row.result is None:
-            campaign = daemon.campaign(subject.row.campaign)
-            message = why_no_trace(subject.row, campaign, daemon)
-            raise typer.BadParameter(message, param_hint=hint)
-        return (subject.row,)
-    rows = daemon.all_runs(subject.id, results=True)
-    rows = tuple(row for row in rows if row.result is not None)
-    if not rows:
-        raise typer.BadParameter(without_traces_text(subject), param_hint=hint)
-    _say_progress(subject, len(rows))
-    return rows
 
 
 @contextmanager
@@ -226,59 +209,35 @@ def transfer_progress(total: int) -> Iterator[ByteProgress]:
         yield lambda count: progress.advance(task, count)
 
 
-def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
-    """Return True if a daemon that was named has to be asked."""
-    return target.named and not name.endswith(".mcap") and not names_traces(name)
+def _bring_traces(rows: Sequence[RunRow], source: CampaignSource) -> Sequence[Path]:
+    """Return the traces of runs as files of this machine.
 
-
-def names_traces(name: str) -> bool:
-    """Return True if ``name`` is a file here, or a folder with traces in it.
-
-    `scenario new patrol` makes a folder that is called like its campaign and holds none.
+    Those of the ledger here are files already, except in stores. Raises :class:`TraceUnavailable`
+    when there is none.
     """
-    path = Path(name)
-    return path.is_file() or (bool(name) and path.is_dir() and any(path.rglob("*.mcap")))
+    from daemon.batch.stores import is_url, local_copy, trace_reference
+    from daemon.model.verbs import DaemonClient
 
-
-def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.batch.stores import local_copy, trace_reference
-
-    traces: dict[str, TraceReference] = {}
-    with target.open() as daemon:
-        for name in named:
+    daemon = source if isinstance(source, DaemonClient) else None
+    is_here = {row.id: not daemon and bool(row.trace) and not is_url(row.trace) for row in rows}
+    if all(is_here.values()):
+        return [Path(row.trace) for row in rows]
+    traces: list[Path] = []
+    problems: list[str] = []
+    far = [row.result.trace.size for row in rows if row.result and not is_here[row.id]]
+    with transfer_progress(sum(far)) as advance:
+        for row in rows:
             try:
-                runs = recorded_runs(daemon, name, hint)
-            except Refused as error:
-                raise typer.BadParameter(str(error), param_hint=hint) from error
-            for row in runs:
-                try:
-                    traces[row.id] = trace_reference(row)
-                except TraceUnavailable as error:
-                    # One trace that is gone must not keep the others of a campaign.
-                    say(str(error))
-        if not traces:
-            raise TraceUnavailable(f"{', '.join(named)}: there are no traces")
-        with transfer_progress(sum(trace.size for trace in traces.values())) as advance:
-            return tuple(local_copy(trace, daemon, progress=advance) for trace in traces.values())
-
-
-def resolve_recorded(name: str, paths: StatePaths) -> str:
-    """Return the id of the campaign or run that ``name`` means here; a file or folder as it is.
-
-    Raises ``ValueError`` for what is none of them.
-    """
-    from daemon.batch.ledger import LedgerReader
-    from daemon.model.status import RunDetail
-
-    # Whether a folder holds traces is asked last: that may be a walk through a whole tree.
-    if name.endswith(".mcap") or not paths.ledger.is_file() or names_traces(name):
-        return name
-    try:
-        with LedgerReader.open(paths) as ledger:
-            subject = _find_named(ledger, name)
-            return subject.row.id if isinstance(subject, RunDetail) else subject.id
-    except Refused as error:
-        # Traces of a campaign the ledger has forgotten may still be there.
-        if Path(name).exists() or ("/" not in name and (paths.traces / name).is_dir()):
-            return name
-        raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error
+                traces.append(
+                    Path(row.trace)
+                    if is_here[row.id]
+                    else local_copy(trace_reference(row), daemon, progress=advance)
+                )
+            except TraceUnavailable as error:
+                problems.append(str(error))
+    if not traces:
+        raise TraceUnavailable(problems[0])
+    # One trace that is gone must not keep the others of a campaign.
+    for problem in problems:
+        say(problem)
+    return traces

@@ -1,11 +1,11 @@
 """Causes of a failure: the layers and parameters it needs, and the smallest run that still fails.
 
-:func:`find_case` takes the run apart that people name, :func:`explain_failure` searches by delta
+:func:`load_case` takes a run of a campaign file apart, :func:`explain_failure` searches by delta
 debugging, every candidate executed by :func:`daemon.run.execute`, and :func:`save_campaign` writes
 the smallest failing run as a campaign.
 """
 
-from daemon.analysis.blame._case import Candidate, RunCase, case_of, find_case, load_case
+from daemon.analysis.blame._case import Candidate, RunCase, case_of, load_case
 from daemon.analysis.blame._elements import Blame, NoFailureError, story_lines
 from daemon.analysis.blame._runner import (
     SLOTS,
@@ -33,7 +33,6 @@ __all__ = [
     "ddmin",
     "execute_candidates",
     "explain_failure",
-    "find_case",
     "judge_verdict",
     "load_case",
     "save_campaign",

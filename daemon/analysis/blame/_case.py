@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from daemon.analysis.blame._elements import Element, ElementKind, Elements
 from daemon.analysis.blame._sut import SutDifferences, sut_differences
-from daemon.analysis.rejudge import find_traces
-from daemon.analysis.results import read_campaign_note
-from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerReader
-from daemon.batch.paths import StatePaths
 from daemon.campaign import (
     Campaign,
     CampaignCell,
@@ -26,66 +20,9 @@ from daemon.campaign import (
     noise_seed,
 )
 from daemon.model.spec import OracleText, RunSpec
-from daemon.trace import read_spec
 from grammars.model.behaviour import Walk
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-
-
-def find_case(
-    words: Sequence[str], paths: StatePaths, campaign: Path | None = None
-) -> tuple[RunCase, str]:
-    """Return the run that ``words`` name, taken apart, and how it differs from the recorded one.
-
-    ``CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]``, or a trace, or the id of a run in the ledger. For
-    the latter two the layers are needed that a trace does not hold: those of ``campaign``,
-    otherwise of the campaign file that the record of the run names, as long as it specifies that
-    very run. Raises ``ValueError`` for words that name none, :class:`InputError` for files that
-    cannot be used.
-    """
-    first, *rest = words
-    if first.endswith((".yaml", ".yml")):
-        if not 1 <= len(rest) <= 3:
-            raise ValueError("name a run of the campaign: SCENARIO SUT REPEAT, such as S1 pilot 0")
-        scenario, sut, repeat = (*rest, *("", "0")[len(rest) - 1 :])
-        if not repeat.isdecimal():
-            raise ValueError(f"{repeat} is not the number of a repeat, they count from 0")
-        return load_case(Path(first), scenario, sut, int(repeat)), ""
-    if rest:
-        raise ValueError("one trace or one id of a run, or CAMPAIGN.yaml SCENARIO SUT REPEAT")
-    traces = find_traces([first], paths)
-    if len(traces) > 1:
-        raise ValueError(f"{first} names {len(traces)} runs, name one of them")
-    spec = read_spec(traces[0])
-    # A trace holds the composed world, not its layers; blame is about layers.
-    file = campaign or _recorded_file(first, traces[0], paths)
-    case = load_case(file, spec.scenario, spec.sut.name, spec.repeat)
-    if case.spec.digest == spec.digest:
-        return case, ""
-    if campaign is None:
-        raise ValueError(
-            f"{file} does not specify this run any more: say --campaign {file} "
-            "to ask about the run as its layers are now"
-        )
-    return case, "its layers have changed since: this is about the run as they are now"
-
-
-def _recorded_file(name: str, trace: Path, paths: StatePaths) -> Path:
-    """Return the campaign file that the record of a run names.
-
-    The record is the ledger, or the note of ``scenario run`` beside the trace. Raises
-    ``ValueError`` for a run without one, and for a file that is not there any more.
-    """
-    origin = read_campaign_note(trace.parent).origin
-    campaign = trace.parent.name if Path(name).is_file() else name.partition(".")[0]
-    if not origin.path and paths.ledger.is_file():
-        with suppress(Refused), LedgerReader.open(paths) as ledger:
-            origin = ledger.origin(campaign)
-    if not origin.path:
-        raise ValueError(f"no record names the campaign file of {trace}: say --campaign FILE")
-    if not Path(origin.path).is_file():
-        raise ValueError(f"there is no {origin.path} any more: say --campaign FILE")
-    return Path(origin.path)
 
 
 @dataclass(frozen=True, slots=True)

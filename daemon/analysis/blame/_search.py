@@ -23,7 +23,7 @@ from daemon.analysis.blame._elements import (
 )
 from daemon.analysis.blame._runner import BudgetSpentError, CandidateResult, CandidateRunner
 from daemon.model.spec import OracleText
-from grammars.text.diagnostics import InputError, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 T = TypeVar("T")
 FirstFailing: TypeAlias = Callable[[Sequence[tuple[T, ...]]], int | None]
@@ -174,8 +174,8 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
 
     ``oracle`` names the one whose verdict matters; without it, it is the first that fails. A spent
     budget and Ctrl-C keep the smallest run so far, and the story says so. Raises
-    :class:`NoFailureError` for a run that does not fail, and :class:`BudgetSpentError` or
-    ``KeyboardInterrupt`` before that is known.
+    :class:`NoFailureError` for a run that does not fail, :class:`InputError` for an oracle it does
+    not have, and :class:`BudgetSpentError` or ``KeyboardInterrupt`` before that is known.
     """
     judge, first = _reproduce_failure(case, runner, oracle)
     search, stopped = _Search(case, judge, runner), ""
@@ -213,8 +213,9 @@ def _reproduce_failure(
     """Execute the run as it is; return the oracle that fails and its verdict."""
     names = [o.name for o in case.spec.oracles]
     if oracle and oracle not in names:
-        hint = did_you_mean(oracle, names)
-        raise NoFailureError(f'{case.spec.label} has no oracle "{oracle}", {hint}')
+        message = f'{case.spec.label} has no oracle "{oracle}"'
+        where = Where(case.campaign.file)
+        raise InputError(Diagnostic(where, message, did_you_mean(oracle, names)))
     endings = runner.judge_all(Candidate(case.spec, case.cell.scene))
     for one, ended in zip(case.spec.oracles, endings, strict=True):
         if ended.word == "fail" and oracle in ("", one.name):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.analysis.rejudge import find_traces, rejudge
+from daemon.analysis.rejudge import rejudge
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.ids import trace_name
@@ -91,7 +91,7 @@ def test_a_run_that_goes_on_can_be_judged(tmp_path):
 
 @pytest.fixture
 def kept(tmp_path):
-    """A state directory whose ledger says that its one run failed."""
+    """A state directory whose ledger says that its one run failed, and its trace."""
     places = StatePaths(tmp_path / "state")
     places.make_folders()
     run = spec()
@@ -106,32 +106,23 @@ def kept(tmp_path):
     )  # fmt: skip
     book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
     connection.close()
-    drive(places.trace(trace_name("c", "S1", "pilot", 0)), run)
-    return places
+    return places, drive(places.trace(trace_name("c", "S1", "pilot", 0)), run)
 
 
 def test_the_ledger_knows_what_was_judged_before(kept):
-    traces = find_traces(["c"], kept)
-    assert find_traces(["c.0"], kept) == traces
-    (found,) = rejudge(traces, None, places=kept)
+    places, path = kept
+    (found,) = rejudge([path], None, places=places)
     assert (found.origin, found.outcome_before, found.outcome) == (
         "ledger", Outcome.FAIL, Outcome.PASS,
     )  # fmt: skip
     assert [(c.oracle, c.kind) for c in found.changes] == [("slow", "verdict"), ("there", "new")]
 
 
-def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept):
-    connection = connect(kept.ledger)
-    LedgerWriter(connection).submit(Submission.of("d", (spec(), spec(1)), (WORLD,)), 3.0)
-    connection.close()
-    assert find_traces(["d"], kept) == find_traces(["d.0"], kept) == find_traces(["c"], kept)
-
-
 def test_the_ledger_is_silent_about_another_run_in_its_place(kept):
-    (path,) = find_traces(["c"], kept)
+    places, path = kept
     path.unlink()
     drive(path, replace(spec(), seed=8))
-    (found,) = rejudge([path], None, places=kept)
+    (found,) = rejudge([path], None, places=places)
     assert (found.origin, found.outcome_before) == ("trace", Outcome.PASS)
 
 
@@ -140,28 +131,5 @@ def test_a_ledger_that_cannot_be_read_changes_nothing(tmp_path):
     places.make_folders()
     places.ledger.write_bytes(b"this is no database" * 100)
     path = drive(places.traces / "c" / "S1.pilot.0.mcap", spec())
-    (found,) = rejudge(find_traces(["c"], places), None, places=places)
+    (found,) = rejudge([path], None, places=places)
     assert (found.origin, found.outcome) == ("trace", Outcome.PASS)
-    with pytest.raises(ValueError, match=r"c\.0 is no trace"):
-        find_traces(["c.0"], places)
-    assert path.exists()
-
-
-def test_traces_are_found_once_each_and_in_order(tmp_path):
-    for name in ("b/2.mcap", "b/1.mcap", "a.mcap", "b/note.txt"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(b"")
-    named = [str(tmp_path / name) for name in ("b", "a.mcap", "b/1.mcap")]
-    found = find_traces(named, StatePaths(tmp_path / "state"))
-    assert [path.name for path in found] == ["1.mcap", "2.mcap", "a.mcap"]
-
-
-@pytest.mark.parametrize("name", ["nowhere", "c.9", "a/b", ""])
-def test_what_names_no_trace_is_refused(kept, name):
-    with pytest.raises(ValueError, match="is no trace, no folder, and no campaign or run"):
-        find_traces([name], kept)
-
-
-def test_a_folder_without_traces_is_refused(kept):
-    with pytest.raises(ValueError, match="holds no traces"):
-        find_traces([str(kept.scenes)], kept)

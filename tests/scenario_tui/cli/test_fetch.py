@@ -119,7 +119,7 @@ def test_what_cannot_be_fetched_is_said(here, capsys):
     assert invoke(["export", "corr-1.2", "traces"]) == 2
     assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
     assert invoke(["export", "cor-2", "traces"]) == 2
-    assert "cor-2 is no file and no run" in capsys.readouterr().err
+    assert "cor-2 is no trace, no folder and no run" in capsys.readouterr().err
 
 
 def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
@@ -135,6 +135,13 @@ def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
     assert json.loads(capsys.readouterr().out)["runs"] == 3
     assert invoke(["export", "corr-1.0", "picture", "-o", "run.svg"]) == 0
     assert invoke(["coverage", "corr-1", "-j", "1", "--json"]) == 0
+
+
+def test_where_one_run_is_wanted_a_campaign_is_refused_before_it_is_brought(here, capsys):
+    assert invoke(["plot", "corr", "speed"]) == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert "corr means 2 traces (corr-1.0, corr-1.1): name one of them" in said
+    assert not cached(here)
 
 
 def test_a_run_the_daemon_does_not_know_is_wrong_usage(here, capsys):
@@ -153,10 +160,15 @@ def test_traces_in_a_store_are_read_without_a_daemon(tmp_path, monkeypatch, caps
     assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0
     assert len(cached(tmp_path)) == 2
     assert len(Path("m.csv").read_text().splitlines()) > 2
-    for trace in (tmp_path / "store").rglob("*.mcap"):
-        trace.unlink()
-    for trace in cached(tmp_path):
+    first, second = sorted((tmp_path / "store").rglob("*.mcap"))
+    for trace in (second, *cached(tmp_path)):
         trace.unlink()
     capsys.readouterr()
+    invoke(["judge", "corr", "--json"])
+    said = capsys.readouterr()
+    assert len(declared(said.out)["traces"]) == 1, "one that is gone does not keep the other"
+    assert f"{second.name} cannot be used from here" in said.err
+    for trace in (first, *cached(tmp_path)):
+        trace.unlink()
     assert invoke(["plot", "corr-1.1", "speed"]) == 3
     assert "cannot be used from here: No such file or directory" in capsys.readouterr().err

@@ -7,12 +7,10 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.paths import StatePaths
 from daemon.model.messages import ReleaseRequest
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
-from scenario_tui.cli.named_traces import resolve_recorded
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.fake import CAMPAIGN, make_live
 from tests.scenario_tui.recorded import record_run
@@ -71,16 +69,6 @@ def state(tmp_path):
     output.parent.mkdir(parents=True)
     output.write_text("loading the map\n")
     return folder
-
-
-def test_names_mean_ids_wherever_traces_are_named(state, tmp_path):
-    places, file = StatePaths(state), tmp_path / "c"
-    assert resolve_recorded("c", places) == "c-1"
-    assert resolve_recorded("c.1", places) == "c-1.1"
-    with pytest.raises(ValueError, match="no trace, no folder and no run: .* did you mean"):
-        resolve_recorded("d-1", places)
-    file.touch()
-    assert resolve_recorded(str(file), places) == str(file)
 
 
 def test_logs_tell_attempts_and_reasons(scenario, state):

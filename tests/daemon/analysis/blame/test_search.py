@@ -141,7 +141,7 @@ def test_the_oracle_can_be_chosen(folder, monkeypatch):
         explain_failure(case, CandidateRunner(100), "no-contact").story.verdict.oracle
         == "no-contact"
     )
-    with pytest.raises(NoFailureError, match='no oracle "contact".*no-contact'):
+    with pytest.raises(InputError, match=r'no oracle "contact"\s+did you mean "no-contact"'):
         explain_failure(case, CandidateRunner(100), "contact")
 
 
