@@ -5,22 +5,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from daemon.analysis.coverage._doors import DoorRun, door_counts, door_runs
-from daemon.analysis.coverage._features import (
-    RecognisedFeatures,
-    feature_counts,
-    recognise_features,
-)
-from daemon.analysis.coverage._floor import CoveredCells, covered_cells, floor_area, floor_grid
+import numpy as np
+
+from daemon.analysis.coverage._features import feature_counts, recognise_features
+from daemon.analysis.coverage._floor import PackedCells, covered_cells, floor_area, floor_grid
 from daemon.analysis.coverage._results import Coverage, DoorCount, FloorArea, Unreadable
-from daemon.analysis.coverage._rules import run_facts
+from daemon.analysis.coverage._rules import MOVED, run_facts
 from daemon.analysis.parallel_map import parallel_map
+from daemon.judging.oracles import trace_problems
 from daemon.model.spec import RunSpec
 from daemon.trace import Trace, TraceError, read_trace
-from grammars.model.scene import Scene
+from grammars.model.behaviour import Hold, JointEvent, joint_event
+from grammars.model.movers import is_mover, own_joints
+from grammars.model.scene import Scene, SceneObject
 
 NEAR: Final = 1.5
 """A door is met when the robot's base comes this near [m]."""
@@ -30,14 +31,15 @@ NEAR: Final = 1.5
 class RunCoverage:
     """Contribution of one recorded run; runs of equal ``world`` are in the same building.
 
-    It travels from the process that read the trace, so the cells of its floor are packed.
+    ``features`` are planned and done, ``doors`` are counts of one run, ``cells`` of the floor are
+    seen and driven on. It travels from the process that read the trace, so they are packed.
     """
 
     world: tuple[str, float]
     scene: Scene
-    recognised: RecognisedFeatures
-    doors: tuple[DoorRun, ...]
-    painted: CoveredCells
+    features: tuple[tuple[str, ...], tuple[str, ...]]
+    doors: tuple[DoorCount, ...]
+    cells: tuple[PackedCells, PackedCells]
 
 
 def planned_coverage(runs: Iterable[RunSpec], scenes: Iterable[Scene]) -> Coverage:
@@ -56,13 +58,38 @@ def trace_coverage(
     """Return the coverage of recorded runs: features, doors and floor.
 
     ``near`` [m] is how near the robot's base has to come to a door to have met it. Traces are
-    read on ``processes`` (default: one per core); one that cannot be read is among
+    read on ``processes`` (default: one per core); one that cannot be used is among
     ``unreadable``. Raises :class:`daemon.batch.errors.DaemonError` when a reading process dies.
     """
-    read = tuple(parallel_map(_read_coverage, traces, doing="reading traces", processes=processes))
+    task = partial(_read_coverage, near)
+    read = tuple(parallel_map(task, traces, doing="reading traces", processes=processes))
     runs = [one for one in read if isinstance(one, RunCoverage)]
     unreadable = tuple(one for one in read if isinstance(one, Unreadable))
     return dataclasses.replace(sum_coverage(runs, near=near), unreadable=unreadable)
+
+
+def _read_coverage(near: float, path: Path) -> RunCoverage | Unreadable:
+    """Read one trace and return its contribution, or why it cannot be used."""
+    try:
+        trace = read_trace(path, scans=True)
+    except TraceError as error:
+        return Unreadable(str(path), error.diagnostics[0].message)
+    # A clock that jumps or a NaN: nothing in the trace can be trusted.
+    if problems := trace_problems(trace):
+        return Unreadable(str(path), "; ".join(problems))
+    return run_coverage(trace, near=near)
+
+
+def run_coverage(trace: Trace, *, near: float = NEAR) -> RunCoverage:
+    """Return the contribution of a trace that was read with its scans."""
+    spec, scene = trace.spec, trace.scene
+    return RunCoverage(
+        world=(spec.scene, spec.robot.laser.z),
+        scene=scene,
+        features=recognise_features(run_facts(spec, scene, trace)),
+        doors=_door_counts(trace, near),
+        cells=covered_cells(floor_grid(scene, spec.robot.laser.z), trace),
+    )
 
 
 def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage:
@@ -76,28 +103,61 @@ def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage
     floor: list[FloorArea] = []
     for (_, height), group in worlds.items():
         scene = group[0].scene
-        doors += door_counts(scene.name, [run.doors for run in group], near)
-        floor.append(floor_area(scene, floor_grid(scene, height), [run.painted for run in group]))
-    features = feature_counts([run.recognised for run in runs])
+        doors += map(_sum_counts, zip(*(run.doors for run in group), strict=True))
+        floor.append(floor_area(scene, floor_grid(scene, height), [run.cells for run in group]))
+    features = feature_counts([run.features for run in runs])
     return Coverage(len(runs), len(runs), near, features, tuple(doors), tuple(floor))
 
 
-def _read_coverage(path: Path) -> RunCoverage | Unreadable:
-    """Read one trace and return its contribution, or why it cannot be read."""
-    try:
-        trace = read_trace(path, scans=True)
-    except TraceError as error:
-        return Unreadable(str(path), error.diagnostics[0].message)
-    return run_coverage(trace)
+def _door_counts(trace: Trace, near: float) -> tuple[DoorCount, ...]:
+    """Count for each articulated object of the scene how a recorded run has moved it.
+
+    Those are the objects with a joint that has room to move, movers excluded.
+    """
+    moving = {b.joint for b in trace.spec.behaviours if not isinstance(b, Hold)}
+    by_robot = (JointEvent.TRIGGERED, JointEvent.REACTS)
+    acted = {e.source for e in trace.events if joint_event(e.text) in by_robot}
+    counts = []
+    for door in trace.scene.objects:
+        joints = {f"{door.name}.{joint.name}" for joint in own_joints(door.joints)}
+        if joints and not is_mover(door.joints):
+            nearest = _nearest_distance(trace, door)
+            counts.append(
+                DoorCount(
+                    scene=trace.scene.name,
+                    door=door.name,
+                    runs=1,
+                    planned=int(bool(joints & moving)),
+                    moved=int(_has_moved(trace, joints)),
+                    triggered=int(bool(joints & acted)),
+                    met=int(nearest is not None and nearest <= near),
+                    nearest=nearest,
+                )
+            )
+    return tuple(counts)
 
 
-def run_coverage(trace: Trace) -> RunCoverage:
-    """Return the contribution of a trace that was read with its scans."""
-    spec, scene = trace.spec, trace.scene
-    return RunCoverage(
-        world=(spec.scene, spec.robot.laser.z),
-        scene=scene,
-        recognised=recognise_features(run_facts(spec, scene, trace)),
-        doors=door_runs(trace),
-        painted=covered_cells(floor_grid(scene, spec.robot.laser.z), trace),
-    )
+def _has_moved(trace: Trace, joints: set[str]) -> bool:
+    columns = [i for i, name in enumerate(trace.joints.names) if name in joints]
+    # From where it started, not from the last sample: a slow door moves little between two.
+    position = trace.joints.position[:, columns]
+    return bool(position.size and (np.abs(position - position[0]) > MOVED).any())
+
+
+def _nearest_distance(trace: Trace, door: SceneObject) -> float | None:
+    """Return how near the robot's base came to the hinges of a door or, without one, its origin."""
+    truth = trace.ground_truth
+    hinges = [joint for joint in own_joints(door.joints) if joint.kind == "revolute"]
+    points = [door.pose.apply(joint.anchor) for joint in hinges] or [(door.pose.x, door.pose.y)]
+    ways = [np.hypot(truth.x - x, truth.y - y) for x, y in points]
+    return min((float(way.min()) for way in ways if len(way)), default=None)
+
+
+def _sum_counts(runs: Sequence[DoorCount]) -> DoorCount:
+    """Sum up the counts of one door over runs."""
+    summed = {
+        name: sum(getattr(run, name) for run in runs)
+        for name in ("runs", "planned", "moved", "triggered", "met")
+    }
+    nearest = min((run.nearest for run in runs if run.nearest is not None), default=None)
+    return dataclasses.replace(runs[0], **summed, nearest=nearest)

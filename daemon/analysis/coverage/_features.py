@@ -10,7 +10,7 @@ paper gives no number (how many waypoints are many) the rule does, in its
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -214,35 +214,23 @@ MODEL: Final = (
 """The model campaigns are held against."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecognisedFeatures:
-    """Paths of the features that one run plans, and of those that showed in its trace, if any."""
-
-    planned: tuple[str, ...]
-    done: tuple[str, ...]
-
-
-def recognise_features(facts: RunFacts) -> RecognisedFeatures:
-    """Return the features of :data:`MODEL` that a run has."""
-    present = {one.path + one.name(facts): one for one in MODEL if one.planned(facts)}
-    done = (path for path, one in present.items() if one.done is None or one.done(facts))
-    return RecognisedFeatures(tuple(present), () if facts.trace is None else tuple(done))
+def recognise_features(facts: RunFacts) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return paths of :data:`MODEL`: those that a run plans, and those that its trace shows."""
+    planned = {one.path + one.name(facts): one for one in MODEL if one.planned(facts)}
+    done = (path for path, one in planned.items() if one.done is None or one.done(facts))
+    return tuple(planned), () if facts.trace is None else tuple(done)
 
 
-def feature_counts(runs: Sequence[RecognisedFeatures]) -> tuple[FeatureCount, ...]:
-    """Count runs per feature, in the order of the model."""
-    planned = Counter(path for run in runs for path in run.planned)
-    done = Counter(path for run in runs for path in run.done)
+def feature_counts(runs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> tuple[FeatureCount, ...]:
+    """Count the runs that plan and that show each feature, in the order of the model."""
+    planned, done = (Counter(path for run in runs for path in run[i]) for i in (0, 1))
     return tuple(
         FeatureCount(path, feature.about, planned[path], done[path])
         for feature in MODEL
-        for path in _paths(feature, planned)
+        # A feature for each name has those names that runs give, as they came.
+        for path in (
+            [path for path in planned if path.startswith(feature.path)]
+            if feature.path.endswith("/")
+            else [feature.path]
+        )
     )
-
-
-def _paths(feature: ScenarioFeature, planned: Counter[str]) -> Iterator[str]:
-    """Return the path of a feature, or those with the names that runs give, as they came."""
-    if not feature.path.endswith("/"):
-        yield feature.path
-    else:
-        yield from (path for path in planned if path.startswith(feature.path))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -23,20 +22,14 @@ from grammars.model.scene import Region, Scene
 from templates.occupancy import occupancy_grid
 
 _Cells: TypeAlias = npt.NDArray[np.bool_]
+PackedCells: TypeAlias = npt.NDArray[np.uint8]
+"""Cells of a grid, eight to a byte."""
 RESOLUTION: Final = 0.1
 """Edge of a cell [m]: fine enough for a doorway, and a floor of 1000 m² is 100 000 cells."""
 SCAN_PERIOD: Final = 1.0
 """Scans are taken this far apart [s]: a robot goes a fraction of the laser's range in between."""
 STRIDE: Final = 0.05
 """The footprint is placed again after such a way [m], or after turning by 0.1 rad."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CoveredCells:
-    """Cells of the free floor that one run has seen and driven on, eight to a byte."""
-
-    seen: npt.NDArray[np.uint8]
-    driven: npt.NDArray[np.uint8]
 
 
 @functools.lru_cache(maxsize=4)
@@ -48,10 +41,14 @@ def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
     )
 
 
-def covered_cells(grid: OccupancyGrid, trace: Trace) -> CoveredCells:
-    """Return the cells of a recorded run; needs its scans (``read_trace(scans=True)``)."""
+def covered_cells(grid: OccupancyGrid, trace: Trace) -> tuple[PackedCells, PackedCells]:
+    """Return the cells of the free floor that a recorded run has seen and driven on.
+
+    Needs its scans (``read_trace(scans=True)``).
+    """
     free = grid.cells == FREE
-    return CoveredCells(*(np.packbits(f(grid, trace) & free) for f in (_seen_cells, _driven_cells)))
+    seen, driven = (f(grid, trace) & free for f in (_seen_cells, _driven_cells))
+    return np.packbits(seen), np.packbits(driven)
 
 
 def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
@@ -176,11 +173,12 @@ def mark_footprints(cells: _Cells, places: Floats, ring: Floats, resolution: flo
                     cells[row, column] = True
 
 
-def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[CoveredCells]) -> FloorArea:
-    """Return the areas that any of the runs of one scene has covered."""
+def floor_area(
+    scene: Scene, grid: OccupancyGrid, runs: Sequence[tuple[PackedCells, PackedCells]]
+) -> FloorArea:
+    """Return the areas that any of the runs of one scene has seen and driven on."""
     free = grid.cells == FREE
-    seen = _unpacked([run.seen for run in runs], grid)
-    driven = _unpacked([run.driven for run in runs], grid)
+    seen, driven = (_unpacked([run[i] for run in runs], grid) for i in (0, 1))
     rooms = ((region.name, room_cells(grid, region)) for region in scene.regions)
     return FloorArea(
         scene=scene.name,
@@ -196,7 +194,7 @@ def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[CoveredCells]) 
     )
 
 
-def _unpacked(packed: Sequence[npt.NDArray[np.uint8]], grid: OccupancyGrid) -> _Cells:
+def _unpacked(packed: Sequence[PackedCells], grid: OccupancyGrid) -> _Cells:
     """Return the cells that are set in any of the runs."""
     cells = grid.cells
     bits = np.unpackbits(np.bitwise_or.reduce(packed), count=cells.size)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.analysis.coverage import run_coverage, sum_coverage
+from daemon.analysis.coverage import run_coverage, sum_coverage, trace_coverage
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
@@ -97,3 +97,11 @@ def test_what_any_laser_saw_was_seen(tmp_path):
         for robot in (replace(ROBOT, laser=laser), both)
     )
     assert two == pytest.approx(2.0 * one, rel=0.1)
+
+
+def test_a_trace_that_cannot_be_trusted_is_told_and_counts_for_nothing(tmp_path):
+    path = record(tmp_path / "run.mcap", [Pose2(2.0, 2.0), Pose2(math.nan, 2.0)], 1.0)
+    found = trace_coverage([path])
+    assert (found.runs, found.floor) == (0, ())
+    (one,) = found.unreadable
+    assert "not a number" in one.problem
