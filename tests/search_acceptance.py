@@ -30,7 +30,6 @@ from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.search_answer import SearchAnswer
 from daemon.run import execute
 from daemon.search import program
-from daemon.search.answers.found import write_found
 from daemon.search.client import SearchClient
 from daemon.search.methods import SearchMethod
 from daemon.search.points import changed_parameters
@@ -208,7 +207,9 @@ def show_found(runs):
         answer = run_search(replace(case, task=task), LocalRuns(slots=_SLOTS))
         if not answer.found:
             return _check(f"a failure within {runs} runs", False)
-        again = expand(load_campaign(write_found(answer, NAME, file.parent)))
+        found = file.parent / f"{NAME}.found.yaml"
+        found.write_text(answer.found, encoding="utf-8")
+        again = expand(load_campaign(found))
         spec, scene = again.runs[0], again.scenes[0]
         result = execute(spec, scene, trace_path=campaigns / "found.mcap")
         said = {verdict.oracle: verdict for verdict in result.verdicts}[task.minimise]

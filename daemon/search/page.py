@@ -20,6 +20,7 @@ from daemon.model.trials import Trial, point_trials
 from daemon.search.answers.sentences import (
     headline,
     is_by_chance,
+    margin_words,
     minus,
     phase_words,
     point_words,
@@ -64,6 +65,7 @@ def search_page(
         {
             "quantity": format_quantity,
             "range": range_text,
+            "margin": margin_words,
             "correlation": lambda one: minus(f"{one.correlation:+.2f}"),
             "by_chance": lambda one: is_by_chance(task, one),
             "not_written": lambda trial: point_words(task, trial.point, len(task.parameters)),

@@ -1,30 +1,35 @@
-"""What a search leaves in a folder: the found scenario with its layers, its world, a page."""
+"""Files of a search in a folder: the failing scenario with its layers, its world, a page."""
 
 from __future__ import annotations
 
 import base64
+import os
 import shlex
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from daemon.analysis.campaign_worlds import worlds_of_campaign
 from daemon.batch.errors import DaemonError
-from daemon.search.answers.found import (
-    copy_campaign,
-    export_found,
-    found_name,
-    write_found,
-)
+from daemon.campaign import load_campaign
 from grammars.text.diagnostics import InputError, Severity
+from grammars.text.files import write_atomically
+from grammars.text.sources import recording_reads, shipped_folder
 from scenario_tui.cli.output import report_diagnostics
 from scenario_tui.cli.search_report import search_material, write_search_page
+from templates.artefacts import ExportResult, export
+from templates.naming import file_name
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
 
+GAZEBO_KINDS: Final = ("map", "sdf", "keyframes", "tasks", "launch")
+"""Parts of a world in Gazebo: models and world, doors that move, waypoints, launch files and the
+map that these give to the map server."""
 _LAYERS: Final = "campaign"
 _GAZEBO: Final = "gazebo"
 _SMALLEST: Final = "smallest"
@@ -47,15 +52,15 @@ def write_search_files(
     file here it is the one that was written before, if any. Other files are replaced.
     """
     written: dict[str, Path] = {}
-    answer = row.answer
+    answer, name = row.answer, f"{file_name(row.task.name)}.found.yaml"
     if answer is None:
         return written
     if answer.found and campaign is not None:
-        beside = copy_campaign(campaign, folder / _LAYERS)
-        written["found"] = write_found(answer, row.task.name, beside)
+        written["found"] = copy_campaign(campaign, folder / _LAYERS) / name
+        write_atomically(written["found"], answer.found.encode("utf-8"))
         if gazebo and _export(written["found"], folder / _GAZEBO):
             written["gazebo"] = folder / _GAZEBO
-    elif earlier := sorted((folder / _LAYERS).rglob(found_name(row.task.name))):
+    elif earlier := sorted((folder / _LAYERS).rglob(name)):
         written["found"] = earlier[0]
     if answer.shrunk is not None and answer.shrunk.files:
         written["smallest"] = _write_smallest(answer.shrunk.files, folder / _SMALLEST)
@@ -75,6 +80,44 @@ def _export(found: Path, folder: Path) -> bool:
         report_diagnostics(replace(one, severity=Severity.WARNING) for one in error.diagnostics)
         return False
     return True
+
+
+def copy_campaign(path: Path, folder: Path) -> Path:
+    """Copy the files that a campaign is made of below ``folder``; return its folder there.
+
+    They lie to each other as they do, shipped layers beside the campaign, where it looks first.
+    Raises :class:`grammars.text.diagnostics.InputError`, and ``OSError``.
+    """
+    # Its folder without links: ".." of a link leads elsewhere than its text says.
+    file = path.parent.resolve() / path.name
+    with recording_reads() as read:
+        load_campaign(file)
+    places = {Path(os.path.normpath(one.absolute())) for one in (file, *read)}
+    shipped = shipped_folder()
+    # In a checkout the shipped campaigns are files like others.
+    own = file.parent.is_relative_to(shipped)
+    ships = {place for place in places if not own and place.is_relative_to(shipped)}
+    root = os.path.commonpath([place.parent for place in places - ships])
+    beside = folder / file.parent.relative_to(root)
+    for place in places:
+        target = (
+            beside / place.relative_to(shipped)
+            if place in ships
+            else folder / place.relative_to(root)
+        )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(place, target)
+    return beside
+
+
+def export_found(file: Path, folder: Path) -> ExportResult:
+    """Export a found scenario for Gazebo: map, world, doors, tasks, launch files.
+
+    Same file, same bytes. Raises :class:`grammars.text.diagnostics.InputError` for a file that
+    cannot be used, and ``OSError``.
+    """
+    worlds, _ = worlds_of_campaign(file, repeats=1)
+    return export(worlds[0], GAZEBO_KINDS, folder)
 
 
 def _write_smallest(files: Mapping[str, str], folder: Path) -> Path:

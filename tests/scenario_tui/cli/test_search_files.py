@@ -2,15 +2,12 @@
 
 import re
 import shutil
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.search.answers.facts import make_answer
-from daemon.search.answers.found import copy_campaign, export_found, write_found
-from tests.daemon.search.pretended import make_task
+from scenario_tui.cli.search_files import copy_campaign, export_found
 
 FOUND = """\
 # Found by the search doors-in-time: kitchen_opens 8.54 s.
@@ -39,9 +36,8 @@ def folder(tmp_path, campaigns):
 
 
 def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
-    answer = replace(make_answer(make_task(), []), found=FOUND)
-    file = write_found(answer, "doors-in-time", folder)
-    assert file == folder / "doors-in-time.found.yaml"
+    file = folder / "doors-in-time.found.yaml"
+    file.write_text(FOUND)
     (run,) = expand(load_campaign(file)).specs
     assert run.label == "doors-in-time.4/pilot/0"
     exported = export_found(file, folder / "gazebo")
