@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -26,11 +26,21 @@ from templates.report import OURS
 
 Chart: TypeAlias = dict[str, Any]
 """A specification of Vega-Lite, https://vega.github.io/vega-lite/docs/."""
+Table: TypeAlias = Mapping[str, Sequence[Any]]
+"""Columns (n,) each by name."""
 
 HOVER: Final = "hover"
 """Beginning of the names of layers that show their marks under the pointer only."""
 SERIES: Final = tuple(f"var(--s{number})" for number in range(8))
 """Colours of scenarios or systems under test side by side, in this order."""
+WIDTH: Final = 290
+"""Width of the plot of a chart that stands beside others [px]."""
+AXIS: Final = {"minExtent": 28, "tickCount": 3}
+"""Axis of values: panels above each other begin at one line, unless a number is long."""
+INK, SOFT, LINE, SECOND = "var(--ink)", "var(--soft)", "var(--line)", "var(--second)"
+BAD, NEAR, BODY = "var(--bad)", "var(--near)", "var(--body)"
+DASHED: Final = [4, 3]
+DOTTED: Final = [1, 1.6]
 THEME: Final[Mapping[str, Any]] = {
     "aria": False,
     "font": "sans-serif",
@@ -86,18 +96,83 @@ _NAMESPACE: Final = ' xmlns="http://www.w3.org/2000/svg"'
 def table(columns: Mapping[str, Sequence[Any]], digits: int = 4) -> dict[str, Any]:
     """Return columns (n,) each as the ``data`` of a chart, more compact than rows.
 
-    Numbers keep ``digits`` significant digits; not a number becomes null.
+    Numbers keep ``digits`` significant digits; None and what is no number become null.
     """
     return {"values": {name: [_cell(v, digits) for v in c] for name, c in columns.items()}}
 
 
 def _cell(value: Any, digits: int) -> Any:
-    if isinstance(value, str):
+    if value is None or isinstance(value, str):
         return value
     number = float(f"{value:.{digits}g}")
     if not math.isfinite(number):
         return None
     return int(number) if number.is_integer() else number
+
+
+def columns_of(names: Iterable[str], rows: Sequence[tuple[Any, ...]]) -> dict[str, list[Any]]:
+    """Return ``rows`` as columns."""
+    return {name: [row[place] for row in rows] for place, name in enumerate(names)}
+
+
+def layer(
+    kind: str, columns: Table | None, encoding: Chart, *, name: str = "", **look: Any
+) -> Chart:
+    """Return a layer of marks of one ``kind`` and ``look``.
+
+    It shows the rows of ``columns``, and with ``None`` those of the whole chart. Without columns it
+    shows once what ``encoding`` says.
+    """
+    part: Chart = {"name": name} if name else {}
+    if columns is not None:
+        part["data"] = table(columns) if columns else {"values": [{}]}
+    return part | {"mark": {"type": kind, **look}, "encoding": encoding}
+
+
+def quantity(field: str, title: str = "", *, domain: Any = None, **options: Any) -> Chart:
+    """Return the encoding of a number, on an axis that shows ``domain`` and no more."""
+    if domain is not None:
+        options["scale"] = {"domain": domain, "nice": False, "zero": False}
+    return {"field": field, "type": "quantitative", "title": title or None, **options}
+
+
+def colours_of(
+    field: str, names: Sequence[str], colours: Sequence[str], width: int = WIDTH
+) -> Chart:
+    """Return the encoding of ``names`` by ``colours``, which begin anew when they are used up.
+
+    The legend has as many entries beside each other as their words leave room for in ``width``.
+    """
+    scale = {"domain": names, "range": [colours[n % len(colours)] for n in range(len(names))]}
+    columns = max(width // (5 * max(map(len, names)) + 28), 1)
+    return {"field": field, "type": "nominal", "scale": scale, "legend": {"columns": columns}}
+
+
+def legend(field: str, *views: str) -> list[Chart]:
+    """Return the parameter by which a click on an entry of the legend shows it alone."""
+    select = {"type": "point", "fields": [field]}
+    return [{"name": "legend", "select": select, "bind": "legend", "views": views}]
+
+
+def legend_opacity(opacity: float, other: float = 0.05) -> Chart:
+    """Return the encoding of marks that a click on the legend dims to ``other``."""
+    return {"condition": {"param": "legend", "value": opacity}, "value": other}
+
+
+def tooltip(about: Mapping[str, str]) -> list[Chart]:
+    """Return the encoding of a tooltip with these fields, called by their titles."""
+    return [{"field": field, "title": title} for field, title in about.items()]
+
+
+def hover_layer(
+    title: str, place: Chart, about: Mapping[str, str], fields: Sequence[str], *, clip: bool = False
+) -> Chart:
+    """Return points of which the one nearest to the pointer is shown, with a tooltip."""
+    near = {"type": "point", "on": "pointerover", "clear": "pointerout", "nearest": True}
+    opacity = {"condition": {"param": "near", "empty": False, "value": 1}, "value": 0}
+    encoding = {**place, "opacity": opacity, "tooltip": tooltip(about)}
+    points = layer("circle", None, encoding, name=f"{HOVER} {title}", color=INK, size=30, clip=clip)
+    return points | {"params": [{"name": "near", "select": {**near, "fields": fields}}]}
 
 
 def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> list[str]:
@@ -166,7 +241,8 @@ def _draw(numbered: tuple[int, Chart]) -> str:
     import vl_convert
 
     number, chart = numbered
-    svg = vl_convert.vegalite_to_svg(_themed(_static(chart)), vl_version=_VERSION)
+    themed = {**_static(chart), "config": THEME}
+    svg = vl_convert.vegalite_to_svg(themed, vl_version=_VERSION)
     svg = _PLACE.sub(lambda place: _LONG_DECIMAL.sub(_one_digit, place[0]), svg)
     # Drawings are the larger part of a page: leave out what nobody sees, the font is the page's.
     svg = _INVISIBLE.sub("", _UNUSED.sub("", svg))
@@ -184,10 +260,6 @@ def _bundle(_: str) -> str:
 
     # Its stub does not say that the snippet may be left out.
     return str(vl_convert.javascript_bundle(vl_version=_VERSION))  # type: ignore[call-arg]
-
-
-def _themed(chart: Chart) -> Chart:
-    return {**chart, "config": {**THEME, **chart.get("config", {})}}
 
 
 def _static(chart: Any) -> Any:

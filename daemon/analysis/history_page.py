@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from datetime import UTC, datetime
-from itertools import cycle
-from typing import Any, Final
+from operator import attrgetter
+from typing import Final
 
-from daemon.analysis.charts import SERIES, Chart, chart_figure, draw_charts, page_script, table
+from daemon.analysis.charts import (
+    SECOND,
+    SERIES,
+    SOFT,
+    Chart,
+    chart_figure,
+    colours_of,
+    columns_of,
+    draw_charts,
+    layer,
+    legend,
+    legend_opacity,
+    page_script,
+    quantity,
+    table,
+    tooltip,
+)
 from daemon.analysis.history import (
     CampaignHistory,
     OracleRecord,
@@ -27,7 +42,7 @@ def history_page(history: CampaignHistory) -> str:
     """Return the history of a campaign as HTML that needs nothing else."""
     charts = [_cell_chart(history, cell) for cell in history.cells]
     names = [f"{scenario} with {sut}" for scenario, sut in history.cells]
-    drawn = zip(names, charts, draw_charts(charts) if charts else [], strict=True)
+    drawn = zip(names, charts, draw_charts(charts), strict=True)
     figures = [(name, chart_figure(chart, svg, f"{name} over time")) for name, chart, svg in drawn]
     return render_report(
         {
@@ -58,85 +73,56 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
     names = [one.id.removeprefix(f"{history.name}-") for one in history.submissions]
     pairs = list(zip(names, history.submissions, strict=True))
     rows = [(name, one) for name, each in pairs for one in each.oracles if one.cell == cell]
-    numbers = ("low", "high", "worst", "median", "simulated", "cpu")
-    columns: dict[str, list[Any]] = {
-        field: [_number(getattr(one, field)) for _, one in rows] for field in numbers
-    }
-    columns |= {
-        "oracle": [one.oracle for _, one in rows],
-        "unit": [one.unit for _, one in rows],
+    fields = ("oracle", "unit", "low", "high", "worst", "median", "simulated", "cpu")
+    columns = columns_of(fields, [attrgetter(*fields)(one) for _, one in rows]) | {
         "submission": [name for name, _ in rows],
         "rate": [one.passed / one.n for _, one in rows],
         "passed": [f"{one.passed} of {one.n}" for _, one in rows],
         "margins": [_margins_text(one) for _, one in rows],
         "times": [_times_text(one) for _, one in rows],
         # All oracles of a cell have the same runs: the first of a submission tells their times.
-        "first": [
-            row is None or row[0] != name
-            for row, (name, _) in zip([None, *rows], rows, strict=False)
-        ],
+        "first": [not n or rows[n - 1][0] != name for n, (name, _) in enumerate(rows)],
     }
     oracles = list(dict.fromkeys(columns["oracle"]))
     units = dict.fromkeys(one.unit for _, one in rows if one.median is not None)
-    colour = _colour("oracle", dict(zip(oracles, cycle(SERIES), strict=False)))
-    kinds = _colour("kind", {"simulated": "var(--soft)", "cpu": "var(--second)"})
+    colour = colours_of("oracle", oracles, SERIES, _WIDTH)
+    kinds = colours_of("kind", ("simulated", "cpu"), (SOFT, SECOND), _WIDTH)
+    of_units = [
+        _panel(
+            f"margin [{unit}]", "median", ("worst", "median"), "margins", colour | {"legend": None}
+        )
+        | {"transform": [{"filter": {"field": "unit", "equal": unit}}]}
+        for unit in units
+    ]
+    folds = [{"filter": "datum.first"}, {"fold": ["simulated", "cpu"], "as": ["kind", "time"]}]
     panels = [
         _panel("pass rate", "rate", ("low", "high"), "passed", colour),
-        *(
-            {"transform": [{"filter": {"field": "unit", "equal": unit}}]}
-            | _panel(
-                f"margin [{unit}]", "median", ("worst", "median"), "margins",
-                {**colour, "legend": None},
-            )
-            for unit in units
-        ),
-        {
-            "transform": [
-                {"filter": "datum.first"},
-                {"fold": ["simulated", "cpu"], "as": ["kind", "time"]},
-            ]
-        }
-        | _panel("time [s]", "time", ("time", "time"), "times", kinds),
-    ]  # fmt: skip
+        *of_units,
+        _panel("time [s]", "time", ("time", "time"), "times", kinds) | {"transform": folds},
+    ]
     x = {"field": "submission", "type": "ordinal", "scale": {"domain": names}, "title": None}
     for panel in panels:
         axis = {"labelAngle": -30} if panel is panels[-1] else {"labels": False}
         panel["encoding"]["x"] = {**x, "axis": axis}
-    # An entry of the legend that is clicked is shown alone, in all panels.
-    select = {"type": "point", "fields": ["oracle"]}
     return {
         "data": table(columns),
-        "params": [{"name": "shown", "select": select, "bind": "legend", "views": ["pass rate"]}],
+        # An entry that is clicked is shown alone, in all panels.
+        "params": legend("oracle", "pass rate"),
         "vconcat": panels,
         "spacing": 8,
         "resolve": {"scale": {"color": "independent"}},
     }
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
-def _colour(field: str, colours: dict[str, str]) -> Chart:
-    scale = {"domain": list(colours), "range": list(colours.values())}
-    return {"field": field, "type": "nominal", "scale": scale, "title": None}
-
-
 def _panel(title: str, field: str, ends: tuple[str, str], hover: str, colour: Chart) -> Chart:
     """Return a panel with a line for each series, and bars from one of ``ends`` to the other."""
-    value = {"field": field, "type": "quantitative", "title": title}
-    words = [{"field": "submission"}, {"field": hover, "title": title}]
-    bars = {
-        "mark": {"type": "rule", "strokeWidth": 3, "opacity": 0.3},
-        "encoding": {"y": {**value, "field": ends[0]}, "y2": {"field": ends[1]}},
-    }
-    has_oracles = colour["field"] == "oracle"
-    opacity = {"condition": {"param": "shown", "value": 1}, "value": 0.1}
-    line = {
-        "name": title,
-        "mark": {"type": "line", "point": {"size": 26}, "strokeWidth": 1.3},
-        "encoding": {"y": value, "tooltip": words, **({"opacity": opacity} if has_oracles else {})},
-    }
+    place = {"y": quantity(ends[0], title), "y2": {"field": ends[1]}}
+    words = tooltip({"submission": "submission", hover: title})
+    encoding = {"y": quantity(field, title), "tooltip": words}
+    if colour["field"] == "oracle":
+        encoding["opacity"] = legend_opacity(1.0, 0.1)
+    bars = layer("rule", None, place, strokeWidth=3, opacity=0.3)
+    line = layer("line", None, encoding, name=title, point={"size": 26}, strokeWidth=1.3)
     return {"width": _WIDTH, "height": 80, "encoding": {"color": colour}, "layer": [bars, line]}
 
 

@@ -8,21 +8,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, combinations
 from typing import Any, Final
 
-from daemon.analysis.chart_parts import (
+from daemon.analysis.charts import (
     BAD,
     INK,
     LINE,
     NEAR,
     SECOND,
     SOFT,
+    Chart,
     Table,
     layer,
     legend,
     legend_opacity,
     quantity,
+    table,
     tooltip,
 )
-from daemon.analysis.charts import Chart, table
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.trials import Trial, smallest_so_far
 from daemon.search.answers.sentences import margin_words, point_words

@@ -23,19 +23,13 @@ from scenario_tui.cli.options import (
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
+    from daemon.analysis.history import CampaignHistory
     from daemon.analysis.report import SuggestedCommand
     from daemon.analysis.results import Results
     from daemon.model.assessments import ReferenceComparison
     from scenario_tui.cli.target import DaemonTarget
 
 _DEFAULT_PAGE: Final = Path("report.html")
-_MOMENT_COMMAND: Final = ("scenario replay {run} --from {oracle}", "watch that moment")
-_RUN_COMMANDS: Final = (
-    ("scenario replay {run}", "watch it again", False),
-    ("scenario export {run} picture -o run.svg", "a picture of it", False),
-    ("scenario judge {run}", "judge it again", False),
-    ("scenario blame {run}", "find out what makes it fail", True),
-)
 
 
 class ReportOutput(Output, schema="report"):
@@ -50,6 +44,14 @@ class ReportOutput(Output, schema="report"):
     exit_code: int
     written: dict[str, str]
     references: tuple[ReferenceComparison, ...] = ()
+
+
+class HistoryOutput(Output, schema="history"):
+    """The submissions of a campaign, the oldest first, and the page that was written about them."""
+
+    answer: str
+    history: CampaignHistory
+    written: dict[str, str]
 
 
 def report(
@@ -127,11 +129,9 @@ def report(
             check_writable(file, f"--{option}")
     options = tables | {"figures": figures}
     if history:
-        from scenario_tui.cli.report_history import report_history
-
         if any(options.values()) or exit_status:
             raise typer.BadParameter("it is a page alone", param_hint="--history")
-        report_history(campaign, output or _DEFAULT_PAGE, target, as_json=as_json)
+        _report_history(campaign, output or _DEFAULT_PAGE, target, as_json=as_json)
         return
     if _report_search(campaign, output, target, options, exit_status=exit_status, as_json=as_json):
         return
@@ -141,8 +141,7 @@ def report(
     bar = partial(track_progress, description="reading traces")
     material = read_report_data(results, processes=processes, watched=bar)
     if page is not None:
-        commands = _run_commands()
-        text = write_page(material, commands, processes=processes, figure_folder=figures)
+        text = write_page(material, _run_commands(), processes=processes, figure_folder=figures)
         page.write_text(text, encoding="utf-8")
     if junit is not None:
         records = tuple(run.record for run in material.runs)
@@ -165,6 +164,27 @@ def report(
     _tell(summary, subject, results.unread, as_json=as_json)
     if exit_status:
         raise typer.Exit(ExitCode(material.assessment.exit_code))
+
+
+def _report_history(campaign: str, page: Path, target: DaemonTarget, *, as_json: bool) -> None:
+    """Write the page of a campaign's history and print what is new.
+
+    Raises :class:`daemon.batch.errors.Refused` if there is no such campaign.
+    """
+    from daemon.analysis.history import read_history
+    from daemon.analysis.history_page import history_page
+    from daemon.batch.ledger import LedgerReader
+    from scenario_tui.cli.target import find_campaign
+
+    with target.open() if target.named else LedgerReader.open(target.paths) as source:
+        history = read_history(source, find_campaign(source, campaign).name)
+    page.write_text(history_page(history), encoding="utf-8")
+    if as_json:
+        HistoryOutput(history.headline, history, {"page": str(page)}).emit()
+        return
+    console = stdout_console()
+    console.print(f"{history.name}: {history.headline}", markup=False, soft_wrap=True)
+    console.print(f"{page} ({page.stat().st_size / 1e6:.2f} MB)", markup=False, soft_wrap=True)
 
 
 def _report_search(
@@ -257,7 +277,13 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
     """Return what can be typed about a run with this version."""
     from daemon.analysis.report import SuggestedCommand
 
-    return tuple(SuggestedCommand(*command) for command in (_MOMENT_COMMAND, *_RUN_COMMANDS))
+    return (
+        SuggestedCommand("scenario replay {run} --from {oracle}", "watch that moment"),
+        SuggestedCommand("scenario replay {run}", "watch it again"),
+        SuggestedCommand("scenario export {run} picture -o run.svg", "a picture of it"),
+        SuggestedCommand("scenario judge {run}", "judge it again"),
+        SuggestedCommand("scenario blame {run}", "find out what makes it fail", failing=True),
+    )
 
 
 def _tell(

@@ -87,19 +87,12 @@ class TextLabel:
 DrawingItem: TypeAlias = Shape | Disc | TextLabel
 
 
-@dataclass(frozen=True, slots=True)
-class DrawingGroup:
-    """Items that belong together, by name."""
-
-    name: str
-    items: tuple[DrawingItem, ...]
-
-
 @dataclass(slots=True)
 class Drawing:
     """A page of ``width`` by ``height``; ``title`` is read out where pictures are not seen.
 
-    ``ways`` are those of the runs as JSON, for scripts.
+    ``ways`` are those of the runs as JSON, for scripts. ``groups`` are items that belong together,
+    by name, in the order they are painted.
     """
 
     width: float
@@ -107,12 +100,12 @@ class Drawing:
     title: str
     about: str
     ways: str = ""
-    groups: list[DrawingGroup] = field(default_factory=list)
+    groups: dict[str, list[DrawingItem]] = field(default_factory=dict)
 
     def add(self, name: str, items: list[DrawingItem]) -> None:
         """Paint ``items`` over all earlier ones."""
         if items:
-            self.groups.append(DrawingGroup(name, tuple(items)))
+            self.groups[name] = items
 
 
 LETTER: Final = 0.56

@@ -17,12 +17,11 @@ ROOT = Path(__file__).parents[2]
 
 
 def shapes(figure, group):
-    (found,) = (g.items for g in figure.groups if g.name == group)
-    return [item for item in found if isinstance(item, Shape)]
+    return [item for item in figure.groups[group] if isinstance(item, Shape)]
 
 
 def words(figure):
-    return [i.text for g in figure.groups for i in g.items if isinstance(i, TextLabel)]
+    return [i.text for items in figure.groups.values() for i in items if isinstance(i, TextLabel)]
 
 
 def page(x, y):
@@ -84,7 +83,7 @@ def test_the_bar_is_as_long_as_it_says():
 
 
 def test_waypoints_of_one_place_share_a_disc():
-    (items,) = (g.items for g in draw_world(world()).groups if g.name == "waypoints")
+    items = draw_world(world()).groups["waypoints"]
     discs = [item.centre for item in items if isinstance(item, Disc)]
     assert discs == [pytest.approx(page(1.5, 1.5)), pytest.approx(page(3.8, 1.7))]
 
@@ -127,7 +126,7 @@ def test_a_run_is_drawn_where_it_was():
     assert all(line.open for line in (believed, clear, close, touching, cross))
     # A cross over the contact, at (228.5, 296).
     assert cross.rings == (((222.5, 290.0), (234.5, 302.0)), ((222.5, 302.0), (234.5, 290.0)))
-    (items,) = (g.items for g in figure.groups if g.name == "driven")
+    items = figure.groups["driven"]
     ends = [item.centre for item in items if isinstance(item, Disc)]
     assert tuple(ends) == pages((1.5, 1.5), (1.4, 1.6))
     key = ["driven", "believed", "inside the buffer", "contact"]
@@ -138,7 +137,7 @@ def test_a_run_is_drawn_where_it_was():
 def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key():
     figure = draw_world(world(), RunOverlay(driven((0.4, 0.3), (1.0, 0.5))))
     assert len(shapes(figure, "driven")) == 1
-    (key,) = (g.items for g in figure.groups if g.name == "key")
+    key = figure.groups["key"]
     assert [item.text for item in key if isinstance(item, TextLabel)] == ["driven"]
     nowhere = draw_world(world(), RunOverlay(driven((0.4, 0.3)), contacts=((1.0, 0.5),)))
     assert len(shapes(nowhere, "driven")) == 1
@@ -149,7 +148,7 @@ def test_what_decides_is_found_and_its_measure_is_on_the_page(gap):
     line = ((1.0, 0.5), (1.0 + gap, 0.5))
     mark = MeasuredMark(line, "0.5 m", (box(1.0 + gap, 0.0, 2.0, 1.0),))
     figure = draw_world(world(), RunOverlay(driven((0.4, 0.3), line[0]), mark=mark, closely=True))
-    (items,) = (g.items for g in figure.groups if g.name == "mark")
+    items = figure.groups["mark"]
     thing, measured = (item for item in items if isinstance(item, Shape))
     assert thing.fill == thing.line == measured.line
     discs = [item.centre for item in items if isinstance(item, Disc)]
@@ -173,7 +172,7 @@ def test_a_small_map_has_no_names_and_shows_what_is_near_alone():
 
 def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends():
     def name_of_room(figure):
-        items = (i for g in figure.groups if g.name == "space names" for i in g.items)
+        items = figure.groups["space names"]
         (label,) = (i for i in items if isinstance(i, TextLabel) and i.text == "left")
         return label
 
@@ -182,9 +181,9 @@ def test_no_name_hides_the_way_and_one_footprint_is_where_it_ends():
     way = driven((x - 0.2, y), (x + 0.2, y))
     figure = draw_world(world(), RunOverlay(way, footprints=(box(0.2, 0.2, 0.6, 0.4),)))
     assert name_of_room(figure).at != free.at
-    groups = [group.name for group in figure.groups]
+    groups = list(figure.groups)
     assert groups.index("space names") < groups.index("driven") < groups.index("waypoints")
-    (key,) = (g.items for g in figure.groups if g.name == "key")
+    key = figure.groups["key"]
     said = [item.text for item in key if isinstance(item, TextLabel)]
     assert said == ["driven", "robot at the end of its way"]
 

@@ -2,10 +2,16 @@
 
 from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
 from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
-from daemon.analysis.report._formatting import GLYPHS, mean_and_deviation, verdict_details
 from daemon.analysis.report._junit import write_junit
 from daemon.analysis.report._measures import MEASURES
-from daemon.analysis.report._page import SuggestedCommand, headline, write_page
+from daemon.analysis.report._page import (
+    GLYPHS,
+    SuggestedCommand,
+    headline,
+    mean_and_deviation,
+    verdict_details,
+    write_page,
+)
 from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
 from daemon.analysis.report._tracks import thinned_indices
 

@@ -7,13 +7,15 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from daemon.analysis.chart_parts import (
+from daemon.analysis.charts import (
     AXIS,
     BAD,
     DASHED,
     DOTTED,
     INK,
+    SERIES,
     WIDTH,
+    Chart,
     Table,
     colours_of,
     columns_of,
@@ -22,9 +24,9 @@ from daemon.analysis.chart_parts import (
     legend,
     legend_opacity,
     quantity,
+    table,
     tooltip,
 )
-from daemon.analysis.charts import SERIES, Chart, table
 from daemon.analysis.report._cell_charts import ValueLimits
 from daemon.analysis.report._references import ReferenceMark
 from daemon.analysis.report._tracks import AFTER, BEFORE, TriggerEncounter
@@ -67,11 +69,11 @@ def comparison_chart(
         for verdict in verdicts
         for number, value in enumerate(verdict.differences)
     ]
-    intervals = [verdict.interval or (np.nan, np.nan) for verdict in verdicts]
+    intervals = [verdict.interval or (None, None) for verdict in verdicts]
     columns: Table = {
         "comparison": [verdict.comparison for verdict in verdicts],
         "SUT": [verdict.sut for verdict in verdicts],
-        "mean": [np.nan if verdict.mean is None else verdict.mean for verdict in verdicts],
+        "mean": [verdict.mean for verdict in verdicts],
         "low": [low for low, _ in intervals],
         "high": [high for _, high in intervals],
         "limit": [verdict.limit for verdict in verdicts],

@@ -9,18 +9,20 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from daemon.analysis.chart_parts import (
+from daemon.analysis.charts import (
     AXIS,
     BAD,
     BODY,
     DASHED,
     DOTTED,
+    HOVER,
     INK,
     LINE,
     NEAR,
     SECOND,
     SOFT,
     WIDTH,
+    Chart,
     Table,
     colours_of,
     columns_of,
@@ -29,8 +31,8 @@ from daemon.analysis.chart_parts import (
     legend,
     legend_opacity,
     quantity,
+    table,
 )
-from daemon.analysis.charts import HOVER, Chart, table
 from daemon.analysis.report._data import ReportRun
 from daemon.analysis.report._references import ReferenceMark
 from grammars.model.geometry import Floats

@@ -36,8 +36,6 @@ from daemon.analysis.report.run_maps import draw_moment, draw_ways
 from daemon.model.assessments import CellVerdict, ExpectationStatus
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import TraceError, read_scene
-from grammars.model.scene import Scene
 from templates.naming import file_name, free_name, xml_text
 
 _Marks: TypeAlias = dict[tuple[str, str], dict[str, list[ReferenceMark]]]
@@ -82,7 +80,7 @@ _Plan: TypeAlias = Iterator[tuple[ReportFigure, _Map | None]]
 
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
-    """Draw every figure of a report; one whose trace is gone stays empty."""
+    """Draw every figure of a report whose trace is not gone."""
     marks = cell_marks(data)
     errors = [
         mark.value
@@ -112,10 +110,11 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
     pictures = dict(zip(numbers, results, strict=True))
     charts = [figure.chart for figure, _ in plan if figure.chart is not None]
     drawings = iter(draw_charts(charts, processes=processes))
-    return tuple(
+    figures = (
         replace(figure, svg=pictures[number] if number in pictures else next(drawings))
         for number, (figure, _) in enumerate(plan)
     )
+    return tuple(figure for figure in figures if figure.svg)
 
 
 def _drawn_map(draw: _Map | None) -> str:
@@ -127,11 +126,10 @@ def write_figures(figures: tuple[ReportFigure, ...], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     names: set[str] = set()
     for figure in figures:
-        if figure.svg:
-            parts = (figure.kind, figure.scenario, figure.sut, figure.subject)
-            # The scenario a-b with c and the scenario a with b-c, joined, have the same name.
-            names.add(name := free_name(file_name("-".join(filter(None, parts))), names))
-            (folder / f"{name}.pdf").write_bytes(svg_pdf(figure.svg))
+        parts = (figure.kind, figure.scenario, figure.sut, figure.subject)
+        # The scenario a-b with c and the scenario a with b-c, joined, have the same name.
+        names.add(name := free_name(file_name("-".join(filter(None, parts))), names))
+        (folder / f"{name}.pdf").write_bytes(svg_pdf(figure.svg))
 
 
 def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
@@ -179,7 +177,6 @@ def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
     for run in _drawn(data):
         cells.setdefault((run.record.scenario, run.record.sut), []).append(run)
     limit = oracle_limit(data.input.oracles, "loc.error")
-    scenes: dict[str, Scene | None] = {}
     deciding = _deciding_verdicts(data)
     # The first ones: those with surprises have their moment drawn whatever their place.
     for (scenario, sut), runs in list(cells.items())[:MOST_CELLS]:
@@ -199,12 +196,10 @@ def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
             continue
         chart = clearance_chart(runs, end, limits, marked.get("min clearance", ()))
         yield figure("distance", label=f"Clearance over time, {of}", chart=chart), None
-        scene = _scene(runs[0], scenes)
-        if scene is not None:
-            label = f"Clearance along the way on the map, {of}"
-            ways = {run.record.repeat: run.tracks for run in runs[:REPEATS]}
-            decided = deciding.get((scenario, sut))
-            yield figure("way", label=label), partial(draw_ways, ways, scene, label, decided)
+        label = f"Clearance along the way on the map, {of}"
+        ways = {run.record.repeat: run.tracks for run in runs[:REPEATS]}
+        trace, verdict = deciding.get((scenario, sut), (Path(runs[0].record.trace), None))
+        yield figure("way", label=label), partial(draw_ways, ways, trace, label, verdict)
         if any(len(run.tracks.returns) for run in runs):
             label = f"Laser returns inside the safety buffer as seen from the robot, {of}"
             chart = returns_chart(runs)
@@ -220,18 +215,6 @@ def _deciding_verdicts(data: ReportData) -> dict[tuple[str, str], tuple[Path, Ve
         if worst and worst.verdict.outcome is Outcome.FAIL and (trace := traces[worst.run]):
             deciding.setdefault((oracle.scenario, oracle.sut), (Path(trace), worst.verdict))
     return deciding
-
-
-def _scene(run: ReportRun, scenes: dict[str, Scene | None]) -> Scene | None:
-    """Return the scene of a run, out of ``scenes`` by digest or from its trace."""
-    digest, trace = run.tracks.scene, run.record.trace
-    if digest not in scenes and trace:
-        try:
-            scenes[digest] = read_scene(Path(trace))
-        except TraceError:
-            # Read a moment ago and gone now.
-            scenes[digest] = None
-    return scenes.get(digest)
 
 
 def _worst_localisation(data: ReportData) -> _Plan:

@@ -1,12 +1,16 @@
-"""The report as a page: what it says, in what order, in which words."""
+"""The report as a page: what it says, in what order, in which words.
+
+A page is a function of its data: no clock and no folder is read here. Unknown facts are left out.
+"""
 
 from __future__ import annotations
 
 import math
 import shlex
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -19,13 +23,6 @@ from daemon.analysis.report._figures import (
     notable_verdicts,
     write_figures,
 )
-from daemon.analysis.report._formatting import (
-    GLYPHS,
-    mean_and_deviation,
-    percentage,
-    verdict_details,
-)
-from daemon.analysis.report._provenance import provenance
 from daemon.analysis.report.run_maps import draw_building
 from daemon.analysis.results import Results
 from daemon.judging.assessment import severity
@@ -39,7 +36,9 @@ from daemon.model.assessments import (
     state_of,
 )
 from daemon.model.run_state import UNFINISHED_STATES
+from daemon.model.spec import own_version
 from daemon.model.status import RunRow
+from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
 from templates.report import render_report
@@ -48,6 +47,13 @@ _FEW: Final = 5
 """Repeats of a finding that are shown at once: the gravest."""
 _MOST_LISTED: Final = 50
 """Repeats listed for each verdict: 250 bytes each, for every oracle of every run."""
+_SHOWN_OF_HASH: Final = 12
+_MOST_KINDS: Final = 4
+"""Machines, or sets of versions, that are told; of more their number."""
+GLYPHS: Final = {
+    "pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼", "measure": "·",
+    "lost": "!", "cancelled": "-", "queued": "…", "running": "▶", "done": "?",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +117,7 @@ def write_page(
         assessment=assessment,
         answer=headline(assessment, data.runs),
         facts=_facts(data, scenarios, suts),
-        provenance=provenance(data),
+        provenance=_provenance(data),
         building=draw_building(data),
         scenarios=scenarios,
         suts=suts,
@@ -121,9 +127,7 @@ def write_page(
         findings=group_errors(notable_verdicts(data)),
         measures=measure_columns(data),
         figures=_by_kind(figures),
-        moments={
-            (f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment" and f.svg
-        },
+        moments={(f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment"},
         references=data.references,
         reference_names=dict.fromkeys((r.name, r.source) for r in results.declared.references),
         runs=data.runs,
@@ -194,6 +198,66 @@ def _facts(
         *marked,
         ("simulated", duration_text(simulated)),
         ("from", data.input.id or _folder(data.input)),
+    )
+
+
+def _provenance(data: ReportData) -> tuple[tuple[str, str], ...]:
+    """Return what is known of where the runs of a report are from, as names and values."""
+    return tuple((name, value) for name, value in _origins(data) if value)
+
+
+def _origins(data: ReportData) -> Iterator[tuple[str, str]]:
+    origin = data.input.origin
+    yield "executed", _span(data.input.submitted_at, data.input.finished_at)
+    if origin.file:
+        yield "campaign file", f"{origin.file}, SHA-256 {origin.digest[:_SHOWN_OF_HASH]}…"
+        yield "version control", _commit(origin)
+    yield "seed", "" if origin.seed is None else str(origin.seed)
+    results = [run.record.result for run in data.runs if run.record.result is not None]
+    machines = Counter(result.machine for result in results if result.machine)
+    yield "machine", _kinds(machines, len(results))
+    reused = sum(bool(run.record.cached) for run in data.runs)
+    yield "used again", f"{count_noun(reused, 'result')} of earlier campaigns" if reused else ""
+    versions = Counter(_versions(run.versions) for run in data.runs if run.versions)
+    yield "simulated with", _kinds(versions, len(data.runs))
+    yield "page written by", own_version()
+
+
+def _span(start: float | None, end: float | None) -> str:
+    """Return a date and its times: ``2026-11-23, 15:20 to 15:22 UTC``."""
+    if start is None:
+        return ""
+    began = datetime.fromtimestamp(start, UTC)
+    if end is None:
+        return f"{began:%Y-%m-%d, %H:%M} UTC"
+    ended = datetime.fromtimestamp(end, UTC)
+    day = "" if ended.date() == began.date() else f"{ended:%Y-%m-%d, }"
+    return f"{began:%Y-%m-%d, %H:%M} to {day}{ended:%H:%M} UTC"
+
+
+def _commit(origin: CampaignOrigin) -> str:
+    if origin.changed is None:
+        return "no git repository"
+    commit = f"commit {origin.commit[:_SHOWN_OF_HASH]}" if origin.commit else "no commit yet"
+    branch = f" on {origin.branch}" if origin.branch else ""
+    changed = "with changes that are not committed" if origin.changed else "nothing uncommitted"
+    return f"{commit}{branch}, {changed}"
+
+
+def _versions(versions: Iterable[tuple[str, str]]) -> str:
+    """Return versions as a trace has them in a line, our own first."""
+    others = dict(versions)
+    ours = [f"{n} {others.pop(n)}" for n in ("scenario-tui", "engine") if others.get(n)]
+    return ", ".join((*ours, *(f"{name} {version}" for name, version in sorted(others.items()))))
+
+
+def _kinds(counts: Counter[str], whole: int) -> str:
+    """Return one thing as it is, of several how many runs each has."""
+    if len(counts) > _MOST_KINDS:
+        return f"{len(counts)} different ones"
+    alone = len(counts) == 1 and counts.total() == whole
+    return "; ".join(
+        name if alone else f"{name} ({count_noun(count, 'run')})" for name, count in counts.items()
     )
 
 
@@ -270,3 +334,42 @@ def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, dict[str, list[Report
     for figure in figures:
         kinds[figure.kind].setdefault(figure.scenario, []).append(figure)
     return kinds
+
+
+def percentage(value: float | None) -> str:
+    """Return a rate as per cent with one decimal: ``54.9 %``."""
+    return NOTHING if value is None else f"{100.0 * value:.1f} %".replace(".0 %", " %")
+
+
+def mean_and_deviation(values: Sequence[float]) -> tuple[str, str]:
+    """Return mean and standard deviation as words with fitting digits: ``("0.124", "0.003")``.
+
+    The deviation is empty for a single value.
+    """
+    mean = sum(values) / len(values)
+    if len(values) < 2:
+        return format_quantity(mean), ""
+    deviation = math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
+    # The deviation's first two digits say how many of the mean mean anything.
+    digits = min(_digits(deviation, 1), _digits(mean, 3)) if deviation else _digits(mean, 2)
+    return f"{mean:.{digits}f}".replace("-", "−"), f"{deviation:.{digits}f}"
+
+
+def _digits(value: float, more: int) -> int:
+    """Return how many decimals show ``more`` digits after the first one that counts."""
+    return 2 if value == 0.0 else max(0, min(4, more - math.floor(math.log10(abs(value)))))
+
+
+def verdict_details(verdict: Verdict) -> str:
+    """Return a verdict's margin and evidence: ``−0.012 m, 41.3 s, door_17``.
+
+    Margins without a unit only say true or false and are left out.
+    """
+    evidence = verdict.evidence
+    parts = [format_quantity(verdict.margin, verdict.unit, signed=True)]
+    if verdict.unit == "" or verdict.margin is None:
+        parts = []
+    parts.append("" if evidence.time is None else f"at {evidence.time:.1f} s")
+    # What a stack printed stands below the first line, and in the list of runs.
+    parts.extend((evidence.object, evidence.note_text.partition("\n")[0]))
+    return ", ".join(part for part in parts if part)

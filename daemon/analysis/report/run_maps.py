@@ -31,16 +31,9 @@ from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import (
-    Trace,
-    TraceError,
-    read_scene,
-    read_spec,
-    read_trace,
-)
+from daemon.trace import Trace, TraceError, read_scene, read_spec, read_trace
 from grammars.model.geometry import Point2, Pose2
 from grammars.model.mission import Mission
-from grammars.model.scene import Scene
 from grammars.text.words import count_noun, format_quantity
 from templates.picture import (
     LARGE,
@@ -108,23 +101,24 @@ def draw_moment(trace_path: Path, verdict: Verdict, label: str) -> Markup | None
 
 
 def draw_ways(
-    runs: Mapping[int, RunTracks],
-    scene: Scene,
-    label: str,
-    decided: tuple[Path, Verdict] | None = None,
-) -> Markup:
+    runs: Mapping[int, RunTracks], trace_path: Path, label: str, verdict: Verdict | None = None
+) -> Markup | None:
     """Return the ways of runs, by repeat, as an element of a page.
 
     Ways are coloured by the distance to obstacles. The building is as it starts, and the nearest
-    place has its measure. With the trace and the verdict that ``decided``, what decides is red and
-    doors are where they were at that moment. Scripts find the places of each repeat in
-    ``data-way``, in units of the ``viewBox``; the ways themselves are the group ``driven``.
+    place has its measure. With a ``verdict`` on the trace, what decides is red and doors are where
+    they were at that moment. Scripts find the places of each repeat in ``data-way``, in units of
+    the ``viewBox``; the ways themselves are the group ``driven``. ``None`` if the trace is gone.
     """
-    sampler = _usable_sampler(decided[0]) if decided else None
+    sampler = _usable_sampler(trace_path) if verdict else None
     mark, positions = None, {}
-    if decided and sampler:
-        mark = deciding_mark(sampler, decided[1])
-        positions = joint_positions(sampler.trace, deciding_time(sampler, decided[1]))
+    if verdict and sampler:
+        mark = deciding_mark(sampler, verdict)
+        positions = joint_positions(sampler.trace, deciding_time(sampler, verdict))
+    try:
+        scene = sampler.trace.scene if sampler else read_scene(trace_path)
+    except TraceError:
+        return None
     ways = tuple(
         DrivenWay(np.column_stack((run.x, run.y)), run.clearance, run.limit, repeat, run.time)
         for repeat, run in runs.items()
@@ -147,8 +141,7 @@ def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> 
     if sampler is None:
         return None
     runs = {sampler.trace.spec.repeat: _tracks(sampler)}
-    decided = (trace_path, verdict) if verdict else None
-    return draw_ways(runs, sampler.trace.scene, label, decided)
+    return draw_ways(runs, trace_path, label, verdict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +295,7 @@ def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
     steps = min(_FOOTPRINTS, max(2, round((part.until - part.since) / _APART)))
     moments = np.linspace(part.since, min(part.until, float(truth.time[-1])), steps).tolist()
     places = np.column_stack((tracks.x, tracks.y))[visible]
-    overlay = RunOverlay(
+    return RunOverlay(
         ways=(DrivenWay(places, tracks.clearance[visible], tracks.limit),),
         believed=tuple(
             zip(estimate.x[indices].tolist(), estimate.y[indices].tolist(), strict=True)
@@ -314,14 +307,9 @@ def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
             pose_at(truth, moment).apply_ring(trace.spec.robot.footprint)
             for moment in (moments if part.closely else moments[-1:])
         ),
-    )
-    if not part.closely:
-        return overlay
-    return replace(
-        overlay,
-        apparent_goals=_apparent_goals(trace, part.until, indices),
-        positions=joint_positions(trace, part.until),
-        closely=True,
+        apparent_goals=_apparent_goals(trace, part.until, indices) if part.closely else (),
+        positions=joint_positions(trace, part.until) if part.closely else {},
+        closely=part.closely,
     )
 
 

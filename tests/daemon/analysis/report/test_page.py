@@ -29,7 +29,7 @@ from daemon.judging.oracles import judge
 from daemon.model.spec import own_version
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from daemon.trace import read_scene, read_trace
+from daemon.trace import read_trace
 from grammars.text.words import NOTHING, format_quantity
 from tests.daemon.analysis.report.recordings import (
     ABOUT,
@@ -338,18 +338,6 @@ def test_the_page_says_how_many_findings_have_a_picture(data, page, monkeypatch)
     assert "findings have pictures" not in page
     monkeypatch.setattr(_figures, "_MOST_MOMENTS", 1)
     assert f"Only 1 of {count} findings have pictures." in write_page(data, (), processes=1)
-
-
-def test_what_figures_share_is_read_once_for_all_of_them(data, monkeypatch):
-    read = []
-
-    def read_and_count(path):
-        read.append(path)
-        return read_scene(path)
-
-    monkeypatch.setattr(_figures, "read_scene", read_and_count)
-    _figures.draw_figures(data, processes=1)
-    assert len(read) == 1, "all runs are in one scene"
 
 
 def charts(page):

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -160,7 +161,7 @@ def test_a_trace_that_is_gone_has_no_moment(tmp_path):
 
 def test_scripts_find_where_each_repeat_was_at_a_time(data):
     runs = {run.record.repeat: run.tracks for run in data.runs if run.record.sut == SUTS[0]}
-    svg = draw_ways(runs, CORRIDOR, LABEL)
+    svg = draw_ways(runs, Path(data.runs[0].record.trace), LABEL)
     root = ET.fromstring(svg)
     ways = json.loads(root.get("data-way"))
     assert [way["repeat"] for way in ways] == list(runs)
