@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -33,33 +33,20 @@ class Candidate:
     scene: Scene
 
 
-@dataclass(frozen=True, slots=True)
-class ScenarioLayer:
-    """A scenery layer that a scenario names, with the campaign's values for its parameters."""
-
-    element: Element
-    reference: LayerReference
-    overrides: tuple[tuple[Element, str, object], ...]
-
-    def without(self, away: Elements) -> LayerReference:
-        """Return the reference without some of its overrides."""
-        values = {key: value for element, key, value in self.overrides if element not in away}
-        return replace(self.reference, overrides=values)
-
-
 @dataclass(slots=True)
 class RunCase:
     """A run of a campaign with all that it is made of.
 
-    ``layers`` are in the order of the scenario, objects before behaviours. The elements of a kind
-    are in the order in which the campaign adds them. The scenario itself is without ``left_out``.
+    ``layers`` are scenery layers as the scenario names them, objects before behaviours. The
+    elements of a kind are in the order in which the campaign adds them. The scenario itself is
+    without ``left_out``.
     """
 
     campaign: Campaign
     cell: CampaignCell
     folder: Path
     spec: RunSpec
-    layers: tuple[ScenarioLayer, ...]
+    layers: Mapping[Element, LayerReference]
     settings: SutDifferences
     _composer: Composer
     left_out: Elements = frozenset()
@@ -68,9 +55,8 @@ class RunCase:
     @property
     def added(self) -> tuple[Element, ...]:
         """Layers, overrides and parameters: the additions of the campaign to a bare building."""
-        layers = [layer.element for layer in self.layers]
-        overrides = [element for layer in self.layers for element, _, _ in layer.overrides]
-        return (*layers, *overrides, *self.settings.elements)
+        overrides = [one for layer in self.layers.items() for one in _overrides(*layer)]
+        return (*self.layers, *overrides, *self.settings.elements)
 
     def remaining(self, away: Elements) -> tuple[Element, ...]:
         """Return the elements of the run without those that are ``away``."""
@@ -123,9 +109,11 @@ class RunCase:
         key = frozenset(e for e in away if e.kind in ("objects", "behaviours", "override"))
         if key not in self._worlds:
             references: dict[str, list[LayerReference]] = {"objects": [], "behaviours": []}
-            for layer in self.layers:
-                if layer.element not in key:
-                    references[layer.element.kind].append(layer.without(key))
+            for layer, reference in self.layers.items():
+                if layer not in key:
+                    names = [n for one, n in _overrides(layer, reference).items() if one not in key]
+                    values = {name: reference.overrides[name] for name in names}
+                    references[layer.kind].append(replace(reference, overrides=values))
             scenario = replace(
                 self.cell.scenario,
                 objects=tuple(references["objects"]),
@@ -170,25 +158,28 @@ def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path)
     scenario = cell.scenario
     whole = composer.cell(cell, replace(scenario, without=()), spec.repeat)
     remaining = composer.cell(cell, scenario, spec.repeat)
-    layers = []
+    layers: dict[Element, LayerReference] = {}
     for index, reference in enumerate((*scenario.objects, *scenario.behaviours)):
-        name = library.scenery(reference).name
         kind: ElementKind = "objects" if index < len(scenario.objects) else "behaviours"
-        overrides = tuple(
-            (Element("override", f"{name}: {key} {value}", index), key, value)
-            for key, value in reference.overrides.items()
-        )
-        layers.append(ScenarioLayer(Element(kind, name, index), reference, overrides))
+        layers[Element(kind, library.scenery(reference).name, index)] = reference
     return RunCase(
         campaign=campaign,
         cell=cell,
         folder=folder,
         spec=spec,
-        layers=tuple(layers),
+        layers=layers,
         settings=sut_differences(cell, spec.sut, library),
         _composer=composer,
         left_out=frozenset(_parts(whole)) - frozenset(_parts(whole, remaining)),
     )
+
+
+def _overrides(layer: Element, reference: LayerReference) -> dict[Element, str]:
+    """Return the campaign's values for the parameters of a layer, with the parameters' names."""
+    return {
+        Element("override", f"{layer.name}: {name} {value}", layer.index): name
+        for name, value in reference.overrides.items()
+    }
 
 
 def _parts(whole: CampaignCell, remaining: CampaignCell | None = None) -> tuple[Element, ...]:

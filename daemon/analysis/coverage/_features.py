@@ -9,6 +9,7 @@ paper gives no number (how many waypoints are many) the rule does, in its
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from typing import Final, TypeAlias
 from daemon.analysis.coverage import _rules as rules
 from daemon.analysis.coverage._results import FeatureCount
 from daemon.analysis.coverage._rules import RunFacts
-from grammars.model.behaviour import Hold, JointEvent, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.behaviour import Behaviour, Hold, JointEvent, KeyFrames, Reaction, Trigger, Walk
 from grammars.model.movers import is_mover, own_joints
 
 FeatureRule: TypeAlias = Callable[[RunFacts], bool]
@@ -37,6 +38,30 @@ class ScenarioFeature:
     planned: FeatureRule = lambda _: True
     done: FeatureRule | None = None
     name: Callable[[RunFacts], str] = lambda _: ""
+
+
+def _drive(kind: str) -> FeatureRule:
+    return lambda run: run.spec.robot.drive.kind == kind
+
+
+def _waypoints(least: int, most: float) -> FeatureRule:
+    return lambda run: least <= len(run.spec.mission.waypoints) <= most
+
+
+def _solid(kind: str) -> FeatureRule:
+    return lambda run: any(solid.kind == kind for solid in run.scene.solids)
+
+
+def _joint(kind: str) -> FeatureRule:
+    return lambda run: any(joint.kind == kind for joint in run.own_joints)
+
+
+def _behaviour(*kinds: type[Behaviour]) -> FeatureRule:
+    return lambda run: run.has_behaviour(*kinds)
+
+
+def _logged(event: JointEvent) -> FeatureRule:
+    return lambda run: run.logged(event)
 
 
 MODEL: Final = (
@@ -62,20 +87,10 @@ MODEL: Final = (
         lambda run: run.measures("elapsed", "mission.leg.elapsed", "path.length", "speed"),
     ),
     ScenarioFeature(
-        "sut/configuration/",
-        "the systems under test",
-        name=lambda run: run.spec.sut.name,
+        "sut/configuration/", "the systems under test", name=lambda run: run.spec.sut.name
     ),
-    ScenarioFeature(
-        "sut/base/differential",
-        "forwards and turning",
-        lambda run: run.spec.robot.drive.kind == "differential",
-    ),
-    ScenarioFeature(
-        "sut/base/omnidirectional",
-        "sideways as well",
-        lambda run: run.spec.robot.drive.kind == "omnidirectional",
-    ),
+    ScenarioFeature("sut/base/differential", "forwards and turning", _drive("differential")),
+    ScenarioFeature("sut/base/omnidirectional", "sideways as well", _drive("omnidirectional")),
     ScenarioFeature("sut/odometry/perfect", "equals the true motion", rules.perfect_odometry),
     ScenarioFeature(
         "sut/odometry/erring", "grows wrong on the way", lambda run: not rules.perfect_odometry(run)
@@ -95,20 +110,12 @@ MODEL: Final = (
         "a map of its own: the world differs from it by whatever does",
         lambda run: bool(run.spec.map.file),
     ),
-    ScenarioFeature(
-        "mission/waypoints/one",
-        "a single Go To action",
-        lambda run: len(run.spec.mission.waypoints) == 1,
-    ),
-    ScenarioFeature(
-        "mission/waypoints/few",
-        "two to five in a sequence",
-        lambda run: 2 <= len(run.spec.mission.waypoints) <= rules.FEW,
-    ),
+    ScenarioFeature("mission/waypoints/one", "a single Go To action", _waypoints(1, 1)),
+    ScenarioFeature("mission/waypoints/few", "two to five in a sequence", _waypoints(2, rules.FEW)),
     ScenarioFeature(
         "mission/waypoints/many",
         "more than five in a sequence",
-        lambda run: len(run.spec.mission.waypoints) > rules.FEW,
+        _waypoints(rules.FEW + 1, math.inf),
     ),
     ScenarioFeature(
         "mission/distance/near", "less than 15 m", lambda run: run.longest_leg < rules.FAR
@@ -143,25 +150,11 @@ MODEL: Final = (
         "with less than 0.2 m on either side of the robot (safety distance of section 4.3)",
         rules.narrow_doorways,
     ),
+    ScenarioFeature("scenery/plan/columns", "columns", _solid("column")),
+    ScenarioFeature("scenery/plan/dividers", "dividers", _solid("divider")),
+    ScenarioFeature("scenery/objects/hinged", "objects with a revolute joint", _joint("revolute")),
     ScenarioFeature(
-        "scenery/plan/columns",
-        "columns",
-        lambda run: any(solid.kind == "column" for solid in run.scene.solids),
-    ),
-    ScenarioFeature(
-        "scenery/plan/dividers",
-        "dividers",
-        lambda run: any(solid.kind == "divider" for solid in run.scene.solids),
-    ),
-    ScenarioFeature(
-        "scenery/objects/hinged",
-        "objects with a revolute joint",
-        lambda run: any(joint.kind == "revolute" for joint in run.own_joints),
-    ),
-    ScenarioFeature(
-        "scenery/objects/sliding",
-        "objects with a prismatic joint",
-        lambda run: any(joint.kind == "prismatic" for joint in run.own_joints),
+        "scenery/objects/sliding", "objects with a prismatic joint", _joint("prismatic")
     ),
     ScenarioFeature(
         "scenery/objects/furniture",
@@ -182,9 +175,7 @@ MODEL: Final = (
         lambda run: not run.has_behaviour(KeyFrames, Trigger, Reaction, Walk),
     ),
     ScenarioFeature(
-        "scenery/dynamics/posed",
-        "joints held in a pose (initial joint pose)",
-        lambda run: run.has_behaviour(Hold),
+        "scenery/dynamics/posed", "joints held in a pose (initial joint pose)", _behaviour(Hold)
     ),
     ScenarioFeature(
         "scenery/dynamics/pushable", "joints that nothing holds or drives", rules.pushable
@@ -192,24 +183,22 @@ MODEL: Final = (
     ScenarioFeature(
         "scenery/dynamics/timed",
         "joints move by the clock",
-        lambda run: run.has_behaviour(KeyFrames),
-        lambda run: run.logged(JointEvent.KEY_FRAME),
+        _behaviour(KeyFrames),
+        _logged(JointEvent.KEY_FRAME),
     ),
     ScenarioFeature(
         "scenery/dynamics/triggered",
         "joints move as the robot nears",
-        lambda run: run.has_behaviour(Trigger),
-        lambda run: run.logged(JointEvent.TRIGGERED),
+        _behaviour(Trigger),
+        _logged(JointEvent.TRIGGERED),
     ),
     ScenarioFeature(
         "scenery/dynamics/reacting",
         "joints move on an occasion",
-        lambda run: run.has_behaviour(Reaction),
-        lambda run: run.logged(JointEvent.REACTS),
+        _behaviour(Reaction),
+        _logged(JointEvent.REACTS),
     ),
-    ScenarioFeature(
-        "scenery/dynamics/walking", "movers walk", lambda run: run.has_behaviour(Walk), rules.walked
-    ),
+    ScenarioFeature("scenery/dynamics/walking", "movers walk", _behaviour(Walk), rules.walked),
 )
 """The model campaigns are held against."""
 
