@@ -33,6 +33,8 @@ from templates.report import render_report
 
 MOST_LISTED: Final = 60
 """Points in the table at most: those with the smallest margins."""
+_OVER_RUNS: Final = "Margin of every run, the smallest so far, and failures over runs"
+_OVER_SPACE: Final = "Margins over the parameters that are varied"
 NO_TRACES: Final[Mapping[str, Path]] = MappingProxyType({})
 
 
@@ -53,12 +55,18 @@ def search_page(
     task, answer = row.task, row.answer
     trials = point_trials(task, proposals)
     steps = point_trials(task, proposals, "nearest")
-    charts = list(_charts(row, trials, steps, point_trials(task, baseline)))
+    nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
+    charts: list[tuple[str, str, Chart]] = []
+    if trials:
+        margins = margins_chart(task, trials, point_trials(task, baseline))
+        charts.append((_OVER_RUNS, "", margins))
+    for caption, chart in space_charts(task, trials, steps, nearest):
+        charts.append((f"{_OVER_SPACE}, {caption}" if caption else _OVER_SPACE, caption, chart))
     drawings = draw_charts([chart for _, _, chart in charts]) if charts else []
-    figures: dict[str, list[tuple[str, Markup]]] = {kind: [] for kind in _LABELS}
-    for (kind, caption, chart), svg in zip(charts, drawings, strict=True):
-        label = f"{_LABELS[kind]}{f', {caption}' if caption else ''}"
-        figures[kind].append((caption, chart_figure(chart, svg, label)))
+    figures = [
+        (caption, chart_figure(chart, svg, label))
+        for (label, caption, chart), svg in zip(charts, drawings, strict=True)
+    ]
     shown = answer.shown if answer is not None else None
     ordered = sorted(trials, key=lambda p: (math.isnan(p.compared), p.compared, p.number))
     return render_report(
@@ -78,7 +86,7 @@ def search_page(
         tone={"pass": "good", "fail": "bad"}.get(search_word(row), "open"),
         headline=headline(row),
         facts=_facts(row, proposals),
-        figures=figures,
+        figures={"margins": figures[:1], "space": figures[1:]},
         maps=dict(_maps(shown, traces)) if shown is not None else {},
         compared=_compared_trials(answer),
         influence={one.parameter: one for one in answer.influence} if answer is not None else {},
@@ -93,24 +101,6 @@ def search_page(
         glyphs=GLYPHS,
         nothing=NOTHING,
     )
-
-
-_LABELS: Final = {
-    "margins": "Margin of every run, the smallest so far, and failures over runs",
-    "space": "Margins over the parameters that are varied",
-}
-
-
-def _charts(
-    row: SearchRow, trials: Sequence[Trial], steps: Sequence[Trial], baseline: Sequence[Trial]
-) -> Iterator[tuple[str, str, Chart]]:
-    """Yield the charts of a search, each with its kind and its caption."""
-    task, answer = row.task, row.answer
-    nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
-    if trials:
-        yield "margins", "", margins_chart(task, trials, baseline)
-        for caption, chart in space_charts(task, trials, steps, nearest):
-            yield "space", caption, chart
 
 
 def _maps(shown: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Markup]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -85,12 +86,14 @@ def search_material(
 
     daemon = source if isinstance(source, DaemonClient) else None
     base = baseline_search(row, source.searches())
-    return SearchMaterial(
-        row,
-        proposals,
-        source.all_runs(base, results=True) if base else (),
-        _traces(row, lambda run: local_copy(trace_reference(source.run(run).row), daemon)),
-    )
+    baseline = source.all_runs(base, results=True) if base else ()
+    shown = row.answer.shown if row.answer is not None else None
+    traces: dict[str, Path] = {}
+    # A trace that is gone leaves its pictures out.
+    with suppress(TraceUnavailable, Refused):
+        if shown is not None and shown.run:
+            traces[shown.run] = local_copy(trace_reference(source.run(shown.run).row), daemon)
+    return SearchMaterial(row, proposals, baseline, traces)
 
 
 def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:
@@ -113,17 +116,6 @@ def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:
 def _subject(task: SearchTask) -> tuple[object, ...]:
     ranges = [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in task.parameters]
     return task.scenario, task.sut, task.minimise, task.scales, task.constraints, ranges
-
-
-def _traces(row: SearchRow, bring: Callable[[str], Path]) -> dict[str, Path]:
-    """Return the traces that the page draws; one that is gone leaves its pictures out."""
-    shown = row.answer.shown if row.answer is not None else None
-    if shown is None or not shown.run:
-        return {}
-    try:
-        return {shown.run: bring(shown.run)}
-    except (TraceUnavailable, Refused):
-        return {}
 
 
 def write_search_page(

@@ -134,7 +134,7 @@ def parameters_text(
         )
         text.append(range_bar(one, value), style="" if changed else quiet)
         if one.name in correlations:
-            text.append(f"  {correlations[one.name]:+.2f}".replace("-", "−"), style=quiet)
+            text.append(f"  {minus(f'{correlations[one.name]:+.2f}')}", style=quiet)
         text.append("\n")
     text.append(_LEGEND if width >= len(_LEGEND) else "│ written  ● here", style=quiet)
     return text
@@ -249,7 +249,7 @@ def influence_lines(
 
     To the left: larger values bring the failure nearer. What chance gives as well is dim.
     """
-    ordered = sorted(answer.influence, key=lambda one: (-_weight(one.correlation), one.parameter))
+    ordered = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
     names = [task.short_name(one.parameter) for one in ordered]
     width = max(map(len, names), default=0)
     lines = []
@@ -259,10 +259,6 @@ def influence_lines(
         bar = margin_bar(one.correlation, _HALF)
         lines.append(Text(f"  {name:<{width}}  {bar}  {number}", style=style))
     return lines
-
-
-def _weight(correlation: float) -> float:
-    return abs(correlation) if math.isfinite(correlation) else 0.0
 
 
 def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:

@@ -16,9 +16,7 @@ from daemon.model.search_answer import (
     Confirmation,
     Finding,
     Influence,
-    NearestFailure,
     SearchAnswer,
-    ShrunkScenario,
     UnsoughtFailure,
 )
 from daemon.model.trials import Trial, first_failure, smallest_margin
@@ -32,31 +30,21 @@ _FEWEST: Final = 5
 
 
 def make_answer(
-    task: SearchTask,
-    explored: Sequence[Trial],
-    *,
-    ended: str = "",
-    executed: int = 0,
-    reused: int = 0,
-    confirmed: Confirmation | None = None,
-    nearest: NearestFailure | None = None,
-    shrunk: ShrunkScenario | None = None,
-    holding: Sequence[bool] = (),
+    task: SearchTask, explored: Sequence[Trial], *, holding: Sequence[bool] = (), **others: Any
 ) -> SearchAnswer:
     """Return the answer of a search by the points it has explored, sentences included.
 
-    ``holding`` says of each repeated failure whether most noises confirm it. The text of the found
-    scenario is added at the end.
+    ``holding`` says of each repeated failure whether most noises confirm it; ``others`` are fields
+    of the answer that points do not tell. The text of the found scenario is added at the end.
     """
     outcomes = Counter(trial.outcome for trial in explored)
     judged = [
         one for one in explored if one.is_drawn and one.outcome in (Outcome.PASS, Outcome.FAIL)
     ]
+    counts: dict[str, Any] = {"ended": "", "executed": 0, "reused": 0} | others
     answer = SearchAnswer(
-        ended=ended,
+        **counts,
         explored=len(explored),
-        executed=executed,
-        reused=reused,
         failed=outcomes[Outcome.FAIL],
         errors=outcomes[Outcome.ERROR],
         inconclusive=outcomes[Outcome.INCONCLUSIVE],
@@ -64,9 +52,6 @@ def make_answer(
         space_filling_failed=sum(trial.fails for trial in judged),
         first=first_failure(explored),
         best=smallest_margin(explored),
-        confirmed=confirmed,
-        nearest=nearest,
-        shrunk=shrunk,
         findings=distinct_failures(explored),
         influence=parameter_influence(task, explored),
         refused=outcomes[None],

@@ -18,7 +18,6 @@ from daemon.model.spec import LeadingMargin, RunSpec, TraceInfo
 from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene
 from tests.daemon.batch.samples import SCENE, make_result, make_search, make_spec
-from tests.run_rows import run_row
 
 CONFIRMED = 2
 
@@ -76,33 +75,6 @@ def issue(task, runs, position, number, repeat, learnt, parameters, phase="explo
     spec = make_spec(repeat, scenario=task.scenario_of(number), value=value, **parameters)
     proposal = Proposal(position, number, repeat, phase, "hash", bool(learnt), (value,))
     runs.issue(proposal, FakeCandidate(spec, SCENE))
-
-
-class LocalRuns:
-    """Executes runs at once, in this process: what every other way must agree with."""
-
-    def __init__(self, make=None):
-        self._make = make or (lambda spec: result_of(spec, leads=True))
-        self.digests = []
-        self._rows = []
-
-    def issue(self, proposal, candidate):
-        spec = candidate.spec
-        self.digests.append((proposal.position, spec.digest))
-        result = self._make(spec)
-        self._rows.append(run_row(digest=spec.digest, result=result, proposal=proposal))
-
-    def issued(self, position):
-        return None
-
-    def result(self, position):
-        return self._rows[position]
-
-    def report(self, phase, note, answer):
-        """Nobody listens."""
-
-    def elapsed(self):
-        return 0.0
 
 
 def result_of(spec, *, leads):

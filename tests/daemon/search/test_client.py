@@ -15,7 +15,8 @@ from grammars.text.diagnostics import InputError, Where
 from tests.daemon.batch.harness import ROOT, daemon_at, eventually
 from tests.daemon.batch.samples import TASK, make_extension, make_search, make_submission
 from tests.daemon.search import fake_search
-from tests.daemon.search.fake_search import CONFIRMED, LocalRuns, client_of
+from tests.daemon.search.fake_search import CONFIRMED, client_of, result_of
+from tests.daemon.search.local_runs import LocalRuns
 
 RUNS = 30
 
@@ -27,11 +28,11 @@ def searching(state, slots=1):
 @pytest.fixture(scope="module")
 def undisturbed():
     """Positions and digests of the runs of a search, without any daemon."""
-    runs = LocalRuns()
+    runs = LocalRuns(executor=lambda ones: [result_of(one.spec, leads=True) for one in ones])
     fake_search.search(make_search("s", runs=RUNS).task, runs)
     assert len(runs.digests) == RUNS + CONFIRMED
     assert TASK.window == 8
-    return runs.digests
+    return list(enumerate(runs.digests))
 
 
 @pytest.fixture(scope="module")
