@@ -73,8 +73,9 @@ def draw_run(
     # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
     problems = oracles.trace_problems(trace)
     if problems:
-        way = DrivenWay(np.column_stack((trace.ground_truth.x, trace.ground_truth.y)))
-        run = RunOverlay((way,), about=f"not to be trusted: {'; '.join(problems)}")
+        way = np.column_stack((trace.ground_truth.x, trace.ground_truth.y))
+        way = way[np.isfinite(way).all(axis=1)]
+        run = RunOverlay((DrivenWay(way),), about=f"not to be trusted: {'; '.join(problems)}")
     else:
         run = _judged_run(SignalSampler(trace), part)
     write_drawing(draw_world(_world(trace), run), picture)

@@ -128,6 +128,9 @@ class MapFrame:
         """Draw a shape that moves."""
         layer = LAYER_OF[shape.role]
         points = [np.asarray(part, dtype=np.float64) for part in shape.parts if len(part)]
+        # A recording may have poses that are no numbers: they are nowhere.
+        points = [part[np.isfinite(part).all(axis=1)] for part in points]
+        points = [part for part in points if len(part) > (shape.role is ShapeRole.HEADING)]
         if not points:
             return
         # All at once: each call of numpy takes its time.

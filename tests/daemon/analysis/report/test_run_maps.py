@@ -9,11 +9,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way, draw_ways
+from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way, draw_run, draw_ways
 from daemon.model.sut import Estimate, Progress
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
+from scenario_tui.dashboard.playback import open_playback, render_frame
 from tests.daemon.analysis.report.recordings import SHUT, SUTS, spec
 from tests.daemon.judging.oracles.traces import CORRIDOR
 
@@ -183,3 +184,17 @@ def test_what_decided_a_repeat_is_red_on_the_map_of_all(trace):
     assert svg is not None
     assert leaf(svg) is not None
     assert [one.text for one in painted(svg, "touched", "text")] == ["0.031 m"]
+
+
+def test_a_run_that_cannot_be_trusted_is_drawn_as_far_as_it_has_places(tmp_path):
+    path, picture = tmp_path / "run.mcap", tmp_path / "run.svg"
+    with TraceWriter(path, spec(SHUT, SUTS[0], 0), CORRIDOR) as writer:
+        for step in range(40):
+            x = SPEED * step / 20 if step < 30 else np.nan
+            writer.ground_truth(step / 20, Pose2(x, 0.2), Twist2(SPEED, 0.0, 0.0))
+        writer.close("finished", "")
+    draw_run(path, picture)
+    assert "not to be trusted: the ground truth at 1.5 s is not a number" in picture.read_text()
+    assert "nan" not in picture.read_text()
+    frame = render_frame(open_playback(path), 1.8, 80, 23)
+    assert any("error" in line.plain for line in frame)
