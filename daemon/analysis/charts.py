@@ -54,6 +54,7 @@ THEME: Final[Mapping[str, Any]] = {
         "gridWidth": 0.5,
         "labelColor": "var(--soft)",
         "labelFontSize": 9,
+        "labelLimit": 180,
         "ticks": False,
         "titleAnchor": "start",
         "titleColor": "var(--soft)",
@@ -64,6 +65,7 @@ THEME: Final[Mapping[str, Any]] = {
     "legend": {
         "labelColor": "var(--soft)",
         "labelFontSize": 9,
+        "labelLimit": 160,
         "offset": 5,
         "orient": "top",
         "rowPadding": 0,

@@ -16,7 +16,7 @@
 
   // A live chart looks as its drawing does, which is stretched to its place. It is not stretched
   // itself, since pointers are measured in pixels of the page: all its lengths grow.
-  const LENGTH = /(width|height|size|extent|offset|padding|spacing|thickness)$/i;
+  const LENGTH = /(width|height|size|extent|limit|offset|padding|spacing|thickness)$/i;
   function fitted(chart) {
     const drawing = chart.querySelector("svg");
     const growth = drawing.getBoundingClientRect().width / drawing.viewBox.baseVal.width;

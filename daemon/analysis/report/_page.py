@@ -328,11 +328,11 @@ def _spread(values: Sequence[float]) -> str:
     return " ± ".join(part for part in mean_and_deviation(values) if part) if values else NOTHING
 
 
-def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, dict[str, list[ReportFigure]]]:
-    """Return figures by kind and scenario, in order; a kind without figures is empty."""
-    kinds: dict[str, dict[str, list[ReportFigure]]] = defaultdict(dict)
+def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, list[ReportFigure]]:
+    """Return figures by kind, in order; a kind without figures is empty."""
+    kinds: dict[str, list[ReportFigure]] = defaultdict(list)
     for figure in figures:
-        kinds[figure.kind].setdefault(figure.scenario, []).append(figure)
+        kinds[figure.kind].append(figure)
     return kinds
 
 
