@@ -152,16 +152,16 @@ class _Approach:
     def _halve(self, failing: Trial, index: int) -> tuple[Trial, Trial | None]:
         """Bring one parameter to the step at which the failure begins."""
         parameter = self.points.case.task.parameters[index]
-        written = parameter.written
-        assert written is not None  # otherwise it is not changed
-        passing = written
+        origin = parameter.written
+        assert origin is not None  # otherwise it is not changed
+        passing = origin
         while (value := value_between(parameter, failing.point[index], passing)) is not None:
             (trial,) = self._try([with_value(failing.point, index, value)])
             if trial is not None and trial.fails:
                 failing = trial
             else:
                 passing = value
-        places = [with_value(failing.point, index, v) for v in (passing, written)]
+        places = [with_value(failing.point, index, v) for v in (passing, origin)]
         beside = [self._tried.get(place) for place in places]
         passes = (one for one in beside if one is not None and one.outcome is Outcome.PASS)
         return failing, next(passes, None)

@@ -72,6 +72,8 @@ def search_page(
     return render_report(
         {
             "quantity": format_quantity,
+            "count": count_noun,
+            "duration": duration_text,
             "range": range_text,
             "margin": margin_words,
             "correlation": lambda one: minus(f"{one.correlation:+.2f}"),
@@ -85,7 +87,9 @@ def search_page(
         answer=answer,
         tone={"pass": "good", "fail": "bad"}.get(search_word(row), "open"),
         headline=headline(row),
-        facts=_facts(row, proposals),
+        runs=proposals,
+        state=phase_words(row),
+        version=own_version(),
         figures={"margins": figures[:1], "space": figures[1:]},
         maps=dict(_maps(shown, traces)) if shown is not None else {},
         compared=_compared_trials(answer),
@@ -114,37 +118,6 @@ def _maps(shown: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Marku
             yield f"at {format_quantity(verdict.evidence.time, 's')}", moment
     if way := draw_recorded_way(trace, f"The way driven in {shown.label}", verdict):
         yield "the whole way", way
-
-
-def _facts(row: SearchRow, proposals: Sequence[RunRow]) -> tuple[tuple[str, str], ...]:
-    task = row.task
-    about = task.minimise
-    if len(task.scales) > 1:
-        about = f"{task.minimise} of {', '.join(scale.oracle for scale in task.scales)}"
-    time = f" or {duration_text(task.seconds)}" if task.seconds else ""
-    runs = count_noun(len(proposals), "run")
-    reused = sum(bool(one.cached) for one in proposals)
-    if reused:
-        runs += f", {reused} of them there already"
-    simulated = sum(one.simulated for one in proposals)
-    results = (one.result for one in proposals if not one.cached)
-    cpu = sum(result.timing.cpu for result in results if result is not None)
-    facts = (
-        ("scenario", f"{task.scenario} with {task.sut}"),
-        ("minimises", about),
-        ("varies", count_noun(len(task.parameters), "parameter")),
-        ("budget", f"{count_noun(task.runs, 'run')}{time}"),
-        ("method", task.method),
-        ("seed", str(task.seed)),
-        ("confirms", count_noun(task.confirm, "repeat")),
-        ("constraints", "; ".join(task.constraints)),
-        ("runs", runs),
-        ("simulated", f"{duration_text(simulated)} in {duration_text(cpu)} of CPU"),
-        ("state", phase_words(row)),
-        ("search", row.campaign),
-        ("page written by", own_version()),
-    )
-    return tuple((name, value) for name, value in facts if value)
 
 
 def _compared_trials(answer: SearchAnswer | None) -> dict[str, Trial]:

@@ -16,10 +16,10 @@ _SAME: Final = 1e-9
 
 def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
     """Return whether the scenario has this value; never where a parameter is not written."""
-    written = parameter.written
-    if written is None or isinstance(written, str) or isinstance(value, str):
-        return written == value
-    return math.isclose(value, written, rel_tol=_SAME, abs_tol=1e-12)
+    origin = parameter.written
+    if origin is None or isinstance(origin, str) or isinstance(value, str):
+        return origin == value
+    return math.isclose(value, origin, rel_tol=_SAME, abs_tol=1e-12)
 
 
 def written_point(task: SearchTask) -> Point | None:

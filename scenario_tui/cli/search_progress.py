@@ -75,7 +75,7 @@ class SearchWatch:
 
     @property
     def finished(self) -> bool:
-        """Whether the search has ended, or waits for a client and has none here."""
+        """True once the search has ended, or waits for a client and has none here."""
         if self.row is None or self.row.state == "running":
             return False
         return self.row.ended or self.client is None or not self.client.is_alive()
@@ -118,12 +118,9 @@ class SearchWatch:
                 text.append(f"  {sparkline(smallest, _CURVE)}")
         if row.phase != "explore" and dispensable < 3:
             text.append(f"  {phase_words(row)}", style="dim")
-        elif dispensable < 1 and (left := self._seconds_left()) is not None:
-            text.append(f"  at most {duration_text(left)} left")
+        elif dispensable < 1 and self.campaign_row and self.campaign_row.seconds_left is not None:
+            text.append(f"  at most {duration_text(self.campaign_row.seconds_left)} left")
         return text
-
-    def _seconds_left(self) -> float | None:
-        return self.campaign_row.seconds_left if self.campaign_row is not None else None
 
     def _tell(self, row: SearchRow, shown: ProgressDisplay) -> None:
         if self.row is None and row.ended:

@@ -115,8 +115,9 @@ def changes_text(task: SearchTask, point: Point) -> str:
     changes = []
     for parameter, value in zip(task.parameters, point, strict=True):
         if not is_as_written(parameter, value):
-            written = "" if parameter.written is None else parameter.shown(parameter.written)
-            text = f"{_value_words(task, parameter, value)}{written and f' instead of {written}'}"
+            text = _value_words(task, parameter, value)
+            if parameter.written is not None:
+                text += f" instead of {parameter.shown(parameter.written)}"
             changes.append((change_size(parameter, value), text))
     words = [text for _, text in sorted(changes, key=lambda one: -one[0])]
     if len(words) > _MOST_NAMED + 1:

@@ -55,9 +55,10 @@ def test_auto_stays_with_estimates_where_there_are_choices():
     assert searched(task, lambda point: float(point[0]), 155)[-1][0].method == "tpe"
 
 
-def test_what_is_proposed_does_not_depend_on_the_budget():
-    few, many = wide_task("auto", runs=30), wide_task("auto", runs=500)
-    assert points(few, narrow, 30) == points(many, narrow, 30)
+@pytest.mark.parametrize("method", SHIPPED)
+def test_a_longer_search_begins_with_the_runs_of_a_shorter_one(method):
+    few, many = wide_task(method, runs=60), wide_task(method, runs=200)
+    assert points(few, narrow, 60) == points(many, narrow, 60)
 
 
 def test_a_guided_search_finds_more_than_an_even_one_and_worse_failures():
