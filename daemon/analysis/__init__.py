@@ -1,1 +1,1 @@
-"""What recorded runs tell: judged again, reported, their coverage, the causes of failures."""
+"""Analysis of recorded runs: judged again, reported, their coverage, the causes of failures."""

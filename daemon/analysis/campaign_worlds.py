@@ -82,5 +82,5 @@ def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
         (scenario.mission, MISSION),
         (scenario.robot, ROBOT),
     ]
-    found = [find_layer(folder, reference, kind) for reference, kind in named if reference]
-    return (Path(campaign.file), *(file for path in found for file in model_files(path)))
+    layers = [find_layer(folder, reference, kind) for reference, kind in named if reference]
+    return (Path(campaign.file), *(file for path in layers for file in model_files(path)))

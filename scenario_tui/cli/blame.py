@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class BlameOutput(Output, schema="blame"):
-    """What makes a run fail, what it took to find out, and where the least that fails lies."""
+    """Causes of a failure, the effort to find them, and the file of the least that fails."""
 
     blame: Blame
     runs: int
@@ -94,8 +94,8 @@ def blame(
         # Saving is inside: whether the first repeat fails as well may be one more run.
         with _RunCounter() as watch:
             runner = CandidateRunner(runs, watch=watch)
-            found = explain_failure(case, runner, oracle)
-            file = save_campaign(case, found, out or _folder(case), runner)
+            result = explain_failure(case, runner, oracle)
+            file = save_campaign(case, result, out or _folder(case), runner)
     except NoFailureError as error:
         # Nothing is wrong with what was typed: there is just no failure to explain.
         say(f"scenario: {error}")
@@ -103,11 +103,11 @@ def blame(
     except BudgetSpentError as error:
         raise typer.BadParameter("not even the run itself fits", param_hint="--runs") from error
     if as_json:
-        BlameOutput(found.story, runner.runs, runner.cached, runner.seconds, str(file)).emit()
+        BlameOutput(result.story, runner.runs, runner.cached, runner.seconds, str(file)).emit()
     else:
-        _print_blame(case, found.story, runner, file)
+        _print_blame(case, result.story, runner, file)
     raise typer.Exit(
-        ExitCode.INTERRUPTED if found.story.stopped == "interrupted" else ExitCode.EXPECTED
+        ExitCode.INTERRUPTED if result.story.stopped == "interrupted" else ExitCode.EXPECTED
     )
 
 
@@ -195,8 +195,8 @@ def _about_search(run: str, paths: StatePaths) -> str:
     with LedgerReader.open(paths) as reader:
         if not reader.searches(campaign):
             return ""
-    found = f"scenario-results/search/{campaign}/campaign/"
-    return f"{run} is a run of a search: name the scenario it found, a campaign in {found}"
+    folder = f"scenario-results/search/{campaign}/campaign/"
+    return f"{run} is a run of a search: name the scenario it found, a campaign in {folder}"
 
 
 def _folder(case: RunCase) -> Path:
@@ -208,7 +208,7 @@ def _folder(case: RunCase) -> Path:
 
 
 class _RunCounter:
-    """How many runs it took so far, on one line, where somebody looks.
+    """Counter of the runs so far, on one line of a terminal.
 
     It has no thread, since runs are forked, and threads do not survive that.
     """

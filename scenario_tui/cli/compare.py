@@ -76,7 +76,7 @@ def read_ratio(value: str) -> float:
 
 
 def is_results_file(name: str) -> bool:
-    """Whether a name means a file of results and no campaign."""
+    """Return True if a name means a file of results and no campaign."""
     # Ids of campaigns hold no slash (daemon.model.ids), so there is no need to look at the disk.
     return name.endswith(".json") or "/" in name
 
@@ -171,7 +171,7 @@ MAX_LISTED: Final = 30
 
 
 class CompareOutput(Output, schema="compare"):
-    """What changed from one campaign to the other."""
+    """Changes from one campaign to the other."""
 
     comparison: CampaignDifference
     regressed: bool
@@ -219,46 +219,52 @@ def compare(
 
     ask = DaemonTarget(connect, state).open
     allowed = None if worse_by is None else read_ratio(worse_by)
-    found = compared(load_judged(before, ask), load_judged(after, ask), allowed)
+    difference = compared(load_judged(before, ask), load_judged(after, ask), allowed)
     if as_json:
-        CompareOutput(found, found.regressed).emit()
+        CompareOutput(difference, difference.regressed).emit()
     else:
-        print_comparison(found, everything=everything)
-    raise typer.Exit(ExitCode.UNEXPECTED if found.regressed else ExitCode.EXPECTED)
+        print_comparison(difference, everything=everything)
+    raise typer.Exit(ExitCode.UNEXPECTED if difference.regressed else ExitCode.EXPECTED)
 
 
-def print_comparison(found: CampaignDifference, *, everything: bool = False) -> None:
+def print_comparison(difference: CampaignDifference, *, everything: bool = False) -> None:
     """Print what changed from one campaign to the other, what got worse first."""
     from grammars.text.words import count_noun
 
     console = stdout_console()
-    console.print(f"{found.before} → {found.after}", style="bold", markup=False)
-    sides = ((found.before, found.unfinished_before), (found.after, found.unfinished_after))
+    console.print(f"{difference.before} → {difference.after}", style="bold", markup=False)
+    sides = (
+        (difference.before, difference.unfinished_before),
+        (difference.after, difference.unfinished_after),
+    )
     for name, count in dict(sides).items():
         if count:
             words = f"{name}: {count_noun(count, 'run')} not finished, compared is the rest"
             console.print(words, markup=False, style="yellow", soft_wrap=True)
-    for title, cells in (("only before", found.only_before), ("only after", found.only_after)):
+    for title, cells in (
+        ("only before", difference.only_before),
+        ("only after", difference.only_after),
+    ):
         if cells:
             names = ", ".join(f"{scenario}/{sut}" for scenario, sut in cells)
             console.print(f"{title}: {names}", markup=False, soft_wrap=True)
-    for change in sorted(found.verdicts, key=lambda v: not v.worse):
+    for change in sorted(difference.verdicts, key=lambda v: not v.worse):
         console.print(_verdict_text(change), soft_wrap=True)
-    shown = [s for s in found.shifts if everything or s.changed or s.worse]
-    shown.sort(key=lambda s: (not s.worse, not s.changed))
-    if shown:
+    shifts = [s for s in difference.shifts if everything or s.changed or s.worse]
+    shifts.sort(key=lambda s: (not s.worse, not s.changed))
+    if shifts:
         console.print()
-        console.print(_shift_table(shown[:MAX_LISTED]))
-        if len(shown) > MAX_LISTED:
-            console.print(f"and {len(shown) - MAX_LISTED} more")
+        console.print(_shift_table(shifts[:MAX_LISTED]))
+        if len(shifts) > MAX_LISTED:
+            console.print(f"and {len(shifts) - MAX_LISTED} more")
     # How many were tested is said because Holm's correction depends on it.
-    tested = sum(shift.p is not None for shift in found.shifts)
+    tested = sum(shift.p is not None for shift in difference.shifts)
     quantities = count_noun(tested, "quantity", "quantities")
-    changed = sum(shift.changed for shift in found.shifts)
+    changed = sum(shift.changed for shift in difference.shifts)
     console.print(f"\n{quantities} tested (t, Holm at 5 %): {changed} changed", markup=False)
-    if found.worse_by is not None:
-        worse = sum(s.worse for s in found.shifts) + sum(v.worse for v in found.verdicts)
-        console.print(f"{worse} worse by more than {100 * found.worse_by:g} %", markup=False)
+    if difference.worse_by is not None:
+        worse = sum(s.worse for s in difference.shifts) + sum(v.worse for v in difference.verdicts)
+        console.print(f"{worse} worse by more than {100 * difference.worse_by:g} %", markup=False)
     console.print()
 
 

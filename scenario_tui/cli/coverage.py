@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class CoverageOutput(Output, schema="coverage"):
-    """What a campaign or its traces exercise."""
+    """Features, doors and floor that a campaign or its traces exercise."""
 
     coverage: Coverage
 
@@ -28,17 +28,17 @@ class CoverageOutput(Output, schema="coverage"):
         """Print a table for each kind of thing that can be covered."""
         from grammars.text.words import count_noun
 
-        found, console = self.coverage, stdout_console()
-        basis = "by their traces" if found.recorded else "as planned"
-        console.print(f"{count_noun(found.runs, 'run')}, {basis}")
+        counts, console = self.coverage, stdout_console()
+        basis = "by their traces" if counts.recorded else "as planned"
+        console.print(f"{count_noun(counts.runs, 'run')}, {basis}")
         console.print()
-        console.print(_feature_table(found))
-        recorded = ((found.doors, _door_table), (found.floor, _floor_table))
+        console.print(_feature_table(counts))
+        recorded = ((counts.doors, _door_table), (counts.floor, _floor_table))
         for rows, table in recorded:
             if rows:
                 console.print()
-                console.print(table(found))
-        for one in found.unreadable:
+                console.print(table(counts))
+        for one in counts.unreadable:
             say(f"{one.trace}: error: {one.problem}")
 
 
@@ -68,9 +68,9 @@ def coverage(
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
-    found = _measure_coverage(subject, near, processes, target)
-    CoverageOutput(found).show(as_json)
-    raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
+    counts = _measure_coverage(subject, near, processes, target)
+    CoverageOutput(counts).show(as_json)
+    raise typer.Exit(ExitCode.INFRASTRUCTURE if counts.unreadable else ExitCode.EXPECTED)
 
 
 def _measure_coverage(
@@ -98,41 +98,41 @@ def _measure_coverage(
     return trace_coverage(paths, near=near, processes=processes)
 
 
-def _feature_table(found: Coverage) -> Table:
+def _feature_table(counts: Coverage) -> Table:
     """One row per group of features: those exercised with their runs, and those not."""
     table = plain_table("feature", "", "not exercised")
-    for group in found.groups:
-        met = ", ".join(_feature_with_runs(feature, found) for feature in group.planned)
-        unmet = ", ".join(feature.name for feature in group.missing)
-        table.add_row(group.path.replace("/", " / "), met, unmet)
+    for group in counts.groups:
+        exercised = ", ".join(_feature_with_runs(feature, counts) for feature in group.planned)
+        others = ", ".join(feature.name for feature in group.missing)
+        table.add_row(group.path.replace("/", " / "), exercised, others)
     return table
 
 
-def _feature_with_runs(feature: FeatureCount, found: Coverage) -> str:
-    runs = found.exercised(feature)
-    if found.recorded and runs < feature.planned:
+def _feature_with_runs(feature: FeatureCount, counts: Coverage) -> str:
+    runs = counts.exercised(feature)
+    if counts.recorded and runs < feature.planned:
         return f"{feature.name} {runs} (of {feature.planned} planned)"
     return f"{feature.name} {runs}"
 
 
-def _door_table(found: Coverage) -> Table:
+def _door_table(counts: Coverage) -> Table:
     from grammars.text.words import format_quantity
 
-    near = f"within {found.near:g} m"
+    near = f"within {counts.near:g} m"
     titles = ("door", "runs", "moving", "moved", "triggered", near, "nearest")
     table = plain_table(*titles, figures=True)
     # Doors of different buildings may share a name.
-    several = len({door.scene for door in found.doors}) > 1
-    for door in found.doors:
+    several = len({door.scene for door in counts.doors}) > 1
+    for door in counts.doors:
         figures = (door.runs, door.planned, door.moved, door.triggered, door.met)
         name = f"{door.scene} {door.door}" if several else door.door
         table.add_row(name, *map(str, figures), format_quantity(door.nearest, "m"))
     return table
 
 
-def _floor_table(found: Coverage) -> Table:
+def _floor_table(counts: Coverage) -> Table:
     table = plain_table("floor", "free", "seen by the laser", "driven on", figures=True)
-    for floor in found.floor:
+    for floor in counts.floor:
         table.add_row(floor.scene, *_area_cells(floor))
         for room in floor.rooms:
             table.add_row(f"  {room.room}", *_area_cells(room))
@@ -140,8 +140,8 @@ def _floor_table(found: Coverage) -> Table:
 
 
 def _area_cells(area: FloorArea | RoomArea) -> tuple[str, str, str]:
-    seen, driven = _share(area.seen, area.free), _share(area.driven, area.free)
-    return f"{area.free:.0f} m²", seen, driven
+    free = f"{area.free:.0f} m²"
+    return free, _share(area.seen, area.free), _share(area.driven, area.free)
 
 
 def _share(part: float, whole: float) -> str:

@@ -54,7 +54,7 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diag
 
 
 class Artefact(StrEnum):
-    """What a floor plan, a campaign or a recorded run can be exported as."""
+    """Kinds of artefacts of a floor plan, a campaign or a recorded run."""
 
     ALL = "all"
     MAP = "map"
@@ -97,7 +97,7 @@ _OF_KINDS: Final[dict[Artefact, tuple[str, ...]]] = {
 
 
 class WaypointYaw(StrEnum):
-    """Where the robot looks at generated waypoints."""
+    """Headings of the robot at generated waypoints."""
 
     ZERO = "zero"
     PATH = "path"
@@ -239,7 +239,7 @@ def export(
             raise typer.BadParameter(f"{named} is what is exported", param_hint="--out")
     else:
         check_folder(out, "--out")
-    written: list[str] = []
+    files: list[str] = []
     # A campaign has a folder for each world, also when there is one: paths stay the same when
     # another scenario is added.
     placed = [(w, out / file_name(w.name) if is_campaign else out) for w in worlds]
@@ -251,7 +251,7 @@ def export(
     for (world, _), done in zip(placed, _written(results, out), strict=True):
         for note in done.notes:
             noted.setdefault(note, []).append(world.name)
-        written += map(str, done.paths)
+        files += map(str, done.paths)
         # Said as they are made and not at the end: with many worlds that takes a while.
         if not as_json:
             for path in done.paths:
@@ -261,7 +261,7 @@ def export(
         for note, names in noted.items()
     )
     if as_json:
-        ExportOutput(written).emit()
+        ExportOutput(files).emit()
 
 
 def _refuse_options(context: typer.Context, names: Sequence[str], why: str) -> None:
@@ -312,8 +312,8 @@ def _make(
     with TemporaryDirectory() as temporary:
         done = export(world, kinds, Path(temporary), settings=settings)
         # Of several files with one ending, the first is the whole.
-        made = next(path for path in done.paths if path.suffix == named.suffix)
-        shutil.move(made, named)
+        file = next(path for path in done.paths if path.suffix == named.suffix)
+        shutil.move(file, named)
         yield replace(done, made={str(kinds[0]): (named,)})
 
 

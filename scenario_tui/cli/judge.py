@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class JudgedChange(OutputPart):
-    """What an oracle said before and says now."""
+    """Verdict of an oracle before and now."""
 
     oracle: str
     change: str
@@ -103,23 +103,23 @@ def judge(
     from scenario_tui.cli.named_traces import all_traces, refuse_other_files
     from scenario_tui.cli.target import DaemonTarget
 
-    written = None
+    layer = None
     if oracles is not None:
-        written = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
+        layer = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
     target = DaemonTarget(connect, state)
     refuse_other_files(traces, "TRACES")
     paths = all_traces(traces, target, "TRACES")
     # A generator: traces are judged by several processes while the bar counts what comes back.
-    judged = rejudge(paths, written, places=target.paths, processes=processes)
-    found = tuple(track_progress(judged, len(paths), "judging"))
+    judged = rejudge(paths, layer, places=target.paths, processes=processes)
+    results = tuple(track_progress(judged, len(paths), "judging"))
     if as_json:
-        JudgeOutput(str(oracles or ""), [JudgedTrace.of(one) for one in found]).emit()
+        JudgeOutput(str(oracles or ""), [JudgedTrace.of(one) for one in results]).emit()
     else:
-        _print_rejudged(found)
-    raise typer.Exit(exit_code(str(one.outcome) for one in found))
+        _print_rejudged(results)
+    raise typer.Exit(exit_code(str(one.outcome) for one in results))
 
 
-def _print_rejudged(found: tuple[RejudgedTrace, ...]) -> None:
+def _print_rejudged(results: tuple[RejudgedTrace, ...]) -> None:
     from scenario_tui.text.comparison_text import (
         LISTED,
         change_lines,
@@ -129,7 +129,7 @@ def _print_rejudged(found: tuple[RejudgedTrace, ...]) -> None:
     from scenario_tui.text.formatting import TERMINAL_STYLES
 
     console = stdout_console()
-    judged = [one for one in found if not one.problem]
+    judged = [one for one in results if not one.problem]
     if judged:
         console.print(rejudge_table(judged, TERMINAL_STYLES))
         console.print()
@@ -141,7 +141,7 @@ def _print_rejudged(found: tuple[RejudgedTrace, ...]) -> None:
             console.print(f"and {more} more verdicts that changed (--json lists all)")
         if lines:
             console.print()
-    for one in found:
+    for one in results:
         if one.problem:
             say(f"{one.trace}: error: {one.problem}")
-    console.print(rejudge_summary(judged, len(found) - len(judged)), soft_wrap=True)
+    console.print(rejudge_summary(judged, len(results) - len(judged)), soft_wrap=True)

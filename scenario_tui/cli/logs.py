@@ -1,4 +1,4 @@
-"""What `show --log` tells: what happened in a run, and what its system under test printed."""
+"""The log of a run: the events in it, and the output of its system under test."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RunStep:
 
 
 class LogsOutput(Output, schema="logs"):
-    """What happened in a run: the ``steps`` of its attempts, their ``output``, what it recorded.
+    """Log of a run: the ``steps`` of its attempts, their ``output``, events that it recorded.
 
     ``printed`` is what an external system under test wrote while it ran, by name. Of a trace
     alone only what it recorded and printed is known. ``standing`` says why there is no trace of it
@@ -53,8 +53,8 @@ class LogsOutput(Output, schema="logs"):
         if self.run:
             self._print_steps()
             # The reason is the note of an attempt, as long as that attempt is remembered.
-            known = any(step.note.strip() == self.reason.strip() for step in self.steps)
-            for text in filter(None, (*self.output, "" if known else self.reason)):
+            has_reason = any(step.note.strip() == self.reason.strip() for step in self.steps)
+            for text in filter(None, (*self.output, "" if has_reason else self.reason)):
                 stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
         if self.recorded or not self.run:
             self._print_recorded()
@@ -90,8 +90,8 @@ class LogsOutput(Output, schema="logs"):
         for line in self.recorded:
             text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
             # What nodes log is anybody's text, as what they print is.
-            said = "\n".join(printed_lines(line.text))
-            console.print(text.append(said, style=styles.get(line.level, "")), soft_wrap=True)
+            words = "\n".join(printed_lines(line.text))
+            console.print(text.append(words, style=styles.get(line.level, "")), soft_wrap=True)
 
     def _print_printed(self, typed: str, *, everything: bool) -> None:
         from shlex import quote
@@ -120,27 +120,27 @@ def show_log(
     the name of an ``output`` that one alone. No daemon is needed unless one is named.
     """
     if run.endswith(".mcap"):
-        found = LogsOutput("", 0, "", (), (), *_recorded(Path(run)))
+        log = LogsOutput("", 0, "", (), (), *_recorded(Path(run)))
     else:
-        found = _collect_logs(run, target)
+        log = _collect_logs(run, target)
     if output:
-        _check_output(found.printed, output)
+        _check_output(log.printed, output)
     if as_json:
-        found.emit()
+        log.emit()
     elif output:
-        _print_output(found.printed[output])
+        _print_output(log.printed[output])
     else:
-        found.print_for(run, everything=everything)
+        log.print_for(run, everything=everything)
 
 
-def _check_output(printed: Mapping[str, str], wanted: str) -> None:
+def _check_output(printed: Mapping[str, str], name: str) -> None:
     """Raise wrong usage for an output that the run has not."""
     from grammars.text.diagnostics import did_you_mean
 
-    if wanted in printed:
+    if name in printed:
         return
-    hint = did_you_mean(wanted, printed) if printed else "its system under test printed nothing"
-    raise typer.BadParameter(f'no output "{wanted}" in this run: {hint}', param_hint="--output")
+    hint = did_you_mean(name, printed) if printed else "its system under test printed nothing"
+    raise typer.BadParameter(f'no output "{name}" in this run: {hint}', param_hint="--output")
 
 
 def _print_output(text: str) -> None:

@@ -66,7 +66,7 @@ class VerifiedRun(OutputPart):
 
 
 class VerifyOutput(VerifiedRun, Output, schema="verify"):
-    """What executions of one specification left."""
+    """Executions of one specification."""
 
 
 class VerificationsOutput(Output, schema="verifications"):
@@ -126,18 +126,18 @@ def verify(
     target = DaemonTarget(connect, state)
     jobs = _jobs(named, target, repeats, read_wall(wall), every)
     if len(jobs) == 1:
-        found = jobs[0](watch=_watch)
+        check = jobs[0](watch=_watch)
         if as_json:
-            VerifyOutput(**_values(found)).emit()
+            VerifyOutput(**_values(check)).emit()
         else:
-            _print(found)
-        raise typer.Exit(_code([found]))
+            _print(check)
+        raise typer.Exit(_code([check]))
     several = []
     for job in track_progress(jobs, len(jobs), "running again"):
-        found = job()
-        several.append(found)
+        check = job()
+        several.append(check)
         if not as_json:
-            _print(found, details=False)
+            _print(check, details=False)
     if as_json:
         VerificationsOutput(tuple(VerifiedRun(**_values(one)) for one in several)).emit()
     else:
@@ -184,51 +184,51 @@ def _watch(executions: Iterator[ExecutedRun], count: int) -> Sequence[ExecutedRu
 def _code(verified: Sequence[Verification]) -> ExitCode:
     # Nobody can say what an external system should have given.
     differing = any(
-        found.repeatable and any(one.difference is not None for one in found.executions)
-        for found in verified
+        check.repeatable and any(one.difference is not None for one in check.executions)
+        for check in verified
     )
     # A finding stays one when other runs could not be executed.
     if differing:
         return ExitCode.UNEXPECTED
-    if not all(found.all_executed for found in verified):
+    if not all(check.all_executed for check in verified):
         return ExitCode.INFRASTRUCTURE
-    if not all(found.executions for found in verified):
+    if not all(check.executions for check in verified):
         return ExitCode.INCONCLUSIVE
     return ExitCode.EXPECTED
 
 
-def _print(found: Verification, *, details: bool = True) -> None:
+def _print(check: Verification, *, details: bool = True) -> None:
     console = stdout_console()
-    count = len(found.executions)
-    console.print(_headline(found, count), markup=False, soft_wrap=True)
-    problems = [("the first execution", found.recorded.problem)] if not found.trace else []
+    count = len(check.executions)
+    console.print(_headline(check, count), markup=False, soft_wrap=True)
+    problems = [("the first execution", check.recorded.problem)] if not check.trace else []
     problems += [
         (f"execution {number}", execution.problem)
-        for number, execution in enumerate(found.executions, 1)
+        for number, execution in enumerate(check.executions, 1)
     ]
     for which, problem in problems:
         if problem:
             console.print(f"{which}: {problem}", markup=False, style="yellow", soft_wrap=True)
-    agreeing = found.all_executed and not found.nondeterministic and not found.same_bytes
-    if found.repeatable and found.trace and count > 1 and agreeing:
+    agreeing = check.all_executed and not check.nondeterministic and not check.same_bytes
+    if check.repeatable and check.trace and count > 1 and agreeing:
         console.print(_OTHER_CODE, markup=False)
-    done = any(not execution.problem for execution in found.executions)
-    if not details or (found.repeatable and found.same_bytes == count) or not done:
+    done = any(not execution.problem for execution in check.executions)
+    if not details or (check.repeatable and check.same_bytes == count) or not done:
         return
-    _print_spreads(found)
-    if found.repeatable and found.versions:
-        listed = ", ".join(f"{n} {then} ({now} here)" for n, (then, now) in found.versions.items())
+    _print_spreads(check)
+    if check.repeatable and check.versions:
+        listed = ", ".join(f"{n} {then} ({now} here)" for n, (then, now) in check.versions.items())
         console.print(f"recorded with {listed}", markup=False, soft_wrap=True)
-    _print_remedy([found])
+    _print_remedy([check])
 
 
-def _print_spreads(found: Verification) -> None:
+def _print_spreads(check: Verification) -> None:
     console = stdout_console()
-    outcomes = ", ".join(f"{number} {word}" for word, number in found.outcomes.items())
+    outcomes = ", ".join(f"{number} {word}" for word, number in check.outcomes.items())
     console.print(f"with the recorded one: {outcomes}", markup=False)
     table = plain_table("", "recorded", "least", "most", "of", figures=True)
-    for spread in found.spreads:
-        recorded = found.recorded.values.get(spread.name)
+    for spread in check.spreads:
+        recorded = check.recorded.values.get(spread.name)
         table.add_row(
             spread.name,
             "" if recorded is None else _text(recorded, spread.unit),
@@ -241,31 +241,31 @@ def _print_spreads(found: Verification) -> None:
 
 def _print_remedy(verified: Sequence[Verification]) -> None:
     """Say what to do about executions that differ from one another."""
-    if any(found.nondeterministic for found in verified):
+    if any(check.nondeterministic for check in verified):
         stdout_console().print(_REMEDY, markup=False)
 
 
-def _headline(found: Verification, count: int) -> str:
-    executed = count + (0 if found.trace else 1)
-    if found.recorded.problem or (count and all(one.problem for one in found.executions)):
-        return f"{found.run}: could not be executed"
+def _headline(check: Verification, count: int) -> str:
+    executed = count + (0 if check.trace else 1)
+    if check.recorded.problem or (count and all(one.problem for one in check.executions)):
+        return f"{check.run}: could not be executed"
     if not count:
-        return f"{found.run}: executed once, which compares nothing; say --repeats 2 or more"
-    if not found.repeatable:
+        return f"{check.run}: executed once, which compares nothing; say --repeats 2 or more"
+    if not check.repeatable:
         return (
-            f"{found.run}: {found.sut} is not repeatable; {count} more executions, "
-            f"{found.same_bytes} of them with the same bytes"
+            f"{check.run}: {check.sut} is not repeatable; {count} more executions, "
+            f"{check.same_bytes} of them with the same bytes"
         )
-    where = found.first_difference
-    if where is None and found.same_bytes == count:
-        same = count if found.trace else executed
-        return f"{found.run}: {same} of {same} executions left the same bytes"
+    where = check.first_difference
+    if where is None and check.same_bytes == count:
+        same = count if check.trace else executed
+        return f"{check.run}: {same} of {same} executions left the same bytes"
     if where is None:
-        return f"{found.run}: {found.same_bytes} of {count} executions left the same bytes"
-    if found.nondeterministic:
-        return f"{found.run}: {found.sut} is not deterministic, executions part {where}"
-    said = f"not the same bytes, {found.same_bytes} of {count} executions left them"
-    return f"{found.run}: {said}; they part {where}"
+        return f"{check.run}: {check.same_bytes} of {count} executions left the same bytes"
+    if check.nondeterministic:
+        return f"{check.run}: {check.sut} is not deterministic, executions part {where}"
+    result = f"not the same bytes, {check.same_bytes} of {count} executions left them"
+    return f"{check.run}: {result}; they part {where}"
 
 
 def _text(value: float, unit: str) -> str:

@@ -60,10 +60,10 @@ def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
             continue
         # 1e-6: a stamp that should be a whole number of periods may be a rounding error below it.
         slots = np.floor((scans.time - scans.time[0]) / SCAN_PERIOD + 1e-6)
-        chosen = np.unique(slots, return_index=True)[1]
+        first = np.unique(slots, return_index=True)[1]
         # By the true pose: the floor that was seen, not the one the robot believed to see.
-        poses = _laser_poses(trace.ground_truth, scans.time[chosen], laser.mount)
-        cells |= ray_cells(grid, poses, scans.ranges[chosen], laser)
+        poses = _laser_poses(trace.ground_truth, scans.time[first], laser.mount)
+        cells |= ray_cells(grid, poses, scans.ranges[first], laser)
     return cells
 
 
