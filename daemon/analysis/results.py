@@ -5,19 +5,18 @@ Commands load this that never draw: nothing here may import numpy or the oracles
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused, TraceUnavailable
-from daemon.batch.stores import TraceReference, is_url, local_copy, trace_reference
+from daemon.batch.stores import ByteProgress, trace_file
 from daemon.model.assessments import AssessmentRules
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec, UnixTime
 from daemon.model.status import CampaignRow, RunRow
 from daemon.model.submission import CampaignOrigin, Submission
-from daemon.model.verbs import CampaignSource
+from daemon.model.verbs import CampaignSource, DaemonClient
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
 from grammars.model.geometry import Ring
@@ -89,18 +88,22 @@ def campaign_results(source: CampaignSource, row: CampaignRow, where: str) -> Re
     )
 
 
-def bring_traces(results: Results, copy: Callable[[TraceReference], Path] | None = None) -> Results:
-    """Return results whose traces are files of this machine, as ``copy`` brings them here.
+def bring_traces(
+    results: Results,
+    source: DaemonClient | None = None,
+    *,
+    progress: ByteProgress = lambda _: None,
+) -> Results:
+    """Return results whose traces are files of this machine, by :func:`trace_file`.
 
-    Without ``copy`` traces in stores alone are brought: all others are here. A trace that cannot
-    be had is left out, with the reason in its record.
+    A trace that cannot be had is left out, with the reason in its record.
     """
 
     def local(record: RunRow) -> RunRow:
-        if not record.trace or not (copy or is_url(record.trace)):
+        if not record.trace:
             return record
         try:
-            return replace(record, trace=str((copy or local_copy)(trace_reference(record))))
+            return replace(record, trace=str(trace_file(record, source, progress=progress)))
         except TraceUnavailable as error:
             return replace(record, trace="", reason=f"{record.reason} {error}".strip())
 

@@ -195,6 +195,18 @@ def local_copy(
     return kept
 
 
+def trace_file(
+    row: RunRow, source: DaemonClient | None = None, *, progress: ByteProgress = lambda _: None
+) -> Path:
+    """Return the trace of a run as a file of this machine; otherwise as :func:`local_copy`.
+
+    Without ``source`` a path is of this machine, and taken as it is.
+    """
+    if source is None and row.trace and not is_url(row.trace):
+        return Path(row.trace)
+    return local_copy(trace_reference(row), source, progress=progress)
+
+
 def copy_trace(
     trace: TraceReference,
     source: DaemonClient | None,

@@ -201,6 +201,9 @@ def _with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
 @contextmanager
 def transfer_progress(total: int) -> Iterator[ByteProgress]:
     """Show on a terminal how much of ``total`` bytes has come; yields what counts further bytes."""
+    if not total:
+        yield lambda _: None
+        return
     from rich.progress import BarColumn, DownloadColumn, TransferSpeedColumn
 
     columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
@@ -215,24 +218,17 @@ def _bring_traces(rows: Sequence[RunRow], source: CampaignSource) -> Sequence[Pa
     Those of the ledger here are files already, except in stores. Raises :class:`TraceUnavailable`
     when there is none.
     """
-    from daemon.batch.stores import is_url, local_copy, trace_reference
+    from daemon.batch.stores import is_url, trace_file
     from daemon.model.verbs import DaemonClient
 
     daemon = source if isinstance(source, DaemonClient) else None
-    is_here = {row.id: not daemon and bool(row.trace) and not is_url(row.trace) for row in rows}
-    if all(is_here.values()):
-        return [Path(row.trace) for row in rows]
+    far = [row for row in rows if daemon or is_url(row.trace)]
     traces: list[Path] = []
     problems: list[str] = []
-    far = [row.result.trace.size for row in rows if row.result and not is_here[row.id]]
-    with transfer_progress(sum(far)) as advance:
+    with transfer_progress(sum(row.result.trace.size for row in far if row.result)) as advance:
         for row in rows:
             try:
-                traces.append(
-                    Path(row.trace)
-                    if is_here[row.id]
-                    else local_copy(trace_reference(row), daemon, progress=advance)
-                )
+                traces.append(trace_file(row, daemon, progress=advance))
             except TraceUnavailable as error:
                 problems.append(str(error))
     if not traces:

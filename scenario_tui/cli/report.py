@@ -253,7 +253,6 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> Results:
 def _submitted_campaign(campaign: str, target: DaemonTarget) -> Results:
     from daemon.analysis.results import bring_traces, campaign_results
     from daemon.batch.ledger import LedgerReader
-    from daemon.batch.stores import local_copy
     from scenario_tui.cli.named_traces import newest_results, transfer_progress
     from scenario_tui.cli.target import find_campaign
 
@@ -262,7 +261,7 @@ def _submitted_campaign(campaign: str, target: DaemonTarget) -> Results:
             results = campaign_results(daemon, find_campaign(daemon, campaign), target.endpoint)
             size = sum(run.result.trace.size for run in results.records if run.result is not None)
             with transfer_progress(size) as advance:
-                return bring_traces(results, partial(local_copy, source=daemon, progress=advance))
+                return bring_traces(results, daemon, progress=advance)
     if not campaign and not target.paths.ledger.is_file() and (newest := newest_results()):
         message = f"{target.paths.state} is no state directory: nothing was submitted here"
         command = f"scenario report {shlex.quote(str(newest))}"
