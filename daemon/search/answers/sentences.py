@@ -310,8 +310,8 @@ def _margin_and_place(trial: Trial) -> str:
     return f"{margin} near {trial.about}" if margin and trial.about else margin
 
 
-def margin_words(trial: Trial) -> str:
-    """Return the margin of a run: ``0.105 m``; empty when it has none.
+def margin_words(trial: Trial, *, signed: bool = False) -> str:
+    """Return the margin of a run: ``0.105 m``, ``+0.105 m`` if ``signed``; empty without one.
 
     Of a failure it is that of the oracle that fails, though another one may be nearer to failing.
     """
@@ -320,7 +320,7 @@ def margin_words(trial: Trial) -> str:
         margin, unit = trial.value.margin, trial.value.unit
     if trial.fails and verdict and (not trial.value or trial.value.oracle != verdict.oracle):
         margin, unit = verdict.margin, verdict.unit
-    return "" if margin is None else format_quantity(margin, unit)
+    return "" if margin is None else format_quantity(margin, unit, signed=signed)
 
 
 def minus(number: str) -> str:

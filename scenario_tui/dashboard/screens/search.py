@@ -12,7 +12,7 @@ from textual.widgets import Static
 
 from daemon.model.status import CampaignRow
 from daemon.model.trials import smallest_margin
-from daemon.search.answers.sentences import phase_words, search_word
+from daemon.search.answers.sentences import margin_words, phase_words, search_word
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.map_actions import MapActions
@@ -260,14 +260,11 @@ class SearchScreen(SteeringScreen, MapActions):
 
 def _cells(one: NotableTrial) -> Row:
     """Return a run to look at as a row of the table."""
-    value = one.trial.value
+    words = margin_words(one.trial, signed=True)
     word = "fail" if one.trial.fails else "pass"
     return one.key, (
         Text(f"{one.what} ×{one.count:,}" if one.count else one.what),
-        Text(
-            NOTHING if value is None else margin(value.margin, value.unit),
-            style=QUIET if value is None else DASHBOARD_STYLES[word],
-        ),
+        Text(words or NOTHING, style=DASHBOARD_STYLES[word] if words else QUIET),
         Text(one.about),
         Text(f"{one.trial.number:,}", style=QUIET),
     )
