@@ -179,12 +179,8 @@ def _report_history(campaign: str, page: Path, target: DaemonTarget, *, as_json:
     with target.open() if target.named else LedgerReader.open(target.paths) as source:
         history = read_history(source, find_campaign(source, campaign).name)
     page.write_text(history_page(history), encoding="utf-8")
-    if as_json:
-        HistoryOutput(history.headline, history, {"page": str(page)}).emit()
-        return
-    console = stdout_console()
-    console.print(f"{history.name}: {history.headline}", markup=False, soft_wrap=True)
-    console.print(f"{page} ({page.stat().st_size / 1e6:.2f} MB)", markup=False, soft_wrap=True)
+    output = HistoryOutput(history.headline, history, {"page": str(page)})
+    _tell(output, history.name, as_json=as_json)
 
 
 def _report_search(
@@ -286,7 +282,7 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
 
 
 def _tell(
-    summary: ReportOutput,
+    summary: ReportOutput | HistoryOutput,
     subject: str,
     unread: Iterable[tuple[str, str]] = (),
     *,

@@ -153,13 +153,8 @@ class Labels:
         return np.bincount(text, shares, minlength=len(texts)).astype(np.float64)
 
 
-def extent(words: TextLabel) -> Any:
-    """Return the area a centred text takes on the page, with a little room around it."""
-    return _extents(words, [words.at])[0]
-
-
 def _extents(words: TextLabel, places: Sequence[Point2]) -> Any:
-    """Return the areas a centred text would take at ``places``, an array of polygons."""
+    """Return the areas a centred text would take at ``places``, with a little room around."""
     wide = LETTER * words.size * max(len(words.text), 1) / 2.0 + _PAD
     high = words.size * 0.6 + _PAD
     at_x, at_y = np.array(places, dtype=np.float64).T[:, :, None]
@@ -179,7 +174,7 @@ def _extents(words: TextLabel, places: Sequence[Point2]) -> Any:
 def _places(item: DrawingItem) -> list[Any]:
     match item:
         case TextLabel():
-            return [extent(item)]
+            return list(_extents(item, [item.at]))
         case Disc():
             return [shapely.Point(item.centre).buffer(item.radius + _PAD, quad_segs=4)]
         case Shape(open=True):

@@ -33,7 +33,7 @@ from daemon.analysis.report._references import (
 from daemon.analysis.report._safety_buffer import oracle_limit
 from daemon.analysis.report._tracks import TriggerEncounter
 from daemon.analysis.report.run_maps import draw_moment, draw_ways
-from daemon.model.assessments import CellVerdict, ExpectationStatus
+from daemon.model.assessments import CellVerdict, ExpectationStatus, group_errors
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from templates.naming import file_name, free_name, xml_text
@@ -155,7 +155,7 @@ def _drawn(data: ReportData) -> list[ReportRun]:
 def _moments(data: ReportData) -> _Plan:
     """Draw the deciding moments of the first findings."""
     runs = {run.record.id: run for run in data.runs}
-    for oracle in notable_verdicts(data)[:_MOST_MOMENTS]:
+    for oracle, *_ in group_errors(notable_verdicts(data))[:_MOST_MOMENTS]:
         worst = oracle.worst
         if worst is None:
             continue

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import Any, Final, Literal
 
 from daemon.analysis.charts import page_script
@@ -104,7 +105,7 @@ def write_page(
         # Verdict texts align columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
         "place": lambda file: _place(file, results),
-        "spread": _spread,
+        "spread": spread_text,
         "counts": _counts,
         "judged": _judged,
         "commands": lambda run, oracle: _typed(run, oracle, commands, results),
@@ -117,7 +118,7 @@ def write_page(
         assessment=assessment,
         answer=headline(assessment, data.runs),
         facts=_facts(data, scenarios, suts),
-        provenance=_provenance(data),
+        provenance=tuple((name, value) for name, value in _origins(data) if value),
         building=draw_building(data),
         scenarios=scenarios,
         suts=suts,
@@ -201,12 +202,8 @@ def _facts(
     )
 
 
-def _provenance(data: ReportData) -> tuple[tuple[str, str], ...]:
-    """Return what is known of where the runs of a report are from, as names and values."""
-    return tuple((name, value) for name, value in _origins(data) if value)
-
-
 def _origins(data: ReportData) -> Iterator[tuple[str, str]]:
+    """Yield where the runs of a report are from, as names and values; unknown ones are empty."""
     origin = data.input.origin
     yield "executed", _span(data.input.submitted_at, data.input.finished_at)
     if origin.file:
@@ -323,11 +320,6 @@ def _counts(oracle: CellVerdict) -> str:
     return ", ".join(f"{words} in {count} of {whole}" for words, count in counts)
 
 
-def _spread(values: Sequence[float]) -> str:
-    """Return mean and standard deviation: ``0.124 ± 0.003``, or ``–`` for no values."""
-    return " ± ".join(part for part in mean_and_deviation(values) if part) if values else NOTHING
-
-
 def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, list[ReportFigure]]:
     """Return figures by kind, in order; a kind without figures is empty."""
     kinds: dict[str, list[ReportFigure]] = defaultdict(list)
@@ -341,18 +333,18 @@ def percentage(value: float | None) -> str:
     return NOTHING if value is None else f"{100.0 * value:.1f} %".replace(".0 %", " %")
 
 
-def mean_and_deviation(values: Sequence[float]) -> tuple[str, str]:
-    """Return mean and standard deviation as words with fitting digits: ``("0.124", "0.003")``.
+def spread_text(values: Sequence[float]) -> str:
+    """Return mean and standard deviation with fitting digits: ``0.124 ± 0.003``.
 
-    The deviation is empty for a single value.
+    A single value, or a mean that is infinite, stands alone; ``–`` for no values.
     """
-    mean = sum(values) / len(values)
-    if len(values) < 2:
-        return format_quantity(mean), ""
-    deviation = math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
+    mean = fmean(values) if values else None
+    if mean is None or len(values) < 2 or not math.isfinite(mean):
+        return format_quantity(mean)
+    deviation = stdev(values)
     # The deviation's first two digits say how many of the mean mean anything.
     digits = min(_digits(deviation, 1), _digits(mean, 3)) if deviation else _digits(mean, 2)
-    return f"{mean:.{digits}f}".replace("-", "−"), f"{deviation:.{digits}f}"
+    return f"{mean:.{digits}f} ± {deviation:.{digits}f}".replace("-", "−")
 
 
 def _digits(value: float, more: int) -> int:

@@ -145,19 +145,11 @@ def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> 
     return draw_ways(runs, trace_path, label, verdict)
 
 
-@dataclass(frozen=True, slots=True)
-class BuildingPicture:
-    """A building twice: ``small`` without words, ``large`` with them; ``about`` describes it."""
-
-    small: Markup
-    large: Markup
-    about: str
-
-
-def draw_building(data: ReportData) -> BuildingPicture | None:
+def draw_building(data: ReportData) -> tuple[Markup, Markup, str] | None:
     """Return the building that most runs were in, as they found it; ``None`` without a trace.
 
-    With the mission, if all runs in it have the same one.
+    It is drawn small without words and large with them; a caption says what it is. With the
+    mission, if all runs in it have the same one.
     """
     recorded = [run for run in data.runs if run.tracks.scene and run.record.trace]
     scenes = Counter(run.tracks.scene for run in recorded)
@@ -190,7 +182,7 @@ def draw_building(data: ReportData) -> BuildingPicture | None:
     if len(scenes) > 1:
         about += f"; the campaign has {len(scenes)} such scenes"
     small, large = (page_svg(draw_world(world, style=style), about) for style in (SMALL, LARGE))
-    return BuildingPicture(small, large, about)
+    return small, large, about
 
 
 def _world(trace: Trace) -> ArtefactWorld:

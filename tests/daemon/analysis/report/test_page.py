@@ -15,7 +15,7 @@ from daemon.analysis.report import (
     SuggestedCommand,
     _figures,
     headline,
-    mean_and_deviation,
+    spread_text,
     verdict_details,
     write_page,
 )
@@ -208,8 +208,7 @@ def test_every_number_of_the_tables_of_measures_is_what_judge_says(data, tree):
                 name = words(column).partition(" [")[0]
                 values = [judged[run][name] for run in cell.runs if name in judged[run]]
                 if name != SPEED_AT_TRIGGER:
-                    shown = " ± ".join(mean_and_deviation(values)) if values else NOTHING
-                    assert (name, words(number)) == (name, shown)
+                    assert (name, words(number)) == (name, spread_text(values))
                     compared.add(name)
     # No behaviour tree is recorded.
     assert compared == {oracle.name for oracle in layer} - {"recoveries"}
@@ -263,14 +262,17 @@ def test_words_of_a_verdict():
 @pytest.mark.parametrize(
     ("values", "shown"),
     [
-        ((696.0, 698.5, 693.7), ("696.1", "2.4")),
-        ((0.1238,), ("0.124", "")),
-        ((0.0, 0.0), ("0.00", "0.00")),
-        ((-0.05, -0.06), ("−0.0550", "0.0071")),
+        ((696.0, 698.5, 693.7), "696.1 ± 2.4"),
+        ((0.1238,), "0.124"),
+        ((0.0, 0.0), "0.00 ± 0.00"),
+        ((-0.05, -0.06), "−0.0550 ± 0.0071"),
+        # The distance to obstacles where there are none.
+        ((1.0, float("inf")), "∞"),
+        ((), NOTHING),
     ],
 )
 def test_means_have_digits_that_mean_something(values, shown):
-    assert mean_and_deviation(values) == shown
+    assert spread_text(values) == shown
 
 
 def test_what_was_exercised_is_told_and_what_was_not(tree, data):
