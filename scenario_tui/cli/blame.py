@@ -17,7 +17,6 @@ from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Blame, CandidateRunner, RunCase
-    from daemon.batch.paths import StatePaths
     from scenario_tui.cli.target import DaemonTarget
 
 
@@ -132,11 +131,10 @@ def _find_case(words: list[str], state: Path | None, campaign: Path | None) -> t
         message = "one trace or one id of a run, or CAMPAIGN.yaml SCENARIO SUT REPEAT"
         raise typer.BadParameter(message, param_hint="RUN")
     target = DaemonTarget(state=state)
-    if message := _about_search(first, target.paths):
-        raise typer.BadParameter(message, param_hint="RUN")
     trace = one_trace(first, target, "RUN")
     spec = read_spec(trace)
-    file = campaign or _recorded_file(first, trace, target)
+    recorded = _recorded_file(first, trace, target)
+    file = campaign or _existing_file(recorded, trace)
     case = load_case(file, spec.scenario, spec.sut.name, spec.repeat)
     if case.spec.digest == spec.digest:
         return case, ""
@@ -159,44 +157,38 @@ def _place_in_campaign(words: list[str]) -> tuple[str, str, int]:
     return scenario, sut, int(repeat)
 
 
-def _recorded_file(name: str, trace: Path, target: DaemonTarget) -> Path:
-    """Return the campaign file that the record of a run names, wrong usage without one.
+def _recorded_file(name: str, trace: Path, target: DaemonTarget) -> str:
+    """Return the campaign file that the record of a run names, empty without one.
 
-    The record is the note of ``scenario run`` beside the trace, otherwise the ledger.
+    The record is the note of ``scenario run`` beside the trace, otherwise the ledger. Raises wrong
+    usage for a run of a search, which no campaign file specifies.
     """
     from daemon.analysis.results import read_campaign_note
     from daemon.batch.errors import DaemonError
-    from scenario_tui.cli.named_traces import open_records
+    from scenario_tui.cli.named_traces import names_traces, open_records
     from scenario_tui.cli.target import find_campaign
 
-    origin = read_campaign_note(trace.parent).origin
-    if not origin.path:
-        with suppress(DaemonError, typer.BadParameter), open_records("", target, "RUN") as source:
-            campaign = trace.parent.name
-            if not Path(name).is_file():
-                campaign = find_campaign(source, name.partition(".")[0]).id
-            origin = source.origin(campaign)
-    if not origin.path:
-        message = f"no record names the campaign file of {trace}: say --campaign FILE"
-    elif not Path(origin.path).is_file():
-        message = f"there is no {origin.path} any more: say --campaign FILE"
-    else:
-        return Path(origin.path)
-    raise typer.BadParameter(message, param_hint="RUN")
+    origin, campaign, is_search = read_campaign_note(trace.parent).origin, trace.parent.name, False
+    with suppress(DaemonError, typer.BadParameter), open_records("", target, "RUN") as source:
+        if not names_traces(name):
+            campaign = find_campaign(source, name.partition(".")[0]).id
+        is_search = bool(campaign and source.searches(campaign))
+        origin = origin if origin.path else source.origin(campaign)
+    if is_search:
+        folder = f"scenario-results/search/{campaign}/campaign/"
+        message = f"{name} is a run of a search: name the scenario it found, a campaign in {folder}"
+        raise typer.BadParameter(message, param_hint="RUN")
+    return origin.path
 
 
-def _about_search(run: str, paths: StatePaths) -> str:
-    """Return what to name instead of a run of a search, which no campaign file specifies."""
-    from daemon.batch.ledger import LedgerReader
-
-    campaign = run.rpartition(".")[0]
-    if not campaign or not paths.ledger.is_file():
-        return ""
-    with LedgerReader.open(paths) as reader:
-        if not reader.searches(campaign):
-            return ""
-    folder = f"scenario-results/search/{campaign}/campaign/"
-    return f"{run} is a run of a search: name the scenario it found, a campaign in {folder}"
+def _existing_file(recorded: str, trace: Path) -> Path:
+    """Return the recorded campaign file; wrong usage if there is none any more."""
+    if recorded and Path(recorded).is_file():
+        return Path(recorded)
+    problem = f"no record names the campaign file of {trace}"
+    if recorded:
+        problem = f"there is no {recorded} any more"
+    raise typer.BadParameter(f"{problem}: say --campaign FILE", param_hint="RUN")
 
 
 def _folder(case: RunCase) -> Path:

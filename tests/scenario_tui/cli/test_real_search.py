@@ -46,7 +46,8 @@ def test_what_is_found_says_the_same_on_its_own(place):
         assert (again.returncode, "is known already" in again.stderr) == (0, True)
         standing = call_here("status", "--json", state=state, cwd=place)
         assert [row["search"] for row in json.loads(standing.stdout)["campaigns"]] == ["finished"]
-        blamed = call_here("blame", f"{search['campaign']}.0", state=state, cwd=place)
+        name = search["campaign"].rpartition("-")[0]
+        blamed = call_here("blame", f"{name}.0", state=state, cwd=place)
         assert blamed.returncode == 2
         assert "is a run of a search" in blamed.stderr, blamed.stderr
         hint = call_here("check", file, state=state, cwd=place)
