@@ -49,8 +49,8 @@ def box_chart(rows: Sequence[_Row], systems: Sequence[str], axis: str, marks: _M
     ``systems`` are all SUTs, in the order of their colours. Boxes show the quartiles, whiskers
     everything, dots each repeat, diamonds reference values.
     """
-    half = {"fillOpacity": 0.3}
-    boxes = layer("boxplot", None, {}, extent="min-max", box=half, median={"color": INK})
+    half, dark = {"fillOpacity": 0.3}, {"color": INK}
+    boxes = layer("boxplot", None, {}, extent="min-max", box=half, median=dark, rule=dark)
     # From 0 on, unless that would hide a line at 0.
     zero = min(row[3] for row in rows) > 0.0
     return _groups("scenario", rows, systems, axis, [boxes], marks, zero=zero)

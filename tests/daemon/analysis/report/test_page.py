@@ -382,6 +382,7 @@ def test_a_chart_is_drawn_in_the_colours_of_the_page_without_what_answers_to_a_p
     assert len(drawings) == len(charts(page)) >= 8
     for drawing in drawings:
         assert "var(--" in drawing
+        assert not re.search(r'stroke="(?!var|transparent|none)', drawing)
         assert not re.search(r"\d\.\d{2,}", re.sub(r' (?!d=)[\w-]+="[^"]*"|>[^<]*<', "", drawing))
     (clearance, *_) = [chart for label, chart in charts(page) if label.startswith("Clearance over")]
     names = [layer.get("name", "") for layer in clearance["layer"]]
