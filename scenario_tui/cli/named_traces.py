@@ -75,18 +75,27 @@ def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
         return _bring_traces(rows, source)[0]
 
 
-def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
+def all_traces(
+    named: Sequence[str], target: DaemonTarget, hint: str, *, one_of_cell: bool = False
+) -> tuple[Path, ...]:
     """Return the traces meant: files, folders, and ids of campaigns and runs.
 
     Each once, in the order named, those of a folder by name. Otherwise as :func:`one_trace`; a
-    trace that cannot be brought is left out with a message, unless there is no other.
+    trace that cannot be brought is left out with a message, unless there is no other. With
+    ``one_of_cell`` only the first of each scenario and system comes from a campaign.
     """
     traces: dict[Path, None] = {}
     for name in named:
         files = _trace_files(name)
         if not files:
             with open_records(name, target, hint) as source:
-                files = _bring_traces(recorded_runs(source, name, target, hint), source)
+                rows = recorded_runs(source, name, target, hint)
+                if one_of_cell:
+                    cells: dict[tuple[str, str], RunRow] = {}
+                    for row in rows:
+                        cells.setdefault((row.scenario, row.sut), row)
+                    rows = tuple(cells.values())
+                files = _bring_traces(rows, source)
         traces |= dict.fromkeys(files)
     return tuple(traces)
 

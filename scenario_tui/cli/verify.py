@@ -165,7 +165,7 @@ def _jobs(
             specs = prepared.submission.specs
             runs = [(spec, partial(verify_spec, spec, scenes[spec.scene])) for spec in specs]
         else:
-            traces = all_traces([name], target, "RUN|CAMPAIGN")
+            traces = all_traces([name], target, "RUN|CAMPAIGN", one_of_cell=not every)
             runs = [(read_spec(path), partial(verification.verify, path)) for path in traces]
         cells = set[tuple[str, str]]()
         for spec, job in runs:

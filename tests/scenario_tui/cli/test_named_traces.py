@@ -7,7 +7,10 @@ import typer
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion
+from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.submission import Submission
+from daemon.model.verdicts import Outcome
 from scenario_tui.cli.named_traces import all_traces, one_trace
 from scenario_tui.cli.target import DaemonTarget
 from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS, spec
@@ -42,6 +45,26 @@ def test_traces_of_results_that_were_used_again_lie_with_their_campaign(places):
     LedgerWriter(connection).submit(Submission.of("d-1", specs, (CORRIDOR,)), 3.0)
     connection.close()
     assert named(places, "d-1") == named(places, "corr-1")
+
+
+def test_one_repeat_of_each_cell_is_enough_for_some(places):
+    specs = tuple(spec(SHUT, SUTS[0], repeat) for repeat in range(2))
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(Submission.of("e-1", specs, (CORRIDOR,)), 3.0)
+        grants = ledger.lease("w", 9, 4.0)
+        (grant,) = (one for one in grants if one.run == "e-1.1")
+        path = places.trace(grant.trace)
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+        result = RunResult(
+            grant.spec.digest, Outcome.PASS, (), "finished", TraceInfo("0" * 64, 1, 1),
+            Timing(1.0, 1.0, 2.0),
+        )  # fmt: skip
+        ledger.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 5.0)
+    traces = named(places, "e-1")
+    target = DaemonTarget(state=places.state)
+    assert len(traces) == 2
+    assert all_traces(["e-1"], target, "RUN", one_of_cell=True) == traces[:1]
 
 
 def test_files_and_folders_are_named_once_each_and_in_order(places):
