@@ -45,26 +45,20 @@ def choose_search(name: str, target: DaemonTarget) -> SearchMaterial | None:
 
     Raises :class:`Refused` if there is nothing of that name.
     """
+    from daemon.batch.ledger import LedgerReader
     from scenario_tui.cli.named_traces import names_traces
 
-    if name.endswith(".mcap") or names_traces(name):
+    has_ledger = target.named or target.paths.ledger.is_file()
+    if name.endswith(".mcap") or names_traces(name) or not has_ledger:
         return None
     try:
-        return _search_called(name, target)
+        with target.open() if target.named else LedgerReader.open(target.paths) as source:
+            campaign = find_search_id(source, name)
+            return search_material(source, *ask_search(source, campaign)) if campaign else None
     except Refused:
         if Path(name).is_dir():
             return None  # the reader of traces says that it holds none
         raise
-
-
-def _search_called(name: str, target: DaemonTarget) -> SearchMaterial | None:
-    from daemon.batch.ledger import LedgerReader
-
-    if not target.named and not target.paths.ledger.is_file():
-        return None
-    with target.open() if target.named else LedgerReader.open(target.paths) as source:
-        campaign = find_search_id(source, name)
-        return search_material(source, *ask_search(source, campaign)) if campaign else None
 
 
 def ask_search(
