@@ -32,7 +32,7 @@ from daemon.analysis.report._references import (
 )
 from daemon.analysis.report._safety_buffer import oracle_limit
 from daemon.analysis.report._tracks import TriggerEncounter
-from daemon.analysis.report.run_maps import draw_moment, draw_ways
+from daemon.analysis.report.run_maps import close_tracks, draw_moment, draw_ways
 from daemon.model.assessments import CellVerdict, ExpectationStatus, group_errors
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
@@ -235,7 +235,9 @@ def _worst_localisation(data: ReportData) -> _Plan:
             of = f"{record.scenario} with {record.sut}, repeat {record.repeat}"
             label = f"The largest localisation error over time, {of}"
             figure = ReportFigure("worst-localisation", record.scenario, record.sut, of, label)
-            yield replace(figure, chart=peak_chart(worst, limit)), None
+            # Of a long run too few samples are kept for a minute of it.
+            tracks = close_tracks(Path(record.trace)) or worst.tracks
+            yield replace(figure, chart=peak_chart(replace(worst, tracks=tracks), limit)), None
 
 
 def _asks_for_error(record: RunRow) -> bool:

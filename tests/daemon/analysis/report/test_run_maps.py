@@ -9,7 +9,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way, draw_run, draw_ways
+from daemon.analysis.report.run_maps import (
+    close_tracks,
+    draw_moment,
+    draw_recorded_way,
+    draw_run,
+    draw_ways,
+)
 from daemon.model.sut import Estimate, Progress
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.trace import TraceWriter
@@ -158,6 +164,13 @@ def test_the_same_run_gives_the_same_bytes_and_few_of_them(trace):
 def test_a_trace_that_is_gone_has_no_moment(tmp_path):
     assert draw_moment(tmp_path / "gone.mcap", verdict(), LABEL) is None
     assert draw_recorded_way(tmp_path / "gone.mcap", LABEL, None) is None
+    assert close_tracks(tmp_path / "gone.mcap") is None
+
+
+def test_close_tracks_have_every_sample(trace):
+    tracks = close_tracks(trace)
+    assert tracks is not None
+    assert tracks.time == pytest.approx(np.arange(401) / 20)
 
 
 def test_scripts_find_where_each_repeat_was_at_a_time(data):
