@@ -131,7 +131,7 @@ def _groups(
 
 
 def _diamonds(group: str, names: Sequence[str], top: float, marks: _Marks) -> Iterator[Chart]:
-    """Return reference values with their deviation or range, named where they are few."""
+    """Return reference values of ``names`` with their deviation or range, few ones with words."""
     entries = [(*cell, m) for cell, of_cell in marks.items() for m in of_cell if cell[0] in names]
     if not entries:
         return

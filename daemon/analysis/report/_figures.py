@@ -268,10 +268,7 @@ def _comparisons(data: ReportData) -> _Plan:
     marks = comparison_marks(data)
     for unit in dict.fromkeys(verdict.unit for verdict in verdicts):
         of_unit = [verdict for verdict in verdicts if verdict.unit == unit]
-        names = {verdict.comparison for verdict in of_unit}
-        chart = comparison_chart(
-            of_unit, _systems(data), {key: m for key, m in marks.items() if key[0] in names}
-        )
+        chart = comparison_chart(of_unit, _systems(data), marks)
         label = f"What comparisons in {unit} found, with their bounds and limits"
         caption = f"differences in {unit}"
         yield ReportFigure("comparison", "", "", caption, label, unit, chart), None

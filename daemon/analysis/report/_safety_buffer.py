@@ -16,7 +16,6 @@ from grammars.oracle import Signal
 from grammars.text.expressions import Comparison, Expression, Number, walk
 
 if TYPE_CHECKING:
-    from daemon.model.spec import RunSpec
     from daemon.trace import Trace
 
 DEFAULT_MARGIN: Final = 0.2
@@ -91,11 +90,6 @@ def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> Safe
         )
     source = f"{DEFAULT_MARGIN:g} m around the robot, since no oracle names a clearance"
     return SafetyBuffer(None, DEFAULT_MARGIN, source)
-
-
-def buffer_of_run(spec: RunSpec) -> SafetyBuffer:
-    """Return the buffer that the oracles of a run are about, around its robot."""
-    return safety_buffer((oracle.text for oracle in spec.oracles), (spec.robot.footprint,))
 
 
 def _is_around(half: Point2, footprints: Iterable[Ring]) -> bool:

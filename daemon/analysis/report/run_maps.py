@@ -26,10 +26,11 @@ from daemon.analysis.report._deciding import (
     nearest_mark,
     pose_at,
 )
-from daemon.analysis.report._safety_buffer import buffer_of_run
+from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
+from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import Trace, TraceError, read_scene, read_spec, read_trace
 from grammars.model.geometry import Point2, Pose2
@@ -248,7 +249,12 @@ def close_tracks(trace_path: Path) -> RunTracks | None:
 def _tracks(sampler: SignalSampler, *, closely: bool = False) -> RunTracks:
     # Of a part every sample counts: what is looked at may be a few centimetres.
     points = 3 * len(sampler.time_base.time) if closely else _POINTS
-    return extract_tracks(sampler, buffer_of_run(sampler.trace.spec), (), points)
+    return extract_tracks(sampler, _buffer(sampler.trace.spec), (), points)
+
+
+def _buffer(spec: RunSpec) -> SafetyBuffer:
+    """Return the buffer that the oracles of a run are about, around its robot."""
+    return safety_buffer((oracle.text for oracle in spec.oracles), (spec.robot.footprint,))
 
 
 def _judged_run(sampler: SignalSampler, part: _RunPart) -> RunOverlay:
@@ -284,7 +290,7 @@ def _facts(trace: Trace, tracks: RunTracks, part: _RunPart) -> Iterator[str]:
         yield f"nearest {format_quantity(float(nearest), 'm')}"
     if not part.closely:
         inside = format_quantity(tracks.measures.get("time in buffer"), "s")
-        yield f"{inside} in the buffer of {buffer_of_run(trace.spec).size}"
+        yield f"{inside} in the buffer of {_buffer(trace.spec).size}"
 
 
 def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
