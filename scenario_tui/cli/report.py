@@ -289,13 +289,15 @@ def _tell(
     as_json: bool,
 ) -> None:
     """Print the outcome and the files that were written."""
+    from rich.filesize import decimal
+
     if as_json:
         summary.emit()
         return
     lines = [f"{subject}: {summary.answer}"]
     lines += [f"not read: {file}: {problem}" for file, problem in unread]
     for path in summary.written.values():
-        size = "" if Path(path).is_dir() else f" ({Path(path).stat().st_size / 1e6:.2f} MB)"
-        lines.append(f"{path}{size}")
+        is_file = Path(path).is_file()
+        lines.append(f"{path} ({decimal(Path(path).stat().st_size)})" if is_file else path)
     for line in lines:
         stdout_console().print(line, markup=False, soft_wrap=True)
