@@ -1,6 +1,7 @@
 """``scenario report``: what people type, what is written, what is said when it cannot be."""
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -62,7 +63,7 @@ def test_tables_alone_need_no_page(here, capsys):
     assert {path.name for path in here.iterdir()} == {"traces", "r.xml", "m.csv", "m.parquet"}
     out = capsys.readouterr().out
     assert "Yes. All 6 verdicts are as expected." in out
-    assert "m.parquet (0.0" in out
+    assert re.search(r"m\.parquet \([0-9.]+ kB\)", out)
 
 
 def test_a_campaign_of_the_ledger_needs_no_daemon(ledger, capsys):
