@@ -42,7 +42,7 @@ SAME: Final = 0.5
 """Points nearer than this [m] are the same place."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RunFacts:
     """A run to recognise features in; ``trace`` is ``None`` for one that is only planned.
 
@@ -74,14 +74,17 @@ class RunFacts:
         start = (mission.start.x, mission.start.y)
         return (start, *((w.x, w.y) for w in mission.waypoints))
 
-    @property
-    def rooms(self) -> set[str]:
+    @functools.cached_property
+    def rooms(self) -> frozenset[str]:
         """Regions of the mission's points, the first one where they meet; empty outside of all."""
-        regions = self.scene.regions
-        return {
-            next((r.name for r in regions if shapely.intersects_xy(region_polygon(r), *point)), "")
-            for point in self.points
-        }
+        x, y = np.array(self.points).T
+        rooms, outside = set(), np.ones(len(x), np.bool_)
+        for region in self.scene.regions:
+            inside = outside & shapely.intersects_xy(region_polygon(region), x, y)
+            if inside.any():
+                rooms.add(region.name)
+            outside &= ~inside
+        return frozenset(rooms | {""}) if outside.any() else frozenset(rooms)
 
     @property
     def longest_leg(self) -> float:
