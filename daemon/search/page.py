@@ -62,7 +62,7 @@ def search_page(
         charts.append((_OVER_RUNS, "", margins))
     for caption, chart in space_charts(task, trials, steps, nearest):
         charts.append((f"{_OVER_SPACE}, {caption}" if caption else _OVER_SPACE, caption, chart))
-    drawings = draw_charts([chart for _, _, chart in charts]) if charts else []
+    drawings = draw_charts([chart for _, _, chart in charts])
     figures = [
         (caption, chart_figure(chart, svg, label))
         for (label, caption, chart), svg in zip(charts, drawings, strict=True)

@@ -74,8 +74,15 @@
     return element;
   }
 
+  // Read once: the pointer asks for a place many times a second.
+  const ways = new Map();
+  function waysOf(map) {
+    if (!ways.has(map)) ways.set(map, JSON.parse(map.dataset.way));
+    return ways.get(map);
+  }
+
   function drawPart(map, [from, to]) {
-    const parts = JSON.parse(map.dataset.way).map((way) => {
+    const parts = waysOf(map).map((way) => {
       const points = way.t.flatMap((time, n) => time >= from && time <= to ? [`${way.x[n]} ${way.y[n]}`] : []);
       return points.length > 1 ? `M${points.join(" ")}` : "";
     });
@@ -83,7 +90,7 @@
   }
 
   function drawDot(map, repeat, time) {
-    const way = JSON.parse(map.dataset.way).find((one) => one.repeat === repeat);
+    const way = waysOf(map).find((one) => one.repeat === repeat);
     const dot = overlay(map, "pointed", "circle");
     dot.setAttribute("r", way ? 6 : 0);
     if (!way) return;

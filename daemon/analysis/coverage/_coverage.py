@@ -14,7 +14,7 @@ import numpy as np
 from daemon.analysis.coverage._features import feature_counts, recognise_features
 from daemon.analysis.coverage._floor import PackedCells, covered_cells, floor_area, floor_grid
 from daemon.analysis.coverage._results import Coverage, DoorCount, FloorArea, Unreadable
-from daemon.analysis.coverage._rules import MOVED, run_facts
+from daemon.analysis.coverage._rules import has_moved, run_facts
 from daemon.analysis.parallel_map import parallel_map
 from daemon.judging.oracles import trace_problems
 from daemon.model.spec import RunSpec
@@ -128,20 +128,13 @@ def _door_counts(trace: Trace, near: float) -> tuple[DoorCount, ...]:
                     door=door.name,
                     runs=1,
                     planned=int(bool(joints & moving)),
-                    moved=int(_has_moved(trace, joints)),
+                    moved=int(has_moved(trace, joints)),
                     triggered=int(bool(joints & acted)),
                     met=int(nearest is not None and nearest <= near),
                     nearest=nearest,
                 )
             )
     return tuple(counts)
-
-
-def _has_moved(trace: Trace, joints: set[str]) -> bool:
-    columns = [i for i, name in enumerate(trace.joints.names) if name in joints]
-    # From where it started, not from the last sample: a slow door moves little between two.
-    position = trace.joints.position[:, columns]
-    return bool(position.size and (np.abs(position - position[0]) > MOVED).any())
 
 
 def _nearest_distance(trace: Trace, door: SceneObject) -> float | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -15,15 +16,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import shapely
 
+from daemon.judging.oracles import written_oracle
+from daemon.model.spec import OracleText, RunSpec
 from grammars.model.behaviour import Behaviour, JointEvent, Walk, joint_event
 from grammars.model.geometry import Point2
 from grammars.model.movers import own_joints
 from grammars.model.scene import Joint, Region, Scene
-from grammars.oracle import Reached, parse_oracle
-from grammars.text.diagnostics import InputError, Where
+from grammars.oracle import Reached
 
 if TYPE_CHECKING:
-    from daemon.model.spec import RunSpec
     from daemon.trace import Trace
 
 MOVED: Final = 0.01
@@ -113,9 +114,8 @@ def run_facts(spec: RunSpec, scene: Scene, trace: Trace | None = None) -> RunFac
 @functools.lru_cache(maxsize=256)
 def _oracle_signals(text: str) -> tuple[frozenset[str], bool]:
     """Return the signals that an oracle judges, and whether it has a limit."""
-    try:
-        oracle = parse_oracle("", text, Where("an oracle"))
-    except InputError:
+    oracle = written_oracle(OracleText("", text))
+    if oracle is None:
         return frozenset(), False  # its verdict says so
     # A guard says when to judge, not what: one on a door makes no door oracle.
     judged = dataclasses.replace(oracle, guard=None)
@@ -185,8 +185,15 @@ def walked(facts: RunFacts) -> bool:
     """Say whether any walking joint has left where it stood."""
     if facts.trace is None:
         return False
-    track = facts.trace.joints
     walks = {b.joint for b in facts.spec.behaviours if isinstance(b, Walk)}
-    columns = [i for i, name in enumerate(track.names) if name.rpartition(".")[0] + ".x" in walks]
-    position = track.position[:, columns]
+    names = facts.trace.joints.names
+    walking = {name for name in names if name.rpartition(".")[0] + ".x" in walks}
+    return has_moved(facts.trace, walking)
+
+
+def has_moved(trace: Trace, joints: Collection[str]) -> bool:
+    """Say whether any of the ``joints``, by scene-wide names, has left where it started."""
+    columns = [i for i, name in enumerate(trace.joints.names) if name in joints]
+    # From where it started, not from the last sample: a slow door moves little between two.
+    position = trace.joints.position[:, columns]
     return bool(position.size and (np.abs(position - position[0]) > MOVED).any())

@@ -12,14 +12,14 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
 from daemon.analysis.report._tracks import RunTracks
-from daemon.judging.oracles import SignalSampler
+from daemon.judging.oracles import SignalSampler, written_oracle
+from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import MotionTrack, PoseTrack, Trace
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import placed_links
 from grammars.model.scene import Link, Scene, Solid
-from grammars.oracle import object_signals, parse_oracle
-from grammars.text.diagnostics import InputError, Where
+from grammars.oracle import object_signals
 from templates.picture import MeasuredMark
 
 _REACHED: Final = 0.25
@@ -40,12 +40,9 @@ def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | No
 def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     trace, time = sampler.trace, deciding_time(sampler, verdict)
     pose = pose_at(trace.ground_truth, time)
-    try:
-        oracle = parse_oracle(verdict.oracle, verdict.text, Where(verdict.oracle))
-        signals = [signal.name for signal in oracle.signals()]
-    except InputError:
-        # Judged by another version of the language.
-        signals = []
+    oracle = written_oracle(OracleText(verdict.oracle, verdict.text))
+    # One that cannot be read was judged by another version of the language.
+    signals = [signal.name for signal in oracle.signals()] if oracle else []
     moved = object_signals(trace.scene)
     about = verdict.evidence.object
     about = about or next((moved[name].object.name for name in signals if name in moved), "")

@@ -99,26 +99,26 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
         *_triggers(data, limits),
     ]
     # Maps of one cell behind each other: mostly they show the same trace, which is read once then.
-    numbers = sorted(
-        (number for number, (_, draw) in enumerate(plan) if draw is not None),
-        key=lambda number: (plan[number][0].scenario, plan[number][0].sut, plan[number][0].kind),
+    maps = sorted(
+        ((figure, draw) for figure, draw in plan if draw is not None),
+        key=lambda pair: (pair[0].scenario, pair[0].sut, pair[0].kind),
         reverse=True,
     )
-    maps = [plan[number][1] for number in numbers]
+    draws = [draw for _, draw in maps]
     # All maps before the first chart: the children of both would share the cores.
-    results = parallel_map(_drawn_map, maps, doing="that draws maps", processes=processes)
-    pictures = dict(zip(numbers, results, strict=True))
+    results = parallel_map(_drawn_map, draws, doing="that draws maps", processes=processes)
+    pictures = dict(zip(draws, results, strict=True))
     charts = [figure.chart for figure, _ in plan if figure.chart is not None]
     drawings = iter(draw_charts(charts, processes=processes))
     figures = (
-        replace(figure, svg=pictures[number] if number in pictures else next(drawings))
-        for number, (figure, _) in enumerate(plan)
+        replace(figure, svg=next(drawings) if draw is None else pictures[draw])
+        for figure, draw in plan
     )
     return tuple(figure for figure in figures if figure.svg)
 
 
-def _drawn_map(draw: _Map | None) -> str:
-    return str((draw and draw()) or "")
+def _drawn_map(draw: _Map) -> str:
+    return str(draw() or "")
 
 
 def write_figures(figures: tuple[ReportFigure, ...], folder: Path) -> None:
