@@ -93,7 +93,7 @@ def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon):
         shown.type("\x0c")
         shown.until("corridor-1")
         shown.type("q")
-        assert shown.wait() == 0
+        assert shown.wait() == 0, bytes(shown.raw[-2000:])
         assert restored(shown)
 
 
