@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.sources import is_folder, is_jsonld, refuse_unreadable
 from grammars.text.words import count_noun
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from daemon.campaign import Campaign
     from grammars.floorplan import FloorPlan
 
-Checker = Callable[[Path], tuple[str, tuple[Diagnostic, ...]]]
+Checker = Callable[[Path], tuple[str, tuple[Finding, ...]]]
 
 
-def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Diagnostic, ...]]:
+def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Finding, ...]]:
     """Return what a file is in a few words and its diagnostics, errors and warnings.
 
     Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
@@ -26,14 +26,14 @@ def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Diagnostic, ..
         checker = _checker(path)
         return _jsonld(path, base) if checker is _jsonld else checker(path)
     except InputError as error:
-        return "", error.diagnostics
+        return "", error.findings
 
 
 def _checker(path: Path) -> Checker:
     if is_folder(path):
         if is_jsonld(path):
             return _jsonld
-        raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
+        raise InputError(Finding(Where(str(path)), "is a folder", "name the files in it"))
     refuse_unreadable(path)
     for ending, checker in _BY_ENDING.items():
         if path.name.endswith(ending):
@@ -41,13 +41,13 @@ def _checker(path: Path) -> Checker:
     if path.suffix not in (".yaml", ".yml"):
         known = ", ".join(_BY_ENDING)
         raise InputError(
-            Diagnostic(Where(str(path)), "is no kind of file known here", f"known: {known}, .yaml")
+            Finding(Where(str(path)), "is no kind of file known here", f"known: {known}, .yaml")
         )
     return _yaml
 
 
 # Each imports its language itself: one file needs one of them, and all take a while to load.
-def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _floorplan(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.floorplan import load_floorplan
 
     plan = load_floorplan(path)
@@ -59,7 +59,7 @@ def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     return f"floor plan with {', '.join(parts)}", _building_findings(plan)
 
 
-def _walls(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _walls(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.maps import load_walls
 
     plan = load_walls(path)
@@ -71,21 +71,21 @@ def _walls(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     return f"walls layer with {', '.join(parts)}", _building_findings(plan)
 
 
-def _building_findings(plan: FloorPlan) -> tuple[Diagnostic, ...]:
+def _building_findings(plan: FloorPlan) -> tuple[Finding, ...]:
     from grammars.preflight import check_scene
     from grammars.scenery.composition import compile_scene
 
     return tuple(dict.fromkeys((*plan.warnings, *check_scene(compile_scene(plan, ())))))
 
 
-def _scenery(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _scenery(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.scenery import load_scenery
 
     load_scenery(path)
     return "scenery layer", ()
 
 
-def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _variation(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.variation import load_variation
 
     variation = load_variation(path)
@@ -95,26 +95,26 @@ def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     )
 
 
-def _jsonld(path: Path, base: str = "") -> tuple[str, tuple[Diagnostic, ...]]:
+def _jsonld(path: Path, base: str = "") -> tuple[str, tuple[Finding, ...]]:
     from grammars.jsonld import check_jsonld
 
     return "JSON-LD graph", check_jsonld(path, base)
 
 
-def _mission(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _mission(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.model.mission_files import load_mission
 
     mission, _ = load_mission(path)
     return f"mission with {count_noun(len(mission.waypoints), 'waypoint')}", ()
 
 
-def _oracles(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _oracles(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.oracle import load_oracles
 
     return count_noun(len(load_oracles(path)), "oracle"), ()
 
 
-def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _yaml(path: Path) -> tuple[str, tuple[Finding, ...]]:
     """Tell missions, robots, systems under test and campaigns apart by keys they must have."""
     from grammars.text.documents import load_yaml
 
@@ -137,12 +137,12 @@ def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     return _campaign(path)
 
 
-def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+def _campaign(path: Path) -> tuple[str, tuple[Finding, ...]]:
     about, found, _ = check_campaign(path)
     return about, found
 
 
-def check_campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...], Campaign]:
+def check_campaign(path: Path) -> tuple[str, tuple[Finding, ...], Campaign]:
     """Return what a campaign is in a few words, what was found, and the campaign itself.
 
     Raises :class:`InputError` when it cannot be read at all.
@@ -164,7 +164,7 @@ def check_campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...], Campaign]:
     )
 
 
-def _search_findings(campaign: Campaign) -> tuple[Diagnostic, ...]:
+def _search_findings(campaign: Campaign) -> tuple[Finding, ...]:
     if not campaign.searches:
         return ()
     from daemon.search.composition import search_case

@@ -20,7 +20,7 @@ from daemon.model.execution import python_command
 from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic, InputError, Severity
+from grammars.text.diagnostics import Finding, InputError, Severity
 from grammars.text.words import count_noun, duration_text
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class PreparedSubmission:
     """A campaign to hand over, with its warnings; its ``searches`` are no part of that."""
 
     submission: Submission
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
     searches: tuple[str, ...]
 
 
@@ -104,7 +104,7 @@ class CheckedFile:
     """
 
     about: str = ""
-    findings: tuple[Diagnostic, ...] = ()
+    findings: tuple[Finding, ...] = ()
     submission: Submission | None = None
     plan: SubmissionPlan | None = None
     searches: tuple[str, ...] = ()
@@ -130,7 +130,7 @@ def check_file(
     try:
         prepared = prepare_submission(path, fresh=fresh)
     except InputError as error:
-        return CheckedFile("", error.diagnostics)
+        return CheckedFile("", error.findings)
     return CheckedFile("", prepared.warnings, prepared.submission)
 
 
@@ -145,7 +145,7 @@ def _examine(path: Path, state: Path | None) -> CheckedFile:
         wrong = any(d.severity is Severity.ERROR for d in found)
         plan = None if wrong else _plan(campaign, state)
     except InputError as error:
-        return CheckedFile("", error.diagnostics)
+        return CheckedFile("", error.findings)
     return CheckedFile(about, found, None, plan, tuple(task.name for task in campaign.searches))
 
 

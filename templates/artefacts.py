@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 from grammars.text.plugins import MissingExtraError
 from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
@@ -76,7 +76,7 @@ def export(
         except MissingExtraError as error:
             if kind.name in names:
                 raise
-            job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
+            job.notes += (f"{d.message}; {d.hint}" for d in error.findings)
     return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
 
 
@@ -91,7 +91,7 @@ def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKi
     unfit = [KINDS[n] for n in asked if n != ALL and not KINDS[n].fits(world)]
     if unfit and not everything:
         raise InputError(
-            Diagnostic(
+            Finding(
                 Where("export"),
                 f"{kind.name} cannot be made of {world.name}",
                 "give a floor plan (.fpm)" if kind.needs == "plan" else "give a campaign (.yaml)",

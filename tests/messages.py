@@ -2,7 +2,7 @@
 
 import ast
 
-_CALLS = frozenset({"Diagnostic", "_warning", "error", "warn", "warning"})
+_CALLS = frozenset({"Finding", "_warning", "error", "warn", "warning"})
 _GAP = "…"
 
 

@@ -134,7 +134,7 @@ def tried(attempt):
     try:
         found = attempt()
     except InputError as error:
-        return error.diagnostics[0].message.split("\n")[0]
+        return error.findings[0].message.split("\n")[0]
     except ValueError as error:
         return str(error).split("\n")[0]
     return found if isinstance(found, str) else "yes"

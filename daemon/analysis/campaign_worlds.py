@@ -16,7 +16,7 @@ from daemon.campaign import (
     find_layer,
     load_campaign,
 )
-from grammars.text.diagnostics import Diagnostic
+from grammars.text.diagnostics import Finding
 from grammars.text.sources import model_files
 from templates.naming import free_name
 from templates.world import ArtefactWorld, BehaviourDraw, named_states
@@ -24,7 +24,7 @@ from templates.world import ArtefactWorld, BehaviourDraw, named_states
 
 def worlds_of_campaign(
     path: Path, repeats: int | None = None
-) -> tuple[tuple[ArtefactWorld, ...], tuple[Diagnostic, ...]]:
+) -> tuple[tuple[ArtefactWorld, ...], tuple[Finding, ...]]:
     """Return the worlds of a campaign, and the warnings about its layers.
 
     Scenarios that differ only in things that artefacts do not show, oracles or systems under test,

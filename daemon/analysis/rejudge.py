@@ -103,7 +103,7 @@ def _judge_file(layer: tuple[OracleText, ...] | None, path: Path) -> RejudgedTra
     try:
         trace = read_trace(path)
     except TraceError as error:
-        return RejudgedTrace(str(path), problem=error.diagnostics[0].message)
+        return RejudgedTrace(str(path), problem=error.findings[0].message)
     own = trace.spec.oracles
     # Its own too, and not what a ledger says only: a trace may be of another machine's.
     judged = oracles.judge(trace, (*(layer or ()), *own))

@@ -123,7 +123,7 @@ def folder_results(folder: Path) -> Results:
             spec = read_spec(trace)
         except TraceError as error:
             # Said on the page: a report that silently leaves a run out lies.
-            unread.append((str(trace), error.diagnostics[0].message))
+            unread.append((str(trace), error.findings[0].message))
             continue
         specs.append(spec)
         records.append(

@@ -23,6 +23,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from grammars.text.diagnostics import ScenarioError
+
 if TYPE_CHECKING:  # completion imports this module at every TAB
     from daemon.model.messages import Rejection
 
@@ -32,7 +34,7 @@ EXIT_BROKEN: Final = 5
 """How ``python -m daemon`` ends when one of these errors ends it."""
 
 
-class DaemonError(Exception):
+class DaemonError(ScenarioError):
     """Root of everything the daemon's client side raises on purpose."""
 
 

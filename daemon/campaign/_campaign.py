@@ -20,7 +20,7 @@ from daemon.model.search import SearchTask
 from daemon.model.spec import OracleText, RunSpec, Script, SutReference
 from daemon.model.submission import CellRun, Submission
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic
+from grammars.text.diagnostics import Finding
 
 EXTERNAL_REPEATS: Final = 5
 """Runs of a cell whose system is not repeatable, where a campaign does not say how many. As many as
@@ -49,12 +49,12 @@ class Campaign:
     declared: AssessmentRules
     oracle_layers: tuple[str, ...]
     cells: tuple[CampaignCell, ...]
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
     searches: tuple[SearchTask, ...] = ()
     """The searches of the file, in its order; they are no part of its runs."""
     allow: tuple[AllowedWarning, ...] = ()
     """Warnings that the file says are meant."""
-    allowed: tuple[Diagnostic, ...] = ()
+    allowed: tuple[Finding, ...] = ()
     """Those there are of them; they are not among ``warnings``."""
 
     def repeats_with(self, sut: SutReference) -> int:

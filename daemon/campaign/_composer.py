@@ -45,7 +45,7 @@ from grammars.model.scene import Scene
 from grammars.oracle import Leg, leg_number
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 _MOST_SCENES: Final = 64
 """Scenes that are kept while cells are composed anew: those of repeats, and of values nearby."""
@@ -172,7 +172,7 @@ def leave_out(without: Sequence[LayerReference], whole: RemainingWorld) -> Remai
     if not waypoints:
         where = next(reversed(parts.waypoints.values()))
         hint = "keep one for the robot to drive to"
-        raise InputError(Diagnostic(where, "no waypoint of the mission is left", hint))
+        raise InputError(Finding(where, "no waypoint of the mission is left", hint))
     # Many repeats share one script, and go on to share it.
     scripts = {id(script): parts.script(script, whole) for script in whole.behaviours}
     return RemainingWorld(
@@ -209,7 +209,7 @@ class _LeftOutParts:
         if event is None:
             name = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
             hint = f'leave "behaviour of {name}" out as well'
-            raise InputError(Diagnostic(causes[0], f"{name} waits for what is left out", hint))
+            raise InputError(Finding(causes[0], f"{name} waits for what is left out", hint))
         return replace(behaviour, event=event)
 
     def _event(self, event: Event, mission: Mission) -> tuple[Event | None, Sequence[Where]]:
@@ -247,19 +247,19 @@ def _find_parts(without: Sequence[LayerReference], whole: RemainingWorld) -> _Le
                 number = int(waypoint["name"]) if waypoint["name"].isdecimal() else 0
                 leg = leg_number(Leg(number, "" if number else waypoint["name"]), whole.mission)
             except ValueError as error:
-                problems.append(Diagnostic(part.where, str(error)))
+                problems.append(Finding(part.where, str(error)))
                 continue
             parts.waypoints[leg - 1] = part.where
         elif behaviour := _BEHAVIOUR.fullmatch(part.name):
             name = behaviour["name"]
             if name not in subjects:
                 hint = did_you_mean(name, subjects)
-                problems.append(Diagnostic(part.where, f'"{name}" has no behaviour here', hint))
+                problems.append(Finding(part.where, f'"{name}" has no behaviour here', hint))
             parts.behaviours[name] = part.where
         else:
             if part.name not in objects:
                 hint = _FORMS if " " in part.name else did_you_mean(part.name, objects)
-                problems.append(Diagnostic(part.where, f'no object "{part.name}" here', hint))
+                problems.append(Finding(part.where, f'no object "{part.name}" here', hint))
             parts.objects[part.name] = part.where
     if problems:
         raise InputError(problems)

@@ -22,7 +22,7 @@ from daemon.model.assessments import (
 )
 from grammars.oracle import Leg, Oracle, leg_number, parse_oracle, unit_of
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     InputError,
     SourceText,
     Where,
@@ -41,15 +41,15 @@ _SENTENCE: Final = re.compile(
 _EXAMPLE: Final = "write it as delay(S3.2 vs S3.5) <= 30 s, or delay(A vs B on leg door) <= 1 min"
 
 
-def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Diagnostic]]:
+def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Finding]]:
     """Return what the campaign declares, and everything that is wrong with how it says it."""
-    problems: list[Diagnostic] = []
+    problems: list[Finding] = []
     comparisons: list[ScenarioComparison] = []
     for name, sentence in draft.text.compare.items():
         try:
             comparisons.append(_comparison(name, sentence, draft))
         except InputError as error:
-            problems.extend(error.diagnostics)
+            problems.extend(error.findings)
     names = tuple(draft.text.compare)
     expectations = []
     for index, text in enumerate(draft.text.expect):
@@ -80,7 +80,7 @@ def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Diagnostic]]:
 
 def time_legs(
     cell: CampaignCell, declared: AssessmentRules, document: YamlDocument
-) -> tuple[CampaignCell, list[Diagnostic]]:
+) -> tuple[CampaignCell, list[Finding]]:
     """Return a cell with a measure for each of its legs that is compared.
 
     Also everything that is wrong with these legs in its mission.
@@ -96,7 +96,7 @@ def time_legs(
         try:
             leg_number(Leg(number, "" if number else leg), cell.mission)
         except ValueError as error:
-            problems.append(Diagnostic(where, str(error)))
+            problems.append(Finding(where, str(error)))
         measures[comparison.measure] = _leg_measure(comparison.measure, leg, where)
     return replace(cell, oracles=(*cell.oracles, *measures.values())), problems
 
@@ -112,7 +112,7 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
     source = SourceText(sentence, where.file, within=where)
     parts = _SENTENCE.fullmatch(sentence)
     if parts is None:
-        raise InputError(Diagnostic(where, f'"{sentence}" is not a comparison', _EXAMPLE))
+        raise InputError(Finding(where, f'"{sentence}" is not a comparison', _EXAMPLE))
 
     def at(part: str) -> Where:
         return source.where(parts.start(part))
@@ -122,15 +122,15 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
     if problems:
         raise InputError(problems)
     if left == right:
-        raise InputError(Diagnostic(at("right"), f'"{left}" is compared with itself'))
+        raise InputError(Finding(at("right"), f'"{left}" is compared with itself'))
     # Paired by repeat and system under test, so without one in common there is no pair at all.
     if not set(draft.scenarios[left].sut_names) & set(draft.scenarios[right].sut_names):
         message = f'"{left}" and "{right}" have no system under test in common'
-        raise InputError(Diagnostic(at("left"), message))
+        raise InputError(Finding(at("left"), message))
     leg = parts["leg"].strip('"') if parts["leg"] else None
     if leg is not None and quantity != DELAY:
         message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
-        raise InputError(Diagnostic(at("leg"), message))
+        raise InputError(Finding(at("leg"), message))
     unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), draft)
     limit = parse_in(parts["limit"], unit, quantity, at("limit"))
     return ScenarioComparison(
@@ -147,14 +147,14 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
     )
 
 
-def _unknown(name: str, where: Where, draft: Draft) -> Iterator[Diagnostic]:
+def _unknown(name: str, where: Where, draft: Draft) -> Iterator[Finding]:
     if name in draft.scenarios:
         return
     if name in draft.text.scenarios:
         hint = "compare scenarios that are like it"
-        yield Diagnostic(where, f'scenario "{name}" is abstract, it is never run', hint)
+        yield Finding(where, f'scenario "{name}" is abstract, it is never run', hint)
         return
-    yield Diagnostic(where, f'no scenario "{name}" here', did_you_mean(name, draft.scenarios))
+    yield Finding(where, f'no scenario "{name}" here', did_you_mean(name, draft.scenarios))
 
 
 def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft) -> str:
@@ -163,14 +163,14 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft)
     oracle = draft.oracles.get(quantity)
     if oracle is None:
         hint = did_you_mean(quantity, [DELAY, *measures])
-        raise InputError(Diagnostic(where, f'no measure "{quantity}"', hint))
+        raise InputError(Finding(where, f'no measure "{quantity}"', hint))
     if not oracle.is_measure:
         hint = f"compare one of: {', '.join([DELAY, *measures])}"
-        raise InputError(Diagnostic(where, f'"{quantity}" has a limit, it is no measure', hint))
+        raise InputError(Finding(where, f'"{quantity}" has a limit, it is no measure', hint))
     for scenario in scenarios:
         if quantity not in draft.scenarios[scenario].oracle_names:
             hint = f"add it to the oracles of {scenario}"
-            raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
+            raise InputError(Finding(where, f'"{scenario}" does not measure {quantity}', hint))
     return unit_of(oracle)
 
 
@@ -179,13 +179,13 @@ def _unmatched_expectation(
     path: KeyPath,
     comparisons: Sequence[str],
     draft: Draft,
-) -> Iterator[Diagnostic]:
+) -> Iterator[Finding]:
     """Yield what an expectation speaks of that is not there."""
     scenarios = _matching(text.scenario, draft.scenarios)
     if not scenarios:
         where = draft.document.where((*path, "scenario"))
         hint = did_you_mean(text.scenario, draft.scenarios)
-        yield Diagnostic(where, f'no scenario "{text.scenario}" to expect anything of', hint)
+        yield Finding(where, f'no scenario "{text.scenario}" to expect anything of', hint)
         return
     # An expectation that matches nothing would hide a failure for ever once a name is changed.
     names = dict.fromkeys(n for s in scenarios for n in draft.scenarios[s].oracle_names)
@@ -193,22 +193,22 @@ def _unmatched_expectation(
     where = draft.document.where((*path, "oracle"))
     if not oracles:
         hint = did_you_mean(text.oracle, (*names, *comparisons))
-        yield Diagnostic(where, f'no oracle "{text.oracle}" judges {text.scenario}', hint)
+        yield Finding(where, f'no oracle "{text.oracle}" judges {text.scenario}', hint)
     elif all(n in draft.oracles and draft.oracles[n].is_measure for n in oracles):
-        yield Diagnostic(where, f'"{text.oracle}" is a measure, it has no verdict')
+        yield Finding(where, f'"{text.oracle}" is a measure, it has no verdict')
     yield from _unmatched_suts(text.sut, path, scenarios, draft)
 
 
 def _unmatched_suts(
     patterns: Iterable[str], path: KeyPath, scenarios: Iterable[str], draft: Draft
-) -> Iterator[Diagnostic]:
+) -> Iterator[Finding]:
     """Yield the patterns that match no system under test of the scenarios."""
     suts = dict.fromkeys(name for s in scenarios for name in draft.scenarios[s].sut_names)
     for index, pattern in enumerate(patterns):
         if not _matching(pattern, suts):
             where = draft.document.where((*path, "sut", index))
             hint = did_you_mean(pattern, suts)
-            yield Diagnostic(where, f'no system under test "{pattern}" there', hint)
+            yield Finding(where, f'no system under test "{pattern}" there', hint)
 
 
 def _matching(pattern: str, names: Iterable[str]) -> list[str]:
@@ -217,14 +217,14 @@ def _matching(pattern: str, names: Iterable[str]) -> list[str]:
 
 def _references(
     comparisons: Sequence[ScenarioComparison], draft: Draft
-) -> tuple[tuple[ReferenceValue, ...], list[Diagnostic]]:
+) -> tuple[tuple[ReferenceValue, ...], list[Finding]]:
     """Return the reference values of a campaign, and the errors in them.
 
     Reports show them beside the results. No verdict follows from them.
     """
     units = {comparison.name: comparison.unit for comparison in comparisons}
     values: list[ReferenceValue] = []
-    problems: list[Diagnostic] = []
+    problems: list[Finding] = []
     for name, group in draft.text.reference.items():
         for index, text in enumerate(group.values):
             if text.oracle in draft.text.compare and text.oracle not in units:
@@ -233,7 +233,7 @@ def _references(
             try:
                 values.append(reader.read(name, group.source))
             except InputError as error:
-                problems.extend(error.diagnostics)
+                problems.extend(error.findings)
     return tuple(values), problems
 
 

@@ -21,7 +21,7 @@ from grammars.oracle import signal_declaration
 from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
 from grammars.text.sources import not_recording, read_text
 
@@ -37,7 +37,7 @@ class AllowedWarning:
     why: str
     where: Where
 
-    def covers(self, finding: Diagnostic) -> bool:
+    def covers(self, finding: Finding) -> bool:
         """Return whether a finding is such a warning; errors are never allowed."""
         return finding.severity is Severity.WARNING and fnmatchcase(finding.message, self.pattern)
 
@@ -56,14 +56,14 @@ def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[Allowe
 
 
 def without_allowed(
-    findings: Iterable[Diagnostic], allowed: Sequence[AllowedWarning]
-) -> tuple[list[Diagnostic], list[Diagnostic]]:
+    findings: Iterable[Finding], allowed: Sequence[AllowedWarning]
+) -> tuple[list[Finding], list[Finding]]:
     """Return the findings that remain to be reported, and the warnings that are allowed.
 
     Only the first of warnings that differ in sizes alone is reported: allowing it allows them all.
     """
-    remaining: list[Diagnostic] = []
-    covered: list[Diagnostic] = []
+    remaining: list[Finding] = []
+    covered: list[Finding] = []
     for first, *others in _alike(findings):
         if any(each.covers(first) for each in allowed):
             covered += [first, *others]
@@ -75,11 +75,11 @@ def without_allowed(
 
 
 def find_unmet(
-    allowed: Sequence[AllowedWarning], covered: Sequence[Diagnostic]
-) -> tuple[Diagnostic, ...]:
+    allowed: Sequence[AllowedWarning], covered: Sequence[Finding]
+) -> tuple[Finding, ...]:
     """Return a warning for each line of ``allow`` that allows nothing any more."""
     return tuple(
-        Diagnostic(
+        Finding(
             one.where,
             "no warning is like this one",
             "leave it out, or write the warning as `scenario check` says it",
@@ -90,9 +90,9 @@ def find_unmet(
     )
 
 
-def find_problems(cells: Sequence[CampaignCell]) -> list[Diagnostic]:
+def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
     """Return the findings of the pre-flight about the scenes of ``cells`` and their runs."""
-    problems: list[Diagnostic] = []
+    problems: list[Finding] = []
     # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
     for cell in {id(cell.scene): cell for cell in cells}.values():
         problems.extend(check_scene(cell.scene, places=cell.places))
@@ -103,7 +103,7 @@ def find_problems(cells: Sequence[CampaignCell]) -> list[Diagnostic]:
     return problems
 
 
-def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diagnostic]:
+def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Finding]:
     """Yield the warnings of kinds of systems about the sensors of robots, once for each pair.
 
     ``pairs`` of a system and a robot come with the place of the scenario they meet in.
@@ -117,10 +117,10 @@ def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diag
         for finding in kind.advise(settings, robot):
             place = "" if kind.keys else f" {format_path(finding.path)}:"
             message = f"{sut.name}:{place} {finding.message}"
-            yield Diagnostic(where, message, finding.hint, Severity.WARNING)
+            yield Finding(where, message, finding.hint, Severity.WARNING)
 
 
-def _unrecorded(cell: CampaignCell) -> Iterator[Diagnostic]:
+def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
     """Yield the signals of oracles that a system's runs do not record."""
     read = ((oracle, signal) for oracle in cell.oracles for signal in oracle.signals())
     for (oracle, signal), sut in itertools.product(read, cell.suts):
@@ -130,11 +130,11 @@ def _unrecorded(cell: CampaignCell) -> Iterator[Diagnostic]:
         where = oracle.place(signal.column)
         if "record" in stack_kind(sut.kind).keys:
             message = f"{signal.name} is unknown of {sut.name}, which does not record it"
-            yield Diagnostic(where, message, f"write record: [{declared.report}] in its file")
+            yield Finding(where, message, f"write record: [{declared.report}] in its file")
         else:
             message = f"{signal.name} is unknown of {sut.name}: the oracle is inconclusive there"
             hint = f"no system of kind {sut.kind} has a {declared.report}"
-            yield Diagnostic(where, message, hint, Severity.WARNING)
+            yield Finding(where, message, hint, Severity.WARNING)
 
 
 def _top_speed(sut: SutReference, robot: Robot) -> float:
@@ -142,7 +142,7 @@ def _top_speed(sut: SutReference, robot: Robot) -> float:
     return kind.top_speed(kind.read(sut.local_parameters), robot)
 
 
-def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
+def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
     if cell.given_map is not None and cell.scenario.map_file is not None:
         yield from check_map(
             cell.given_map,
@@ -170,7 +170,7 @@ def _problems_of(cell: CampaignCell) -> Iterable[Diagnostic]:
         )
 
 
-def find_unused(draft: Draft) -> list[Diagnostic]:
+def find_unused(draft: Draft) -> list[Finding]:
     """Return warnings about oracles, parameters, groups and their members that no run uses."""
     warnings = (
         *_unused_parameters(draft.cells),
@@ -181,7 +181,7 @@ def find_unused(draft: Draft) -> list[Diagnostic]:
     return list(dict.fromkeys(warnings))
 
 
-def _unused_oracles(draft: Draft) -> Iterator[Diagnostic]:
+def _unused_oracles(draft: Draft) -> Iterator[Finding]:
     used = {reference.name for s in draft.scenarios.values() for reference in s.oracles}
     for index, name in enumerate(draft.text.oracles or []):
         where = draft.document.where(("oracles", index))
@@ -189,7 +189,7 @@ def _unused_oracles(draft: Draft) -> Iterator[Diagnostic]:
         if used.isdisjoint(oracles):
             message = f"no scenario uses an oracle of {name}"
             hint = f"its oracles: {', '.join(oracles)}; each scenario picks some: oracles: […]"
-            yield Diagnostic(where, message, hint, Severity.WARNING)
+            yield Finding(where, message, hint, Severity.WARNING)
             continue
         # A measure costs nothing to have at hand; a limit that judges nothing is forgotten.
         idle = [o for o in oracles.values() if not o.is_measure and o.name not in used]
@@ -197,7 +197,7 @@ def _unused_oracles(draft: Draft) -> Iterator[Diagnostic]:
             for oracle in idle:
                 hint = f"name it in a scenario (oracles: [{oracle.name}]), or leave it out"
                 message = f"no scenario uses the oracle {oracle.name}"
-                yield Diagnostic(oracle.where, message, hint, Severity.WARNING)
+                yield Finding(oracle.where, message, hint, Severity.WARNING)
 
 
 def _is_shared(layer: str, campaign: Path) -> bool:
@@ -225,19 +225,19 @@ def _text_of(path: Path) -> str:
         return ""
 
 
-def _unused_parameters(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
+def _unused_parameters(cells: Iterable[CampaignCell]) -> Iterator[Finding]:
     for layer in dict.fromkeys(layer for cell in cells for layer in cell.layers):
         yield from unused_parameters(layer)
 
 
-def _unused_groups(cells: Sequence[CampaignCell]) -> Iterator[Diagnostic]:
+def _unused_groups(cells: Sequence[CampaignCell]) -> Iterator[Finding]:
     """Yield groups that are used in none of the cells their layer is part of."""
     for layer in {layer.file: layer for cell in cells for layer in cell.layers}.values():
         beside = [c.layers for c in cells if any(other.file == layer.file for other in c.layers)]
         yield from unused_groups(layer, [other for layers in beside for other in layers])
 
 
-def _missing_members(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
+def _missing_members(cells: Iterable[CampaignCell]) -> Iterator[Finding]:
     """Yield members of groups that are there in none of the cells of their layer."""
     stacks = dict.fromkeys(cell.layers for cell in cells)
     lacking = {layers: Catalogue(layers).unknown_members() for layers in stacks}
@@ -249,22 +249,22 @@ def _missing_members(cells: Iterable[CampaignCell]) -> Iterator[Diagnostic]:
             yield problem
 
 
-def say_once(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def say_once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the first of each group of findings that differ in sizes alone."""
     return tuple(_with_count(first, len(others)) for first, *others in _alike(findings))
 
 
-def _alike(findings: Iterable[Diagnostic]) -> Iterable[list[Diagnostic]]:
+def _alike(findings: Iterable[Finding]) -> Iterable[list[Finding]]:
     """Return the findings in groups that differ in sizes alone, each finding once."""
     # In another variant of a plan the same door is too narrow by another centimetre.
-    groups: dict[tuple[object, ...], list[Diagnostic]] = {}
+    groups: dict[tuple[object, ...], list[Finding]] = {}
     for one in dict.fromkeys(findings):
         key = (one.where, one.severity, _SIZE.sub("#", one.message))
         groups.setdefault(key, []).append(one)
     return groups.values()
 
 
-def _with_count(first: Diagnostic, others: int) -> Diagnostic:
+def _with_count(first: Finding, others: int) -> Finding:
     """Say in the hint how many others there are: the message is what ``allow`` is copied from."""
     if not others:
         return first

@@ -22,7 +22,7 @@ from grammars.roslaunch import (
     load_launch,
     resolve_for_node,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.ros_yaml import ParameterValue
 
 _MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
@@ -65,7 +65,7 @@ class _LaunchPlan:
 
 
 def load_launched(
-    base: LaunchChange, changes: Sequence[LaunchChange], warnings: list[Diagnostic]
+    base: LaunchChange, changes: Sequence[LaunchChange], warnings: list[Finding]
 ) -> ParameterValues:
     """Return the parameters of the nodes that launch files start, by section.
 
@@ -167,7 +167,7 @@ def _choose_amcl(
     plan: _LaunchPlan,
     launch: Launch,
     move_base: LaunchNode,
-    warnings: list[Diagnostic],
+    warnings: list[Finding],
 ) -> LaunchNode | None:
     """Return the amcl of a robot: the only one, or the one beside its move_base."""
     there = [node for node in launch.nodes if node.kind == _AMCL]
@@ -187,7 +187,7 @@ def _choose_amcl(
         if node.package in _LOCALISERS
     ]
     hint = "; ".join([*others, *_left_out(launch)])
-    warnings.append(Diagnostic(plan.where, message, hint, Severity.WARNING))
+    warnings.append(Finding(plan.where, message, hint, Severity.WARNING))
     return None
 
 

@@ -25,7 +25,7 @@ from grammars.model.robot import Robot
 from grammars.model.robot_files import read_robot
 from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, configure, load_scenery
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
 from grammars.text.overrides import Override, override_document, placed_at
 from grammars.text.sources import (
@@ -103,7 +103,7 @@ def find_layer(
     names = [n for place in places for n in layer_names(place, kind)]
     ships = ", and none of that name ships" if kind.ships else ""
     raise InputError(
-        Diagnostic(
+        Finding(
             reference.where,
             f'no {kind.title} "{name}": there is no {name}{kind.endings[0]} '
             f"beside the campaign nor in {kind.folder}/{ships}",
@@ -183,7 +183,7 @@ class LayerLibrary:
     """The layers of one campaign, each file read once, findings kept."""
 
     folder: Path
-    warnings: list[Diagnostic] = field(default_factory=list)
+    warnings: list[Finding] = field(default_factory=list)
     _loaded: dict[tuple[str, Path], Any] = field(default_factory=dict)
     _overridden: dict[tuple[str, Path], Any] = field(default_factory=dict)
 
@@ -261,7 +261,7 @@ class LayerLibrary:
         path = self.folder / reference.name
         if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
-            raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
+            raise InputError(Finding(reference.where, f'no file "{reference.name}"', hint))
         return self._once("map", path, self._load_map)
 
     def sut(self, reference: LayerReference) -> SutReference:
@@ -327,7 +327,7 @@ class LayerLibrary:
             plan = text.compile(reference.overrides, reference.where, reference.lines)
         elif reference.overrides:
             message = f"{path.name} has no variables, and so none to give another value"
-            raise InputError(Diagnostic(reference.where, message, "use a plan in .fpm"))
+            raise InputError(Finding(reference.where, message, "use a plan in .fpm"))
         else:
             plan = _load_walls(path) if is_walls else _load_plan_graph(path)
         self.warnings.extend(plan.warnings)

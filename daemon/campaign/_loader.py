@@ -42,11 +42,11 @@ from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.oracle import check_joint_limits, check_references
 from grammars.preflight import places_of
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, gather, raise_all
+from grammars.text.diagnostics import Finding, InputError, Severity, gather, raise_all
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 
 
-def examine(path: str | Path) -> tuple[Campaign, tuple[Diagnostic, ...]]:
+def examine(path: str | Path) -> tuple[Campaign, tuple[Finding, ...]]:
     """Load a campaign and return it with its warnings and with everything the pre-flight finds.
 
     Raises :class:`InputError` as :func:`load_campaign` does.
@@ -152,7 +152,7 @@ def _check_names(scenario: ResolvedScenario, library: LayerLibrary) -> None:
         if systems.setdefault(sut.name, sut) != sut:
             message = f'two systems under test of "{scenario.name}" are called {sut.name}'
             hint = f"give one a file of its own: suts/NAME.yaml with like: {reference.name}"
-            problems.append(Diagnostic(reference.where, f"{message} and differ", hint))
+            problems.append(Finding(reference.where, f"{message} and differ", hint))
     count = len(scenario.objects)
     first: dict[str, int] = {}
     for number, reference in enumerate((*scenario.objects, *scenario.behaviours)):
@@ -165,7 +165,7 @@ def _check_names(scenario: ResolvedScenario, library: LayerLibrary) -> None:
         places = "under objects and behaviours" if under_both else "twice"
         message = f"{reference.name} is named {places}"
         hint = "name it once, under objects: what it says of them holds as well"
-        problems.append(Diagnostic(reference.where, message, hint))
+        problems.append(Finding(reference.where, message, hint))
     raise_all(problems)
 
 
@@ -244,7 +244,7 @@ def _compose_cell(
     )
 
 
-def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> Iterator[Diagnostic]:
+def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> Iterator[Finding]:
     """Yield the default number of runs of systems that are not repeatable, if it applies."""
     names = dict.fromkeys(sut.name for sut in suts if not sut.repeatable)
     if names and "repeats" not in document.data:
@@ -254,4 +254,4 @@ def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> I
         )
         where = document.where(("matrix", "sut"))
         hint = f'write "repeats: {EXTERNAL_REPEATS}" for all systems, or another number'
-        yield Diagnostic(where, message, hint, Severity.WARNING)
+        yield Finding(where, message, hint, Severity.WARNING)

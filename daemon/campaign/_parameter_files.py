@@ -19,7 +19,7 @@ from daemon.campaign._parameters import (
     under_namespace,
 )
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     InputError,
     Severity,
     Where,
@@ -69,7 +69,7 @@ _PACKAGE_FILES: Final = (
 
 
 def load_package_folder(
-    folder: Path, where: Where, warnings: list[Diagnostic], *, whole: bool
+    folder: Path, where: Where, warnings: list[Finding], *, whole: bool
 ) -> ParameterValues:
     """Return the settings of the well-known files in ``folder``.
 
@@ -77,13 +77,13 @@ def load_package_folder(
     worth a warning. Raises :class:`InputError` with everything wrong in the files.
     """
     if not is_folder(folder):
-        raise InputError(Diagnostic(where, f"no folder {folder}", _near(folder, is_folder)))
+        raise InputError(Finding(where, f"no folder {folder}", _near(folder, is_folder)))
     # Of two names for the same file the usual one wins: it is the last in reversed order.
     present = set(names_in(folder))
     named = {kind: name for kind in _PACKAGE_FILES for name in kind.names[::-1] if name in present}
     if not named:
         message = f"{folder} has no parameter files"
-        raise InputError(Diagnostic(where, message, _instead_of_files(folder, present)))
+        raise InputError(Finding(where, message, _instead_of_files(folder, present)))
     settings = _load_files(
         partial(_load, folder / named[kind], kind.namespace, warnings, kind.section)
         for kind in _PACKAGE_FILES
@@ -96,7 +96,7 @@ def load_package_folder(
 
 
 def load_parameter_files(
-    files: Mapping[str, Iterable[tuple[Path, Where]]], warnings: list[Diagnostic]
+    files: Mapping[str, Iterable[tuple[Path, Where]]], warnings: list[Finding]
 ) -> ParameterValues:
     """Return the settings of files by the namespace they are loaded into, in the order written.
 
@@ -105,7 +105,7 @@ def load_parameter_files(
 
     def load(namespace: str, path: Path, where: Where) -> ParameterValues:
         if not is_file(path):
-            raise InputError(Diagnostic(where, f"no file {path}", _near(path)))
+            raise InputError(Finding(where, f"no file {path}", _near(path)))
         return _load(path, namespace, warnings)
 
     return _load_files(
@@ -121,7 +121,7 @@ def _load_files(loads: Iterable[Callable[[], ParameterValues]]) -> ParameterValu
 
 
 def _load(
-    path: Path, namespace: str, warnings: list[Diagnostic], section: str = ""
+    path: Path, namespace: str, warnings: list[Finding], section: str = ""
 ) -> ParameterValues:
     """Return the values of a file; names that begin with a slash leave the namespace.
 
@@ -159,19 +159,19 @@ def _instead_of_files(folder: Path, names: Iterable[str]) -> str:
     return f"looked for {expected}"
 
 
-def _unread_files(folder: Path, names: Iterable[str], where: Where) -> list[Diagnostic]:
+def _unread_files(folder: Path, names: Iterable[str], where: Where) -> list[Finding]:
     spare = sorted(name for name in names if name.endswith((".yaml", ".yml")))
     if not spare:
         return []
     message = f"not read in {folder}: {', '.join(spare)}"
     hint = 'name them under "files" with their namespace if the stack reads them'
-    return [Diagnostic(where, message, hint, Severity.WARNING)]
+    return [Finding(where, message, hint, Severity.WARNING)]
 
 
-def _missing_files(folder: Path, present: Iterable[_PackageFile], where: Where) -> list[Diagnostic]:
+def _missing_files(folder: Path, present: Iterable[_PackageFile], where: Where) -> list[Finding]:
     lacking = [kind.names for kind in _PACKAGE_FILES if kind.usual and kind not in present]
     return [
-        Diagnostic(
+        Finding(
             where, f"no {' or '.join(names)} in {folder}: ROS defaults apply", "", Severity.WARNING
         )
         for names in lacking

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.documents import KeyPath, leaves, paths_inside
 from grammars.text.ros_yaml import ParameterValue
 
@@ -48,7 +48,7 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
     for path, setting in over.items():
         if setting.value is None and not is_inherited(path, base):
             message = f"{path[-1]}: null takes an inherited value away, and there is none"
-            raise InputError(Diagnostic(setting.where, message, "write a value or leave it out"))
+            raise InputError(Finding(setting.where, message, "write a value or leave it out"))
         _put(result, namespaces, path, setting)
         if setting.value is None:
             del result[path]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import Field
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.documents import ONE_OR_MORE, StrictModel, YamlDocument, text_or
 
 _Texts: TypeAlias = Annotated[list[Annotated[str, Field(min_length=1)]], ONE_OR_MORE]
@@ -85,7 +85,7 @@ def refuse_lone_changes(changes: tuple[LaunchChange, ...]) -> None:
     """Refuse settings for launch files if no SUT file below names any."""
     if changes:
         raise InputError(
-            Diagnostic(
+            Finding(
                 change.where(),
                 "ros: there are no launch files to change, here or in what this is like",
                 'write "launch: FILE" or a folder',

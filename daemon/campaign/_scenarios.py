@@ -25,7 +25,7 @@ from daemon.model.search import ParameterSlot
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     InputError,
     Where,
     did_you_mean,
@@ -138,7 +138,7 @@ def resolve_scenarios(text: CampaignFile, document: YamlDocument) -> dict[str, R
     concrete = [one for one in resolved if not text.scenarios[one.name].abstract]
     if not concrete:
         where = document.where(("scenarios",))
-        raise InputError(Diagnostic(where, "every scenario is abstract, nothing to run"))
+        raise InputError(Finding(where, "every scenario is abstract, nothing to run"))
     raise_all(_missing_slots(concrete, text, document))
     return {one.name: one for one in concrete}
 
@@ -163,13 +163,13 @@ def resolve_scenario(
         # In the order in which people would follow it, to be read as a chain.
         if scenario.like in (*followers, name):
             chain = " -> ".join((*followers, name, scenario.like))
-            raise InputError(Diagnostic(like_at, f"scenarios are like each other: {chain}"))
+            raise InputError(Finding(like_at, f"scenarios are like each other: {chain}"))
         if scenario.like not in text.scenarios:
             hint = did_you_mean(scenario.like, text.scenarios)
-            raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
+            raise InputError(Finding(like_at, f'no scenario "{scenario.like}" here', hint))
         if len(followers) >= MOST_LIKE:
             message = f"more than {MOST_LIKE} scenarios are like one another in a row"
-            raise InputError(Diagnostic(like_at, message, "be like one nearer to the first"))
+            raise InputError(Finding(like_at, message, "be like one nearer to the first"))
         base = resolve_scenario(scenario.like, text, document, (*followers, name))
     # The seed of variants that names none is the campaign's, also where the slot is inherited.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
@@ -273,7 +273,7 @@ def _reference(value: LayerName, path: KeyPath, document: YamlDocument) -> Layer
         return LayerReference(value, {}, where)
     if len(value) != 1:
         hint = "write one list item per layer"
-        raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
+        raise InputError(Finding(where, "expected one layer with its overrides", hint))
     ((name, overrides),) = value.items()
     # A layer that is no list may stand where a list could: "behaviours: {doors: {…}}".
     at = (*path, name) if (*path, name) in document.places else (*path[:-1], name)
@@ -312,7 +312,7 @@ _EXAMPLES: Final = {
 
 def _missing_slots(
     scenarios: Sequence[ResolvedScenario], text: CampaignFile, document: YamlDocument
-) -> list[Diagnostic]:
+) -> list[Finding]:
     """Return an error for every slot that a scenario needs and nobody fills."""
     problems = []
     for slot, (key, place) in _REQUIRED.items():
@@ -327,11 +327,9 @@ def _missing_slots(
         if len(missing) == len(scenarios) > 1:
             # What all of them lack is one mistake.
             where = document.where(("scenarios",))
-            problems.append(Diagnostic(where, f"no scenario names {_with_any(key)}", hint))
+            problems.append(Finding(where, f"no scenario names {_with_any(key)}", hint))
             continue
-        problems += [
-            Diagnostic(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing
-        ]
+        problems += [Finding(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing]
     return problems
 
 
@@ -357,7 +355,7 @@ def pick_oracles(
     Raises :class:`InputError` for each it does not have.
     """
     unknown = [
-        Diagnostic(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text.oracles or []))
+        Finding(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text.oracles or []))
         for r in scenario.oracles
         if r.name not in pool
     ]

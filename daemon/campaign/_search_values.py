@@ -22,7 +22,7 @@ from daemon.stacks.registry import stack_kind
 from grammars.floorplan import WALLS_ENDING
 from grammars.model.mission_files import MissionText
 from grammars.model.robot_files import RobotText
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 from grammars.text.documents import (
     KeyPath,
     StrictModel,
@@ -172,18 +172,18 @@ def find_value(
     raise InputError.at(where, f'{cell.name} has no layer "{head}"', hint)
 
 
-def _refusal(layer: SearchLayer, name: str, where: Where) -> Sequence[Diagnostic]:
+def _refusal(layer: SearchLayer, name: str, where: Where) -> Sequence[Finding]:
     """Return why a layer has no value of a name."""
     key = layer.key_of(name)
     try:
         layer.changed(key, 0, where)
     except InputError as error:
-        return error.diagnostics
+        return error.findings
     # Systems under test take parameters that no file mentions; a search begins at a written value.
     settings = layer.library.loaded_sut(layer.reference).settings
     hint = did_you_mean(key, [".".join(path) for path in settings])
     message = f"{layer.title} has no value of {key}"
-    return [Diagnostic(where, message, hint or "write it into the file first")]
+    return [Finding(where, message, hint or "write it into the file first")]
 
 
 def value_at(

@@ -32,7 +32,7 @@ from daemon.model.search import ANY, OracleScale, PointValue, SearchParameter, S
 from daemon.model.spec import SutReference
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import KeyPath
 from grammars.text.expression_check import read_predicate
 
@@ -42,10 +42,10 @@ LEAST_CONFIRMED: Final = 3
 """Repeats of what a system that is not repeatable fails: one run of it shows little."""
 
 
-def read_searches(draft: Draft) -> tuple[tuple[SearchTask, ...], tuple[Diagnostic, ...]]:
+def read_searches(draft: Draft) -> tuple[tuple[SearchTask, ...], tuple[Finding, ...]]:
     """Return the searches of a campaign that can be run, and all findings about them."""
     tasks: list[SearchTask] = []
-    findings: list[Diagnostic] = []
+    findings: list[Finding] = []
     warnings = len(draft.library.warnings)
     for name, text in draft.text.search.items():
         reader = _SearchReader(name, text, draft)
@@ -65,7 +65,7 @@ class _SearchReader:
     name: str
     text: SearchText
     draft: Draft
-    findings: list[Diagnostic] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
     def read(self) -> SearchTask | None:
         """Return the search, ``None`` where nothing can be said of its scenario."""
@@ -108,10 +108,10 @@ class _SearchReader:
         return self.draft.document.where(path)
 
     def _error(self, where: Where, message: str, hint: str = "") -> None:
-        self.findings.append(Diagnostic(where, message, hint))
+        self.findings.append(Finding(where, message, hint))
 
     def _warn(self, where: Where, message: str, hint: str = "") -> None:
-        self.findings.append(Diagnostic(where, message, hint, Severity.WARNING))
+        self.findings.append(Finding(where, message, hint, Severity.WARNING))
 
     def _check_names(self) -> None:
         campaign = self.draft.text.campaign
@@ -192,13 +192,13 @@ class _SearchReader:
         try:
             kind = leading_kind(oracle)
         except ValueError as error:
-            self.findings.append(Diagnostic(where, f"{oracle.name}: {error}", "", severity))
+            self.findings.append(Finding(where, f"{oracle.name}: {error}", "", severity))
             return False
         if not kind.led:
             passed_over = ", it is passed over" if severity is Severity.WARNING else ""
             message = f"{oracle.name} cannot be searched with{passed_over}: {kind.reason}"
             hint = f"write an oracle that leads to the failure, such as {kind.better}"
-            self.findings.append(Diagnostic(where, message, hint, severity))
+            self.findings.append(Finding(where, message, hint, severity))
         return kind.led
 
     def _parameters(
@@ -216,7 +216,7 @@ class _SearchReader:
                 names[place] = name
                 parameters.append(self._parameter(name, layer, value, over))
             except InputError as error:
-                self.findings += error.diagnostics
+                self.findings += error.findings
         return tuple(parameters)
 
     def _parameter(
@@ -297,7 +297,7 @@ class _SearchReader:
             try:
                 read_predicate(text, units, where)
             except InputError as error:
-                self.findings += error.diagnostics
+                self.findings += error.findings
             else:
                 constraints.append(text)
         return tuple(constraints)

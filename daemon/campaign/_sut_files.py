@@ -38,7 +38,7 @@ from daemon.stacks.registry import stack_kind
 from daemon.stacks.ros2 import ROS2
 from daemon.stacks.ros2.keys import Ros2Keys, default_for_null
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.documents import ONE_OR_MORE, RemovedKey, YamlDocument, load_yaml, read_model
 from grammars.text.sources import is_file
 
@@ -95,7 +95,7 @@ class SutLayer:
     kind: StackKind[Any]
     settings: ParameterValues = field(default_factory=dict)
     files: tuple[str, ...] = ()
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     attached: Mapping[str, Path] = field(default_factory=dict)
     parameter_files: tuple[str, ...] = ()
     launched: bool = False
@@ -180,11 +180,11 @@ def _attached(
     for name, places in files.items():
         if len(places) != 1:
             where = document.where(("files", name))
-            raise InputError(Diagnostic(where, f"{name}: is one file, not several"))
+            raise InputError(Finding(where, f"{name}: is one file, not several"))
         ((path, _),) = places
         if not is_file(path):
             where = document.where(("files", name))
-            raise InputError(Diagnostic(where, f"{name}: no file {path}"))
+            raise InputError(Finding(where, f"{name}: no file {path}"))
         attached[name] = path
     return attached
 
@@ -205,10 +205,10 @@ def _base(
     other = find(path.parent, LayerReference(text.like, {}, where))
     if other.resolve() in chain:
         circle = " -> ".join(p.stem for p in (*chain[chain.index(other.resolve()) :], other))
-        raise InputError(Diagnostic(where, f"like: goes round in a circle, {circle}"))
+        raise InputError(Finding(where, f"like: goes round in a circle, {circle}"))
     if len(chain) > MOST_LIKE:
         message = f"like: more than {MOST_LIKE} files are like one another in a row"
-        raise InputError(Diagnostic(where, message, "be like one nearer to the first"))
+        raise InputError(Finding(where, message, "be like one nearer to the first"))
     return read_sut(other, find, chain, changes)
 
 
@@ -216,14 +216,14 @@ def _kind(document: YamlDocument, text: SutFile, base: SutLayer | None) -> Stack
     if base is None:
         if text.kind is None:
             hint = 'write "kind", or "like" with the name of another system under test'
-            raise InputError(Diagnostic(document.where(), 'key "kind" is missing', hint))
+            raise InputError(Finding(document.where(), 'key "kind" is missing', hint))
         try:
             return stack_kind(text.kind)
         except SutMissing as error:
-            raise InputError(Diagnostic(document.where(("kind",)), str(error))) from error
+            raise InputError(Finding(document.where(("kind",)), str(error))) from error
     if text.kind not in (None, base.kind.name):
         message = f"kind: {text.like} is of kind {base.kind.name}, so this one is as well"
-        raise InputError(Diagnostic(document.where(("kind",)), message, "leave it out"))
+        raise InputError(Finding(document.where(("kind",)), message, "leave it out"))
     return base.kind
 
 
@@ -243,17 +243,17 @@ def _refuse_keys_of_others(document: YamlDocument, text: SutFile, kind: StackKin
     """Refuse keys at the top of a file that mean nothing for its kind."""
     if text.ros is not None and kind.files != "parameters":
         message = f"ros: only kind ros reads ROS parameter files, this is {kind.name}"
-        raise InputError(Diagnostic(document.where(("ros",)), message))
+        raise InputError(Finding(document.where(("ros",)), message))
     if text.files and kind.files == "none":
         message = f"files: {kind.name} needs none"
-        raise InputError(Diagnostic(document.where(("files",)), message))
+        raise InputError(Finding(document.where(("files",)), message))
     wrong, message, hint = ROS2.keys, f"only kind {ROS2.name} has this key, this is {kind.name}", ""
     if kind.keys:
         wrong = ("parameters",)
         message, hint = f"kind {kind.name} has none", "write its keys at the top: launch, topics …"
     keys = [key for key in wrong if key in document.data]
     if keys:
-        raise InputError(Diagnostic(document.where((k,)), f"{k}: {message}", hint) for k in keys)
+        raise InputError(Finding(document.where((k,)), f"{k}: {message}", hint) for k in keys)
 
 
 def _written(document: YamlDocument, text: SutFile, kind: StackKind[Any]) -> ParameterValues:

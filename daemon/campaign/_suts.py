@@ -20,7 +20,7 @@ from daemon.campaign._sut_files import SutLayer
 from daemon.model.attachments import attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.text.documents import YamlDocument
 from grammars.text.overrides import Override, split_key
 from grammars.text.quantity import read_quantity
@@ -42,14 +42,14 @@ class LoadedSut:
     layer: SutLayer
     settings: ParameterValues
     findings: ParameterFindings
-    warnings: tuple[Diagnostic, ...]
-    idle: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...]
+    idle: tuple[Finding, ...] = ()
 
 
 class RefusedSutError(InputError):
     """A system under test that cannot run; ``settings`` are the values it would have."""
 
-    def __init__(self, diagnostics: list[Diagnostic], settings: ParameterValues) -> None:
+    def __init__(self, diagnostics: list[Finding], settings: ParameterValues) -> None:
         super().__init__(diagnostics)
         self.settings = settings
 
@@ -101,10 +101,10 @@ def _attach(layer: SutLayer) -> dict[str, str]:
     try:
         return attach_files(layer.attached)
     except ValueError as error:
-        raise InputError(Diagnostic(where, str(error))) from error
+        raise InputError(Finding(where, str(error))) from error
     except OSError as error:
         message = f"files: {error.filename} cannot be read: {error.strerror}"
-        raise InputError(Diagnostic(where, message)) from error
+        raise InputError(Finding(where, message)) from error
 
 
 def _refuse_unread(
@@ -118,7 +118,7 @@ def _refuse_unread(
         if own and all(any(path[:n] in unread for n in range(1, len(path) + 1)) for path in own):
             first, setting = next(iter(own.items()))
             message = f"nobody reads anything in this file: {'/'.join(first)} is no parameter here"
-            problems.append(Diagnostic(setting.where, message, _remedy(own)))
+            problems.append(Finding(setting.where, message, _remedy(own)))
     if problems:
         raise InputError(problems)
 
@@ -190,7 +190,7 @@ def _plain(value: Any) -> Any:
 
 def _diagnostics(
     error: ValueError, document: YamlDocument, settings: ParameterValues
-) -> list[Diagnostic]:
+) -> list[Finding]:
     """Put complaints where the values they are about stand."""
     if isinstance(error, ParameterError):
         place = partial(_placed, document=document, settings=settings)
@@ -199,9 +199,9 @@ def _diagnostics(
     message = str(error)
     where = _named_place(message, settings)
     if where is not None:
-        return [Diagnostic(where, message)]
+        return [Finding(where, message)]
     key = next((key for key in ("parameters", "kind", "like") if key in document.data), "sut")
-    return [Diagnostic(document.where((key,)), message)]
+    return [Finding(document.where((key,)), message)]
 
 
 def _named_place(message: str, settings: ParameterValues) -> Where | None:
@@ -214,7 +214,7 @@ def _named_place(message: str, settings: ParameterValues) -> Where | None:
 
 def _idle_warning(
     findings: ParameterFindings, layer: SutLayer, settings: ParameterValues
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Return the warning that names values without effect, if there are any."""
     # What both costmaps have in common is one line of a file, so it is said once.
     idle = {
@@ -227,7 +227,7 @@ def _idle_warning(
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
     hint = f"scenario sut {shlex.quote(layer.document.file)} says why" if layer.files else ""
-    return (Diagnostic(layer.document.where(("sut",)), message, hint, Severity.WARNING),)
+    return (Finding(layer.document.where(("sut",)), message, hint, Severity.WARNING),)
 
 
 def _placed(
@@ -235,13 +235,13 @@ def _placed(
     document: YamlDocument,
     settings: ParameterValues,
     severity: Severity = Severity.ERROR,
-) -> Diagnostic:
+) -> Finding:
     where = parameter_place(settings, finding.path)
     if where is None:
         # A key that is no parameter, such as a file's name.
         is_key = finding.path and finding.path[0] in document.data
         where = document.where(finding.path if is_key else ("sut",))
-    return Diagnostic(where, _named(finding), finding.hint, severity)
+    return Finding(where, _named(finding), finding.hint, severity)
 
 
 def _named(finding: ParameterFinding) -> str:

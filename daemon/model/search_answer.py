@@ -49,7 +49,7 @@ class NearestFailure:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DistinctFailure:
     """Failures that are one: the same oracle, the same object, on the way to the same waypoint.
 
     ``example`` is the one with the smallest margin.
@@ -130,7 +130,7 @@ class SearchAnswer:
     confirmed: Confirmation | None = None
     nearest: NearestFailure | None = None
     shrunk: ShrunkScenario | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[DistinctFailure, ...] = ()
     influence: tuple[Influence, ...] = ()
     sentences: tuple[str, ...] = ()
     found: str = ""

@@ -26,7 +26,7 @@ from daemon.search.space import SearchSpace
 from grammars.model.scene import Scene
 from grammars.preflight import check_run, check_scene
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument, parse_yaml
 from grammars.text.sources import recording_reads
 
@@ -46,7 +46,7 @@ class PreparedSearch(NamedTuple):
 
     submission: SearchSubmission
     case: SearchCase
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
 
 
 def prepare_search(
@@ -91,7 +91,7 @@ def prepare_search(
     return PreparedSearch(submission, case, findings)
 
 
-def _raise_errors(findings: Sequence[Diagnostic]) -> None:
+def _raise_errors(findings: Sequence[Finding]) -> None:
     if any(one.severity is Severity.ERROR for one in findings):
         raise InputError(findings)
 
@@ -110,7 +110,7 @@ def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:
     raise InputError.at(place, f'has no search "{name}"', did_you_mean(name, tasks))
 
 
-def check_search(case: SearchCase) -> tuple[Diagnostic, ...]:
+def check_search(case: SearchCase) -> tuple[Finding, ...]:
     """Return the errors that keep a search from being run, and warnings about its points.
 
     The scenario as written, every parameter at both of its ends and the centre of the space are
@@ -127,7 +127,7 @@ class _SearchCheck:
     case: SearchCase
     document: YamlDocument
 
-    def findings(self) -> Iterator[Diagnostic]:
+    def findings(self) -> Iterator[Finding]:
         """Yield all findings."""
         task = self.case.task
         problem = method_problem(task)
@@ -145,11 +145,11 @@ class _SearchCheck:
 
     def _finding(
         self, message: str, hint: str, *path: str, severity: Severity = Severity.ERROR
-    ) -> Diagnostic:
+    ) -> Finding:
         place = self.document.where(("search", self.case.task.name, *path))
-        return Diagnostic(place, message, hint, severity)
+        return Finding(place, message, hint, severity)
 
-    def _constraint_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
+    def _constraint_findings(self, space: SearchSpace) -> Iterator[Finding]:
         name, texts = self.case.task.name, ", ".join(self.case.task.constraints)
         doubt = partial(self._finding, severity=Severity.WARNING)
         # With a seed of its own: findings do not depend on that of the search.
@@ -166,7 +166,7 @@ class _SearchCheck:
             message = f"{name}: the scenario as written does not keep to such that: {texts}"
             yield doubt(message, "it is the first run all the same", "such that")
 
-    def _point_findings(self, space: SearchSpace) -> Iterator[Diagnostic]:
+    def _point_findings(self, space: SearchSpace) -> Iterator[Finding]:
         """Yield an error for each value that makes no run."""
         task, centre = self.case.task, space.at([0.5] * space.dimensions)
         pairs = zip(task.parameters, centre, strict=True)
@@ -174,7 +174,7 @@ class _SearchCheck:
         try:
             base_cell = self.case.cell_at(base, 0, 0)
         except InputError as error:
-            words = _first(error.diagnostics)
+            words = _first(error.findings)
             message = f"{task.name}: the scenario as written makes no run: {words}"
             yield self._finding(message, "")
             return
@@ -188,7 +188,7 @@ class _SearchCheck:
             try:
                 cell = self.case.cell_at(point, 0, 0)
             except InputError as error:
-                return _first(error.diagnostics)
+                return _first(error.findings)
             new = (words for words in _errors(cell, base_cell.scene) if words not in reported)
             return next(new, "")
 
@@ -217,7 +217,7 @@ def _errors(cell: CampaignCell, checked: Scene | None = None) -> list[str]:
     return [d.message for d in (*of_scene, *of_run) if d.severity is Severity.ERROR]
 
 
-def _first(diagnostics: Sequence[Diagnostic]) -> str:
+def _first(diagnostics: Sequence[Finding]) -> str:
     one = diagnostics[0]
     return f"{one.message} ({one.where})"
 

@@ -16,14 +16,14 @@ from daemon.model.spec import RunSpec
 from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, CostmapPicture, SpeedLimit
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 
 
 class TraceError(InputError):
     """Unusable trace file: the file, its fault and a remedy."""
 
     def __init__(self, path: Path | str, message: str, hint: str = "") -> None:
-        super().__init__(Diagnostic(Where(str(path)), message, hint))
+        super().__init__(Finding(Where(str(path)), message, hint))
 
 
 # ``eq=False`` where there are arrays: comparing them gives arrays, not an answer.

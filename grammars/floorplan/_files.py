@@ -11,7 +11,7 @@ from grammars.floorplan._compile import compile_plan
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     InputError,
     SourceText,
     SyntaxNode,
@@ -101,7 +101,7 @@ def _read_values(
     """Return the values given to variables in SI; raises :class:`InputError` with all faults."""
     variables = {variable.name: variable for variable in tree.variables}
     read: dict[str, float] = {}
-    faults: list[Diagnostic] = []
+    faults: list[Finding] = []
     for key, value in values.items():
         # Campaigns are YAML, where names are written with dashes.
         name = str(key).replace("-", "_")
@@ -109,20 +109,20 @@ def _read_values(
         variable = variables.get(name)
         if variable is None:
             hint = did_you_mean(name, variables) or "the plan has no variables"
-            faults.append(Diagnostic(where, f'plan {tree.name} has no variable "{key}"', hint))
+            faults.append(Finding(where, f'plan {tree.name} has no variable "{key}"', hint))
             continue
         example = f"write {name}: {variable.number} {variable.unit}"
         try:
             quantity = parse_quantity(str(value), where)
         except InputError as error:
-            faults.extend(error.diagnostics)
+            faults.extend(error.findings)
             continue
         kind = kind_of(variable.unit)
         if quantity.dimension != kind:
             message = f"{name} is {with_article(kind)}, not {value}"
-            faults.append(Diagnostic(where, message, example))
+            faults.append(Finding(where, message, example))
         elif abs(quantity.value) > LARGEST:
-            faults.append(Diagnostic(where, f"{name}: {value} is too large", "1000 km at most"))
+            faults.append(Finding(where, f"{name}: {value} is too large", "1000 km at most"))
         else:
             read[name] = quantity.value
     if faults:

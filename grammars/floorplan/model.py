@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.text.diagnostics import Diagnostic, Where
+from grammars.text.diagnostics import Finding, Where
 
 Point3: TypeAlias = tuple[float, float, float]
 NOWHERE = Where("<unknown>")
@@ -150,7 +150,7 @@ class FloorPlan:
     spaces: tuple[Space, ...]
     features: tuple[Feature, ...]
     openings: tuple[Opening, ...]
-    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
+    warnings: tuple[Finding, ...] = field(default=(), compare=False)
 
     @property
     def walls(self) -> tuple[Wall, ...]:

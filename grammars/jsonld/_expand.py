@@ -23,7 +23,7 @@ from grammars.jsonld.vocabulary import (
     context_for,
     context_of_type,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, SourceText, Where
 
 # Documents come from outside: one with a million mistakes is refused after the first few, and
 # contexts of strangers may refer to each other in a circle.
@@ -116,19 +116,19 @@ def _mark_nodes(item: Any) -> None:
 
 def _problems(
     source: _JsonSource, document: Any, process: _Process, error: Exception
-) -> Iterable[Diagnostic]:
+) -> Iterable[Finding]:
     """Return what PyLD refuses of each node by itself, else of the document as a whole."""
     whole = document if isinstance(document, dict) and "@graph" in document else {}
-    found: list[Diagnostic] = []
+    found: list[Finding] = []
     # The contexts alone first: with a broken one there is nothing to say about nodes.
     for node in ({}, *_parts(document)):
         try:
             process({**whole, "@graph": [node]}, ())
         except Exception as fault:
-            found.append(Diagnostic(source.where(node.get("@id")), _explanation(fault)))
+            found.append(Finding(source.where(node.get("@id")), _explanation(fault)))
             if not node or len(found) == _MOST_FINDINGS:
                 break
-    return found or [Diagnostic(source.where(None), _explanation(error))]
+    return found or [Finding(source.where(None), _explanation(error))]
 
 
 def _explanation(error: BaseException) -> str:
@@ -193,10 +193,10 @@ class _NodeReader:
 
     def _warn(self, written: str, message: str, hint: str) -> None:
         where = self._source.where(written)
-        self._nodes.diagnostics.append(Diagnostic(where, message, hint, Severity.WARNING))
+        self._nodes.findings.append(Finding(where, message, hint, Severity.WARNING))
 
     def _error(self, written: str, message: str, hint: str = "") -> None:
-        self._nodes.diagnostics.append(Diagnostic(self._source.where(written), message, hint))
+        self._nodes.findings.append(Finding(self._source.where(written), message, hint))
 
     def _node(self, data: dict[str, Any]) -> Ref:
         """Add a node object and the nodes in it; return a reference to it."""

@@ -81,7 +81,7 @@ class _LayerReader:
             try:
                 read.append(self._part(part))
             except InputError as error:
-                self._nodes.diagnostics.extend(error.diagnostics)
+                self._nodes.findings.extend(error.findings)
         return SceneryLayer(
             name,
             self._file,

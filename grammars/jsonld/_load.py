@@ -20,7 +20,7 @@ from grammars.jsonld._nodes import NodeGraph
 from grammars.jsonld._plan_reader import read_plan
 from grammars.jsonld.vocabulary import FP, KC, OBJ, SCN, ST
 from grammars.scenery import SceneryLayer
-from grammars.text.diagnostics import Diagnostic, Findings, InputError, Where
+from grammars.text.diagnostics import Finding, Findings, InputError, Where
 from grammars.text.sources import is_folder, model_files, read_text
 
 _OF_OBJECTS: Final = (
@@ -44,7 +44,7 @@ def load_floorplan_jsonld(path: str | Path, base: str = "") -> FloorPlan:
 
 
 def load_scenery_jsonld(
-    path: str | Path, warnings: list[Diagnostic] | None = None, base: str = ""
+    path: str | Path, warnings: list[Finding] | None = None, base: str = ""
 ) -> SceneryLayer:
     """Read a scenery layer from JSON-LD: objects, states, instances, and behaviours of ours.
 
@@ -59,14 +59,14 @@ def load_scenery_jsonld(
     layers = read_layers(nodes, str(path))
     if len(layers) == 1:
         if warnings is not None:
-            warnings.extend(dict.fromkeys(nodes.diagnostics))
+            warnings.extend(dict.fromkeys(nodes.findings))
         return layers[0]
     hint = "an Object, an ObjectInstance or a layer of ours is needed"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
     raise InputError.at(Where(str(path), 1, 1), message, "" if layers else hint)
 
 
-def check_jsonld(path: str | Path, base: str = "") -> tuple[Diagnostic, ...]:
+def check_jsonld(path: str | Path, base: str = "") -> tuple[Finding, ...]:
     """Return everything that is wrong with a file or folder, errors and warnings.
 
     Without a floor plan in it, it is one layer, which refers to a plan that is elsewhere. Raises
@@ -81,7 +81,7 @@ def check_jsonld(path: str | Path, base: str = "") -> tuple[Diagnostic, ...]:
             if is_whole:
                 findings.add(read_plan(nodes, str(path)).warnings)
             read_layers(nodes, str(path))
-    return tuple(dict.fromkeys((*nodes.diagnostics, *findings.diagnostics)))
+    return tuple(dict.fromkeys((*nodes.findings, *findings.all)))
 
 
 def _model(path: str | Path, base: str, is_part: Callable[[NodeGraph], bool]) -> NodeGraph:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Finding, Severity, Where
 
 
 class Ref(str):
@@ -89,7 +89,7 @@ class NodeGraph:
 
     by_id: dict[str, Node] = field(default_factory=dict)
     places: dict[str, Where] = field(default_factory=dict)
-    diagnostics: list[Diagnostic] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     is_earlier: bool = False
 
     def get(self, id: str) -> Node:
@@ -108,18 +108,18 @@ class NodeGraph:
         return self.places.get(id) or default or Where(_shown(id))
 
     @property
-    def errors(self) -> tuple[Diagnostic, ...]:
+    def errors(self) -> tuple[Finding, ...]:
         """The errors among the diagnostics, each once."""
-        errors = (d for d in self.diagnostics if d.severity is Severity.ERROR)
+        errors = (d for d in self.findings if d.severity is Severity.ERROR)
         return tuple(dict.fromkeys(errors))
 
     def add_error(self, id: str, message: str, hint: str = "") -> None:
         """Note an error about ``id``."""
-        self.diagnostics.append(Diagnostic(self.where(id), message, hint))
+        self.findings.append(Finding(self.where(id), message, hint))
 
     def add_warning(self, id: str, message: str, hint: str = "") -> None:
         """Note a warning about ``id``."""
-        self.diagnostics.append(Diagnostic(self.where(id), message, hint, Severity.WARNING))
+        self.findings.append(Finding(self.where(id), message, hint, Severity.WARNING))
 
     def merge(self, other: NodeGraph) -> None:
         """Take over everything ``other`` says; equal IRIs become one node."""
@@ -135,7 +135,7 @@ class NodeGraph:
                     mine.add(predicate, value)
         for id, where in other.places.items():
             self.places.setdefault(id, where)
-        self.diagnostics.extend(other.diagnostics)
+        self.findings.extend(other.findings)
         self.is_earlier |= other.is_earlier
 
 

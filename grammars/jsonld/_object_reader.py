@@ -142,7 +142,7 @@ class ObjectReader:
 
     def read(self, node: Node) -> ObjectModel | None:
         """Return the model an ``Object`` node describes, or ``None`` after noting why not."""
-        before = len(self._nodes.diagnostics)
+        before = len(self._nodes.findings)
         placed = self._poses.reach(node.refs(OBJ["object-frame"])[0])
         order = {str(id): k for k, id in enumerate(node.refs(SCN["order"]))}
         bodies = self._bodies(node, order)
@@ -154,7 +154,7 @@ class ObjectReader:
         )
         joints = {str(id): self._joint(self._nodes.get(id), node, bodies, placed) for id in ids}
         states = self._object_states(node, joints, order)
-        if any(d.severity is Severity.ERROR for d in self._nodes.diagnostics[before:]):
+        if any(d.severity is Severity.ERROR for d in self._nodes.findings[before:]):
             return None
         return ObjectModel(
             name_of(node),

@@ -26,7 +26,7 @@ from grammars.jsonld._plan_writer import flat, implied_space, is_polygon
 from grammars.jsonld.vocabulary import FP, GEOM, OBJ, POLY, SCN, local_name, namespace_of
 from grammars.model.geometry import Ring
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     Where,
@@ -104,7 +104,7 @@ class _PlanReader:
         else:
             hint = "one node has the type FloorPlan and lists the spaces"
             where = Where(self.file or "<graph>", 1, 1)
-            self.nodes.diagnostics.append(Diagnostic(where, "there is no floor plan in it", hint))
+            self.nodes.findings.append(Finding(where, "there is no floor plan in it", hint))
         raise InputError(self.nodes.errors)
 
     def _world(self, root: Node) -> str:
@@ -320,10 +320,10 @@ class _PlanReader:
         if self.nodes.errors:
             raise InputError(self.nodes.errors)
 
-    def _warnings(self, plan: FloorPlan) -> tuple[Diagnostic, ...]:
+    def _warnings(self, plan: FloorPlan) -> tuple[Finding, ...]:
         findings = Findings()
         warn_of(geometric_flaws(plan), findings)
-        return (*self.nodes.diagnostics, *findings.warnings)
+        return (*self.nodes.findings, *findings.warnings)
 
 
 def _name(node: Node) -> str:

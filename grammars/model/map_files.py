@@ -24,7 +24,7 @@ from pydantic import Field
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.map_images import MOST_CELLS, WHITE, MapImage, read_image
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic, Findings, InputError, Where
+from grammars.text.diagnostics import Finding, Findings, InputError, Where
 from grammars.text.documents import StrictModel, load_yaml, read_model
 
 _SAVED_UNKNOWN: Final = 205
@@ -57,7 +57,7 @@ class SavedMap:
 
     grid: OccupancyGrid
     yaw: float
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
 
 
 def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from grammars.model.geometry import Ring, convex_ring, turn
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.text.diagnostics import Diagnostic, raise_all
+from grammars.text.diagnostics import Finding, raise_all
 from grammars.text.documents import StrictModel, YamlDocument, load_yaml, read_model
 from grammars.text.quantity import Length, Mass
 
@@ -184,31 +184,31 @@ def read_robot(document: YamlDocument) -> Robot:
     )
 
 
-def _name_problems(text: RobotText, document: YamlDocument) -> Iterator[Diagnostic]:
+def _name_problems(text: RobotText, document: YamlDocument) -> Iterator[Finding]:
     """Yield what is wrong with the names of lasers: the only one has none, others their own."""
     if text.laser is not None and text.laser.name:
         where = document.where(("laser", "name"))
-        yield Diagnostic(where, 'unknown key "name"', 'only several have names, under "lasers:"')
+        yield Finding(where, 'unknown key "name"', 'only several have names, under "lasers:"')
     lasers = text.lasers or ()
     for index, laser in enumerate(lasers):
         if not laser.name:
-            yield Diagnostic(document.where(("lasers", index)), 'key "name" is missing')
+            yield Finding(document.where(("lasers", index)), 'key "name" is missing')
         elif laser.name in [earlier.name for earlier in lasers[:index]]:
             where = document.where(("lasers", index, "name"))
             message = f'there is a laser "{laser.name}" already'
-            yield Diagnostic(where, message, "give each laser a name of its own")
+            yield Finding(where, message, "give each laser a name of its own")
 
 
-def _outline_problems(ring: Ring | None, document: YamlDocument) -> Iterator[Diagnostic]:
+def _outline_problems(ring: Ring | None, document: YamlDocument) -> Iterator[Finding]:
     """Yield what is wrong with a footprint; the simulator and the oracles need it convex."""
     where = document.where(("footprint", "corners"))
     if ring is None:
         hint = "list the corners in order around the robot, without dents or repeats"
-        yield Diagnostic(where, "the footprint is not convex", hint)
+        yield Finding(where, "the footprint is not convex", hint)
         return
     sides = zip(ring, (*ring[1:], ring[0]), strict=True)
     if any(turn((0.0, 0.0), a, b) < -_BESIDE for a, b in sides):
         message = (
             "the footprint does not contain base_link, the point (0 m, 0 m) the robot turns about"
         )
-        yield Diagnostic(where, message, "give the corners as they lie around that point")
+        yield Finding(where, message, "give the corners as they lie around that point")

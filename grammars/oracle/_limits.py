@@ -10,7 +10,7 @@ from typing import Final, Literal, TypeAlias
 from grammars.model.scene import Scene
 from grammars.oracle._model import Oracle, Signal
 from grammars.oracle._references import JointReference, object_signals
-from grammars.text.diagnostics import Diagnostic, Severity
+from grammars.text.diagnostics import Finding, Severity
 from grammars.text.expressions import (
     Comparison,
     ComparisonOperator,
@@ -91,7 +91,7 @@ _YIELD: Final = 0.05
 _Range: TypeAlias = tuple[float, float]
 
 
-def check_joint_limits(oracle: Oracle, scene: Scene) -> tuple[Diagnostic, ...]:
+def check_joint_limits(oracle: Oracle, scene: Scene) -> tuple[Finding, ...]:
     """Return a warning for each comparison of a joint with what it cannot come to in ``scene``.
 
     The usual one is the angle of a door that is hung as its mirror image: such a door opens to
@@ -139,9 +139,7 @@ def _range(expression: Expression, joints: Mapping[str, JointReference]) -> _Ran
     return None
 
 
-def _warning(
-    oracle: Oracle, compared: Comparison, joints: Mapping[str, JointReference]
-) -> Diagnostic:
+def _warning(oracle: Oracle, compared: Comparison, joints: Mapping[str, JointReference]) -> Finding:
     signal = next(part for part in walk(compared) if isinstance(part, Signal))
     reference = joints[signal.name]
     low, high, unit = reference.joint.lower + 0.0, reference.joint.upper + 0.0, "m"  # no -0
@@ -152,4 +150,4 @@ def _warning(
     hint = "compare it with what the joint can come to"
     if reference.object.mirrored:
         hint = f"it is hung as its mirror image, which turns the sign: write abs({signal.name})"
-    return Diagnostic(oracle.place(signal.column), message, hint, Severity.WARNING)
+    return Finding(oracle.place(signal.column), message, hint, Severity.WARNING)

@@ -10,7 +10,7 @@ from grammars.model.movers import is_mover
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.oracle._model import ROBOT, Leg, Oracle, Reached, Signal, thing_of
 from grammars.oracle._signals import SIGNALS, custom_signal_names, mover_hint
-from grammars.text.diagnostics import Diagnostic, did_you_mean
+from grammars.text.diagnostics import Finding, did_you_mean
 from grammars.text.words import count_noun
 
 
@@ -38,7 +38,7 @@ def object_signals(scene: Scene) -> dict[str, JointReference]:
     return found
 
 
-def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Diagnostic, ...]:
+def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Finding, ...]:
     """Return what ``oracle`` speaks of that is not in ``scene`` or ``mission``."""
     known = object_signals(scene)
     everywhere = {*SIGNALS, *custom_signal_names()}
@@ -54,12 +54,12 @@ def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Di
             if thing.name not in things:
                 found.append(_missing(oracle, thing, scene, things, signal.name))
     if isinstance(oracle.judgement, Reached) and not mission.waypoints:
-        found.append(Diagnostic(oracle.where, f'mission "{mission.name}" has no waypoints'))
+        found.append(Finding(oracle.where, f'mission "{mission.name}" has no waypoints'))
     if oracle.leg is not None:
         try:
             leg_number(oracle.leg, mission)
         except ValueError as error:
-            found.append(Diagnostic(oracle.place(oracle.leg.column), str(error)))
+            found.append(Finding(oracle.place(oracle.leg.column), str(error)))
     return tuple(found)
 
 
@@ -110,7 +110,7 @@ def leg_number(leg: Leg, mission: Mission) -> int:
 
 def _missing(
     oracle: Oracle, signal: Signal, scene: Scene, known: Iterable[str], asking: str = ""
-) -> Diagnostic:
+) -> Finding:
     """Return that what a signal names is not there, or not what the signal ``asking`` takes."""
     message = f'no "{signal.name}" in scene "{scene.name}"'
     if signal.name in obstacle_names(scene):
@@ -121,5 +121,5 @@ def _missing(
     owner = signal.name.rpartition(".")[0]
     if any(item.name == owner and is_mover(item.joints) for item in scene.objects):
         message = f'{owner} is a mover, which has no "{signal.name}"'
-        return Diagnostic(place, message, mover_hint(owner))
-    return Diagnostic(place, message, did_you_mean(signal.name, known))
+        return Finding(place, message, mover_hint(owner))
+    return Finding(place, message, did_you_mean(signal.name, known))

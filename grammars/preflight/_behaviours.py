@@ -58,8 +58,8 @@ def check_behaviours(checked: CheckedScene) -> bool:
         served.update(moved)
         if not isinstance(behaviour, Walk):
             _check_behaviour(problems, where, behaviour, *joints[name])
-    checked.findings.add(problems.diagnostics)
-    return not problems.diagnostics
+    checked.findings.add(problems.all)
+    return not problems.all
 
 
 def _check_behaviour(

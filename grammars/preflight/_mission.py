@@ -14,7 +14,7 @@ from grammars.model.geometry import Point2
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.scene import Scene
-from grammars.text.diagnostics import Diagnostic, Findings, Where
+from grammars.text.diagnostics import Finding, Findings, Where
 
 _ARRIVAL: Final = 0.5
 """So far from a waypoint [m] may a system be content; the tolerances of stacks are smaller."""
@@ -46,7 +46,7 @@ def spots_of(mission: Mission, places: Mapping[str, Where], home: Where) -> list
 
 def check_limit(
     mission: Mission, speeds: Mapping[str, float], *, limit: float, where: Where
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Return a warning for a limit [s] in which no run can end its mission.
 
     The way is straight from waypoint to waypoint. ``speeds`` are the largest of the systems under
@@ -68,7 +68,7 @@ def check_limit(
         message = f"{limit:g} s are too short for mission {mission.name}: it takes {takes}"
         hint = "give it a longer limit, or the runs end before the last waypoint"
         findings.warning(where, message, hint)
-    return findings.diagnostics
+    return findings.all
 
 
 def check_map(
@@ -79,7 +79,7 @@ def check_map(
     laser_height: float,
     where: Where,
     places: Mapping[str, Where],
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Return warnings about a map that is given as it is; ``where`` is its name's place.
 
     They are about a start or a waypoint on a cell that is not free, about values that stacks do not
@@ -114,7 +114,7 @@ def check_map(
             "if the robot is not to be given a wrong map: is it of this building, is its origin "
             "right?",
         )
-    return findings.diagnostics
+    return findings.all
 
 
 def _not_free(grid: OccupancyGrid, point: Point2) -> str:

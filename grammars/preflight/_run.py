@@ -19,7 +19,7 @@ from grammars.preflight._mission import Spot, spots_of
 from grammars.preflight._parts import check_meetings, check_walls
 from grammars.preflight._reach import check_reach
 from grammars.preflight._walks import check_walks
-from grammars.text.diagnostics import Diagnostic, Where
+from grammars.text.diagnostics import Finding, Where
 
 _TOLERANCE: Final = 1e-9
 
@@ -32,7 +32,7 @@ def check_run(
     *,
     where: Where | None = None,
     places: Mapping[str, Where] | None = None,
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Return what cannot work when ``robot`` does ``mission`` while doors behave.
 
     Errors: start or waypoint inside a wall, outside of every room or nearer to a wall than half
@@ -59,7 +59,7 @@ def check_run(
     if check_behaviours(checked):
         _check_doors(checked, sound)
         check_triggers(checked, robot, mission)
-    return checked.findings.diagnostics
+    return checked.findings.all
 
 
 def _check_spot(checked: CheckedScene, robot: Robot, spot: Spot) -> bool:

@@ -14,7 +14,7 @@ from grammars.model.scene import Doorway, Scene, SceneObject
 from grammars.preflight._checked import CheckedScene, Footprint, meetings, sweeps
 from grammars.preflight._doors import check_doors
 from grammars.preflight._parts import check_inside, check_meetings, check_starts, check_walls
-from grammars.text.diagnostics import Diagnostic, Where
+from grammars.text.diagnostics import Finding, Where
 
 _TOLERANCE: Final = 1e-9
 _BLOCKED: Final = 0.05
@@ -23,9 +23,7 @@ _THRESHOLD: Final = 0.06
 """How far beyond the faces of its walls a passage must be free [m]."""
 
 
-def check_scene(
-    scene: Scene, *, places: Mapping[str, Where] | None = None
-) -> tuple[Diagnostic, ...]:
+def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a scene, whatever runs in it.
 
     Errors: two objects of one name, joints that start outside of their limits, leaves that start
@@ -59,7 +57,7 @@ def check_scene(
     loose = [part for part in swept if part.body.name not in in_walls]
     check_walls(checked, loose, "somewhere in its range")
     check_meetings(checked, swept, "somewhere in its range", clashes | overlaps)
-    return checked.findings.diagnostics
+    return checked.findings.all
 
 
 def _check_names(checked: CheckedScene) -> None:

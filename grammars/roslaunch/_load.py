@@ -12,7 +12,7 @@ from grammars.roslaunch._names import absolute_name, split_name
 from grammars.roslaunch._packages import Packages, files_near, is_file
 from grammars.roslaunch._parameters import ParameterServer
 from grammars.roslaunch._reader import LaunchReader
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 
 _NOT_XML: Final = (".py", ".yaml", ".yml")
 
@@ -29,12 +29,12 @@ def load_launch(
     wrong.
     """
     packages = Packages()
-    problems: list[Diagnostic] = []
+    problems: list[Finding] = []
     for index, folder in enumerate(settings.packages):
         try:
             packages.add(folder, settings.where(("packages", index)))
         except InputError as error:
-            problems += error.diagnostics
+            problems += error.findings
     for path, where in files:
         problems += _unsuitable(path, where)
     if problems:
@@ -56,7 +56,7 @@ def load_launch(
             warnings += _warnings_of(node, reader)
     if problems:
         # Several nodes may lack the same value.
-        each: dict[tuple[Where, str], Diagnostic] = {}
+        each: dict[tuple[Where, str], Finding] = {}
         for problem in problems:
             each.setdefault((problem.where, problem.message), problem)
         raise InputError(each.values())
@@ -69,21 +69,21 @@ def load_launch(
     )
 
 
-def _unsuitable(path: Path, where: Where) -> list[Diagnostic]:
+def _unsuitable(path: Path, where: Where) -> list[Finding]:
     """Say what keeps a file from being a launch file of ROS 1."""
     if not is_file(path, where):
-        return [Diagnostic(where, f"no file {path}", files_near(path))]
+        return [Finding(where, f"no file {path}", files_near(path))]
     if path.suffix in _NOT_XML:
         message = f"{path.name} is no launch file of ROS 1, which are XML"
-        return [Diagnostic(where, message, 'one of ROS 2 is started by "kind: ros2"')]
+        return [Finding(where, message, 'one of ROS 2 is started by "kind: ros2"')]
     return []
 
 
-def _unknown_args(settings: LaunchSettings, declared: dict[str, bool]) -> list[Diagnostic]:
+def _unknown_args(settings: LaunchSettings, declared: dict[str, bool]) -> list[Finding]:
     """Refuse args that no launch file has; roslaunch would say nothing."""
     known = [name for name, open_ in declared.items() if open_]
     return [
-        Diagnostic(
+        Finding(
             settings.where(("args", name)),
             f"arg {name} has a fixed value in the launch file"
             if name in declared
@@ -95,9 +95,9 @@ def _unknown_args(settings: LaunchSettings, declared: dict[str, bool]) -> list[D
     ]
 
 
-def _unused_endings(settings: LaunchSettings, skipped: set[str]) -> list[Diagnostic]:
+def _unused_endings(settings: LaunchSettings, skipped: set[str]) -> list[Finding]:
     return [
-        Diagnostic(
+        Finding(
             settings.where(("skip", index)),
             f'skip: no file that is loaded or included ends with "{ending}"',
             "take it out, or write the file's name as the launch file does",
@@ -108,7 +108,7 @@ def _unused_endings(settings: LaunchSettings, skipped: set[str]) -> list[Diagnos
     ]
 
 
-def _errors_of(node: LaunchNode, reader: LaunchReader) -> list[Diagnostic]:
+def _errors_of(node: LaunchNode, reader: LaunchReader) -> list[Finding]:
     """Return what names of a node and its parameters lack, and why some could not be read."""
     name = split_name(node.name)
     names = [node.name, *node.remaps, *(remap.to for remap in node.remaps.values())]
@@ -118,7 +118,7 @@ def _errors_of(node: LaunchNode, reader: LaunchReader) -> list[Diagnostic]:
     return unknown + unread
 
 
-def _warnings_of(node: LaunchNode, reader: LaunchReader) -> list[Diagnostic]:
+def _warnings_of(node: LaunchNode, reader: LaunchReader) -> list[Finding]:
     """Return notes about parameters of a node, and what may hold some and could not be read."""
     name = split_name(node.name)
     notes = [note for part in reader.notes if part.inside(name) for note in part.reasons]

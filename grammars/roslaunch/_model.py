@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from grammars.roslaunch._names import ParameterName
-from grammars.text.diagnostics import Diagnostic, Where
+from grammars.text.diagnostics import Finding, Where
 from grammars.text.ros_yaml import ParameterValue
 
 SettingPlace: TypeAlias = Callable[[tuple[str | int, ...]], Where]
@@ -73,4 +73,4 @@ class Launch:
     parameters: Mapping[ParameterName, ParameterValue]
     files: tuple[str, ...]
     left_out: tuple[str, ...]
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]

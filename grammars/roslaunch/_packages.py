@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.sources import is_folder, names_in, note_read, read_text
 
 _FIND: Final = re.compile(r"\$\(\s*find\s+([^\s()$]+)\s*\)[/\\]?")
@@ -84,7 +84,7 @@ class Packages:
             if match[1] not in self._folders:
                 message = f"package {match[1]} is not given"
                 hint = f'name the folder of {match[1]}, or one above it, under "packages"'
-                raise PackageError(Diagnostic(where, message, hint))
+                raise PackageError(Finding(where, message, hint))
         found = _FIND.match(text)
         if found is not None:
             return _shortened(self._folders[found[1]] / text[found.end() :].lstrip("/"))
@@ -149,7 +149,7 @@ def _folders_near(folder: Path) -> str:
     return did_you_mean(folder.name, names_in(folder.parent, is_folder))
 
 
-def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
+def follow_links(path: Path, warnings: list[Finding]) -> Path:
     """Return the file that holds what ``path`` stands for.
 
     A symbolic link that was checked out as text (git without support for links, an archive) is a
@@ -164,7 +164,7 @@ def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
         if not re.fullmatch(r"[\w./-]{1,200}", name) or name == path.name or not target.is_file():
             return path
         message = f"is a symbolic link that became text: {target.name} is read in its place"
-        note = Diagnostic(Where(str(path), 1, 1), message, "", Severity.WARNING)
+        note = Finding(Where(str(path), 1, 1), message, "", Severity.WARNING)
         if note not in warnings:
             warnings.append(note)
         path = _shortened(target)

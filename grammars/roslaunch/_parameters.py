@@ -14,7 +14,7 @@ from typing import Any, Final
 from grammars.roslaunch._names import ParameterName, convert_value, split_name
 from grammars.roslaunch._substitution import UnknownValues
 from grammars.roslaunch._xml import XmlElement
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import Finding, InputError
 from grammars.text.documents import KeyPath, YamlDocument, paths_inside
 from grammars.text.ros_yaml import ParameterValue, parse_ros_yaml
 
@@ -36,7 +36,7 @@ class UnreadParameters:
 
     namespace: ParameterName
     owner: ParameterName | None
-    reasons: tuple[Diagnostic, ...]
+    reasons: tuple[Finding, ...]
 
     def inside(self, node: ParameterName) -> bool:
         """Say whether they are meant for ``node``."""
@@ -58,7 +58,7 @@ def read_param(
     name = element.attributes.get("name", "")
     if source != "value":
         hint = 'write the value under "parameters" if the node needs it'
-        lack = Diagnostic(where, f"{name}: {_NOT_READ[source]}", hint)
+        lack = Finding(where, f"{name}: {_NOT_READ[source]}", hint)
         return ParameterValue(text, where, (lack,))
     written = text.strip()
     if reasons := unknown.reasons_in(written):

@@ -30,7 +30,7 @@ from grammars.roslaunch._parameters import (
 from grammars.roslaunch._scope import Scope, WrittenRemap
 from grammars.roslaunch._substitution import Substitution, UnknownValues
 from grammars.roslaunch._xml import XmlElement, parse_xml
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.ros_yaml import parse_ros_yaml
 from grammars.text.sources import MAX_BYTES, read_text
 
@@ -74,8 +74,8 @@ class LaunchReader:
     files: dict[str, XmlElement] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     skipped: set[str] = field(default_factory=set)
-    errors: list[Diagnostic] = field(default_factory=list)
-    warnings: list[Diagnostic] = field(default_factory=list)
+    errors: list[Finding] = field(default_factory=list)
+    warnings: list[Finding] = field(default_factory=list)
     _includes: int = 0
     _started: set[str] = field(default_factory=set)
 
@@ -87,7 +87,7 @@ class LaunchReader:
         try:
             self._children(self._root(path), scope, 0)
         except InputError as error:
-            self.errors += error.diagnostics
+            self.errors += error.findings
         for name, open_ in scope.declared.items():
             self.declared[name] = open_ or self.declared.get(name, False)
 
@@ -109,11 +109,11 @@ class LaunchReader:
             try:
                 self._child(child, scope, depth)
             except InputError as error:
-                self.errors += error.diagnostics
+                self.errors += error.findings
                 name = child.attributes.get("name")
                 if child.tag == "arg" and name:
                     # Every use of it fails for the same reason, which is reported once.
-                    self.unknown.add(f"$(arg {name})", error.diagnostics)
+                    self.unknown.add(f"$(arg {name})", error.findings)
                     scope.args.setdefault(name, f"$(arg {name})")
 
     def _child(self, element: XmlElement, scope: Scope, depth: int) -> None:
@@ -149,7 +149,7 @@ class LaunchReader:
         return True
 
     def _warn(self, where: Where, message: str, hint: str = "") -> None:
-        warning = Diagnostic(where, message, hint, Severity.WARNING)
+        warning = Finding(where, message, hint, Severity.WARNING)
         if warning not in self.warnings:
             self.warnings.append(warning)
 
@@ -247,7 +247,7 @@ class LaunchReader:
         try:
             path = self.packages.path(file, scope.file.parent, where)
         except PackageError as error:
-            self._leave_out(file, error.diagnostics[0])
+            self._leave_out(file, error.findings[0])
             return
         self.unknown.refuse_in(file)
         if not is_file(path, where):
@@ -281,9 +281,9 @@ class LaunchReader:
             if name not in inner.declared:
                 message = f"{path.name} has no arg {name}, roslaunch refuses to start this"
                 hint = did_you_mean(name, inner.declared)
-                self.errors.append(Diagnostic(places.get(name, element.where), message, hint))
+                self.errors.append(Finding(places.get(name, element.where), message, hint))
 
-    def _leave_out(self, file: str, reason: Diagnostic) -> None:
+    def _leave_out(self, file: str, reason: Finding) -> None:
         self.left_out.append(file)
         hint = f'{reason.hint}, or the file under "skip" if nothing of it matters'
         self._warn(reason.where, f"{reason.message}: {file} is left out", hint)
@@ -342,7 +342,7 @@ class LaunchReader:
             try:
                 self._load(element, scope, target, owner, any_value=bool(below))
             except InputError as error:
-                self.unread.append(UnreadParameters(target, owner, error.diagnostics))
+                self.unread.append(UnreadParameters(target, owner, error.findings))
         elif command != "dump":
             message = f'command "{command}" is none of load, delete, dump'
             raise InputError.at(element.place("command"), message)

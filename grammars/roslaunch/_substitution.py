@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from grammars.roslaunch._expressions import ExpressionError, evaluate
 from grammars.roslaunch._names import convert_value
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 _COMMAND: Final = re.compile(r"\$\(([^)]*)\)")
 _LONGEST: Final = 10_000
@@ -29,9 +29,9 @@ class UnknownValues:
     """Commands without a value, and why: each is reported once, wherever it is needed."""
 
     def __init__(self) -> None:
-        self._reasons: dict[str, tuple[Diagnostic, ...]] = {}
+        self._reasons: dict[str, tuple[Finding, ...]] = {}
 
-    def add(self, command: str, reasons: Iterable[Diagnostic]) -> None:
+    def add(self, command: str, reasons: Iterable[Finding]) -> None:
         """Remember why a command such as ``$(env ROBOT)`` has no value; the first reasons count."""
         self._reasons.setdefault(command, tuple(reasons))
 
@@ -44,7 +44,7 @@ class UnknownValues:
                 for one in reasons
             )
 
-    def reasons_in(self, text: str) -> tuple[Diagnostic, ...]:
+    def reasons_in(self, text: str) -> tuple[Finding, ...]:
         """Return what keeps ``text`` from being the text meant."""
         commands = (match[0] for match in _COMMAND.finditer(text))
         return tuple(reason for one in commands for reason in self._reasons.get(one, ()))
@@ -124,7 +124,7 @@ class Substitution:
             hint = f'write it under "env"; in this shell it is {name}: {value_here}'
         command = f"$(env {name})"
         message = f"environment variable {name} is not given"
-        self.unknown.add(command, [Diagnostic(where, message, hint)])
+        self.unknown.add(command, [Finding(where, message, hint)])
         return command
 
     def _evaluated(self, text: str, where: Where) -> str:

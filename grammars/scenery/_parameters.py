@@ -10,7 +10,7 @@ from typing import Any, Final
 from grammars.scenery.measure import parse_measure
 from grammars.scenery.model import Group, Parameter, Path, SceneryLayer, Subject, Word
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     Severity,
@@ -81,20 +81,20 @@ def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
     try:
         given = parse_measure(str(value), where, parameter.value.dimension)
     except InputError as error:
-        message = f"{parameter.name}: {error.diagnostics[0].message}"
+        message = f"{parameter.name}: {error.findings[0].message}"
         raise InputError.at(where, message, example) from error
     text = f"parameter {parameter.name} = {given}"
     return Parameter(parameter.name, given, where, text=text)
 
 
-def unused_parameters(layer: SceneryLayer) -> list[Diagnostic]:
+def unused_parameters(layer: SceneryLayer) -> list[Finding]:
     """Return a warning for every parameter of a layer that none of its sentences names.
 
     No other layer can: parameters are those of their layer alone.
     """
     used = {value.text for value in _values_in(layer.sentences) if isinstance(value, Word)}
     return [
-        Diagnostic(
+        Finding(
             parameter.where,
             f"no sentence of {layer.name} uses the parameter {parameter.name}",
             "leave it out, or write its name in place of a quantity",
@@ -105,7 +105,7 @@ def unused_parameters(layer: SceneryLayer) -> list[Diagnostic]:
     ]
 
 
-def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> list[Diagnostic]:
+def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> list[Finding]:
     """Return a warning for every group of a layer that neither it nor one of ``others`` names.
 
     Layers with objects of their own are left out: their groups are an offer to whoever uses them.
@@ -121,7 +121,7 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
         if isinstance(value, Path)
     }
     return [
-        Diagnostic(
+        Finding(
             group.where,
             f"no sentence is about the group {group.name}",
             f"leave it out, or write every {group.name}",

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class Severity(StrEnum):
-    """How bad a diagnostic is: an error stops, a warning does not."""
+    """How bad a finding is: an error stops, a warning does not."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -49,8 +49,8 @@ def _shortened(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnostic:
-    """One finding: ``where: message``, with an optional hint on what to do about it.
+class Finding:
+    """Something wrong in a file: ``where: message``, with an optional hint on what to do about it.
 
     Message and hint are fit for a terminal, whatever the text they quote, however long.
     """
@@ -70,21 +70,24 @@ class Diagnostic:
         return f"{spell_out(str(self.where))}: {label}{self.message}{hint}"
 
 
-class InputError(Exception):
-    """Something a person wrote cannot be used; ``diagnostics`` says why, all of it."""
+class ScenarioError(Exception):
+    """Root of everything this project raises on purpose (:mod:`scenario_tui.errors`)."""
 
-    def __init__(self, diagnostics: Diagnostic | Iterable[Diagnostic]) -> None:
-        found = (diagnostics,) if isinstance(diagnostics, Diagnostic) else tuple(diagnostics)
-        self.diagnostics: tuple[Diagnostic, ...] = found
-        super().__init__("\n".join(str(d) for d in found))
+
+class InputError(ScenarioError):
+    """Something a person wrote cannot be used; ``findings`` says why, all of it."""
+
+    def __init__(self, findings: Finding | Iterable[Finding]) -> None:
+        self.findings = (findings,) if isinstance(findings, Finding) else tuple(findings)
+        super().__init__("\n".join(map(str, self.findings)))
 
     @classmethod
     def at(cls, where: Where, message: str, hint: str = "") -> InputError:
         """Return the error of one finding."""
-        return cls(Diagnostic(where, message, hint))
+        return cls(Finding(where, message, hint))
 
 
-def raise_all(problems: Iterable[Diagnostic]) -> None:
+def raise_all(problems: Iterable[Finding]) -> None:
     """Raise :class:`InputError` with the problems, each once, if there are any."""
     found = tuple(dict.fromkeys(problems))
     if found:
@@ -188,20 +191,20 @@ class Findings:
 
     def __init__(self, source: SourceText | None = None) -> None:
         self._source = source
-        self._all: list[Diagnostic] = []
+        self._all: list[Finding] = []
 
     @property
-    def diagnostics(self) -> tuple[Diagnostic, ...]:
+    def all(self) -> tuple[Finding, ...]:
         """All of them, each once, in the order of their discovery."""
         return tuple(dict.fromkeys(self._all))
 
     @property
-    def errors(self) -> tuple[Diagnostic, ...]:
+    def errors(self) -> tuple[Finding, ...]:
         """The errors, in source order."""
         return in_source_order(d for d in self._all if d.severity is Severity.ERROR)
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """The warnings, in source order."""
         return in_source_order(d for d in self._all if d.severity is Severity.WARNING)
 
@@ -214,15 +217,15 @@ class Findings:
 
     def error(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
         """Add something without a meaning: :meth:`raise_errors` will refuse it."""
-        self._all.append(Diagnostic(self.where(place), message, hint))
+        self._all.append(Finding(self.where(place), message, hint))
 
     def warning(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
         """Add something that has a meaning, though probably not the intended one."""
-        self._all.append(Diagnostic(self.where(place), message, hint, Severity.WARNING))
+        self._all.append(Finding(self.where(place), message, hint, Severity.WARNING))
 
-    def add(self, diagnostics: Iterable[Diagnostic]) -> None:
-        """Add the diagnostics of another reader or checker."""
-        self._all.extend(diagnostics)
+    def add(self, findings: Iterable[Finding]) -> None:
+        """Add the findings of another reader or checker."""
+        self._all.extend(findings)
 
     @contextmanager
     def collecting(self) -> Iterator[None]:
@@ -230,7 +233,7 @@ class Findings:
         try:
             yield
         except InputError as error:
-            self.add(error.diagnostics)
+            self.add(error.findings)
 
     def raise_errors(self) -> None:
         """Raise :class:`InputError` with all errors and warnings, each once, if any is an error."""
@@ -238,7 +241,7 @@ class Findings:
             raise_all(in_source_order(self.errors + self.warnings))
 
 
-def in_source_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def in_source_order(diagnostics: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the diagnostics sorted by place, file by file as the files first appear.
 
     Diagnostics of one place stay in the order given.

@@ -28,7 +28,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, closest, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, closest, did_you_mean
 from grammars.text.sources import read_text as read_text
 from grammars.text.yaml_composer import KeyPath as KeyPath
 from grammars.text.yaml_composer import compose, kind_of, source_at, source_line
@@ -184,11 +184,11 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
         told = [_explain(document, model, finding) for finding in findings[:_MOST_FINDINGS]]
         if len(findings) > len(told):
             more = f"and {len(findings) - len(told)} more of the kind"
-            told.append(Diagnostic(Where(document.file), more))
+            told.append(Finding(Where(document.file), more))
         raise InputError(told) from error
 
 
-def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Diagnostic:
+def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Finding:
     path, message, hint = explain_finding(model, finding)
     where = document.where(path)
     if finding["type"] == "string_type" and hint:
@@ -197,7 +197,7 @@ def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Di
         in_it = where.file == document.file
         written = (source_at(document.text, where, _VALUE) if in_it else "") or str(given)
         hint = _text_hint(written, given)
-    return Diagnostic(where, message, hint)
+    return Finding(where, message, hint)
 
 
 def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str, str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Literal, Protocol, TypeAlias
 
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     SourceText,
@@ -192,6 +192,6 @@ def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Express
         findings.raise_errors()
     except InputError as error:
         raise InputError(
-            Diagnostic(where, f'"{text}": {one.message}', one.hint) for one in error.diagnostics
+            Finding(where, f'"{text}": {one.message}', one.hint) for one in error.findings
         ) from error
     return predicate

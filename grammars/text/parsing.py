@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     SourceText,
@@ -189,14 +189,14 @@ class Language:
         # Rules that only look ahead match nothing.
         return (key for key in keys if key not in ("", "Comment") and not key.startswith(r"\/\/"))
 
-    def explain(self, source: SourceText, fault: SyntaxFault) -> Diagnostic:
+    def explain(self, source: SourceText, fault: SyntaxFault) -> Finding:
         """Return what is wrong at ``fault``: where it stands, or where something is missing."""
         if self.ends_early(fault):
             last = re.split(r"\s", fault.done)[-1][-_LONGEST:]
             message = f'expected {enumerate_words(self.phrases(fault), "or")} after "{last}"'
             hint = self.hint(replace(fault, word=""))
-            return Diagnostic(source.where(len(fault.done)), message, hint)
-        return Diagnostic(source.where(fault.offset), self.message(fault), self.hint(fault))
+            return Finding(source.where(len(fault.done)), message, hint)
+        return Finding(source.where(fault.offset), self.message(fault), self.hint(fault))
 
     def statement_starts(self, text: str) -> Sequence[int]:
         """Return where the statements of ``text`` begin; none: reading ends at the first error."""

@@ -8,7 +8,7 @@ import re
 import traceback
 from typing import TYPE_CHECKING, Any, Final
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -84,4 +84,4 @@ def load_extra(module: str, extra: str, purpose: str, where: str) -> Any:
         library = module.partition(".")[0]
         message = f"{purpose} takes the library {library}, which is not installed"
         hint = f'install it with: pip install "scenario-tui[{extra}]"'
-        raise MissingExtraError(Diagnostic(Where(where), message, hint)) from error
+        raise MissingExtraError(Finding(Where(where), message, hint)) from error

@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 
 import yaml
 
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, SourceText, Where
 from grammars.text.documents import KeyPath, YamlDocument, read_text
 from grammars.text.yaml_composer import mark_place, yaml_loader
 
@@ -52,7 +52,7 @@ class ParameterValue:
 
     value: Any
     where: Where
-    missing: tuple[Diagnostic, ...] = ()
+    missing: tuple[Finding, ...] = ()
     inside: Mapping[KeyPath, Where] = field(default_factory=dict)
 
 
@@ -60,7 +60,7 @@ Locate: TypeAlias = Callable[[int, int], Where]
 """Where in a file a line and column (from 1) of a text stands that is a part of it."""
 
 
-def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
+def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Finding, ...]]:
     """Read a ROS parameter file; the second value holds warnings.
 
     Raises :class:`InputError` for what is no YAML, no mapping, or larger than files of people.
@@ -70,7 +70,7 @@ def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Diagnostic, ...
 
 def parse_ros_yaml(
     text: str, file: str, *, locate: Locate | None = None, any_value: bool = False
-) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
+) -> tuple[YamlDocument, tuple[Finding, ...]]:
     """Parse the text of a ROS parameter file; ``file`` is the name used in messages.
 
     ``locate`` places a text that is a part of its file. With ``any_value`` the text may be a
@@ -124,7 +124,7 @@ class _RosYamlReader:
     locate: Callable[[Any], Where]
     constructor: Any = field(default_factory=yaml.constructor.SafeConstructor)
     places: dict[KeyPath, Where] = field(default_factory=dict)
-    warnings: list[Diagnostic] = field(default_factory=list)
+    warnings: list[Finding] = field(default_factory=list)
     count: int = 0
 
     def value(self, node: Any, path: KeyPath) -> Any:
@@ -216,7 +216,7 @@ class _RosYamlReader:
 
     def warn(self, node: Any, message: str, hint: str) -> None:
         """Note something that reads well and is probably a slip."""
-        self.warnings.append(Diagnostic(self.place(node), message, hint, Severity.WARNING))
+        self.warnings.append(Finding(self.place(node), message, hint, Severity.WARNING))
 
 
 def _work_out(text: str) -> float:

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 
 import yaml
 
-from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where
+from grammars.text.diagnostics import Finding, InputError, SourceText, Where
 
 Key: TypeAlias = str | int
 KeyPath: TypeAlias = tuple[Key, ...]
@@ -70,7 +70,7 @@ class _Composer:
         self.places: Places = {(): self.last_place}
         self._source = source
         self._events: Iterator[Any] = iter(())
-        self._findings: list[Diagnostic] = []
+        self._findings: list[Finding] = []
         self._nodes = 0
 
     def read(self, events: Iterator[Any]) -> tuple[Any, Places]:
@@ -168,7 +168,7 @@ class _Composer:
 
     def _note(self, where: Where, message: str, hint: str = "") -> None:
         if len(self._findings) < _MOST_FINDINGS:
-            self._findings.append(Diagnostic(where, message, hint))
+            self._findings.append(Finding(where, message, hint))
 
 
 _TRUTH: Final = {
@@ -253,22 +253,22 @@ _REMEDIES: Final = (
 """What YAML's own messages mean to a person: part of the message, our words, what to do."""
 
 
-def _explain(source: SourceText, error: Any) -> Diagnostic:
+def _explain(source: SourceText, error: Any) -> Finding:
     """Return what is wrong in the words of people."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
         position = getattr(error, "position", None)
-        return Diagnostic(source.where(position or 0), f"is not valid YAML: {first_line}")
+        return Finding(source.where(position or 0), f"is not valid YAML: {first_line}")
     where = mark_place(source, mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
     # libyaml and PyYAML's own parser say these two in words that have nothing in common.
     if source.text.startswith("\t", mark.index):
-        return Diagnostic(where, "is not valid YAML: indents with a tab", "indent with spaces")
+        return Finding(where, "is not valid YAML: indents with a tab", "indent with spaces")
     if mark.index >= len(source.text) and "expected" in problem.split():
         message = "is not valid YAML: ends in the middle of a list or mapping"
-        return Diagnostic(where, message, "a bracket or value is missing")
+        return Finding(where, message, "a bracket or value is missing")
     for part, ours, hint in _REMEDIES:
         if part in problem:
-            return Diagnostic(where, f"is not valid YAML: {ours or problem}", hint)
-    return Diagnostic(where, f"is not valid YAML: {problem}")
+            return Finding(where, f"is not valid YAML: {ours or problem}", hint)
+    return Finding(where, f"is not valid YAML: {problem}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean, with_article
 from grammars.text.quantity import parse_quantity
 from grammars.text.units import DIMENSIONS, RATIO, from_si, read_unit
 from grammars.variation._distributions import Fixed
@@ -30,7 +30,7 @@ def fix_draws(
     written, ``where`` where all of them are. Raises :class:`InputError` with all that do not fit.
     """
     draws = {draw.name: draw for draw in variation.draws}
-    findings: list[Diagnostic] = []
+    findings: list[Finding] = []
     for key, value in values.items():
         place = places.get(key, where)
         name = key if key in draws else key.replace("-", "_")
@@ -40,7 +40,7 @@ def fix_draws(
         try:
             number = _number(value, draw_unit(variation, draws[name]), name, place)
         except InputError as error:
-            findings.extend(error.diagnostics)
+            findings.extend(error.findings)
             continue
         drawn = draws[name].distribution
         drawn = drawn.drawn if isinstance(drawn, Fixed) else drawn
@@ -50,13 +50,13 @@ def fix_draws(
     return replace(variation, draws=tuple(draws.values()))
 
 
-def _unknown(variation: Variation, key: str, where: Where) -> Diagnostic:
+def _unknown(variation: Variation, key: str, where: Where) -> Finding:
     names = [draw.name for draw in variation.draws]
     message = f'variation of {variation.plan_name} has no draw "{key}"'
     if key in variation.reported:
         hint = f"it is calculated; what is drawn: {', '.join(names)}"
-        return Diagnostic(where, message, hint)
-    return Diagnostic(where, message, did_you_mean(key, names))
+        return Finding(where, message, hint)
+    return Finding(where, message, did_you_mean(key, names))
 
 
 def _number(value: Any, unit: str, name: str, where: Where) -> float:

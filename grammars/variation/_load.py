@@ -10,7 +10,7 @@ from pathlib import Path
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text import sources
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     SourceText,
@@ -79,7 +79,7 @@ class Variation:
     requirements: tuple[Requirement, ...]
     meanings: Mapping[Name, Meaning]
     reported: tuple[str, ...]
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     @property
     def plan_name(self) -> str:

@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from grammars.floorplan import FloorPlan
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.variation._load import Variant, Variation
 from grammars.variation._soundness import flaws_of
 from grammars.variation._variants import Rejections, VariantBuilder
@@ -96,10 +96,10 @@ def variant_plans(
     return tuple((variant.name, variant.plan) for variant in variants)
 
 
-def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...]:
+def source_defects(variation: Variation, radius: float) -> tuple[Finding, ...]:
     """Return as warnings what is unsound in the plan itself; variants may keep it."""
     return tuple(
-        Diagnostic(flaw.where, flaw.message, "its variants may keep this", Severity.WARNING)
+        Finding(flaw.where, flaw.message, "its variants may keep this", Severity.WARNING)
         for flaw in flaws_of(variation.source, radius)
         if flaw.extent > flaw.slack
     )

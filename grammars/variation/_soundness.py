@@ -10,7 +10,7 @@ from itertools import combinations
 from typing import Final
 
 from grammars.floorplan import Flaw, FloorPlan, Opening, geometric_flaws
-from grammars.text.diagnostics import Diagnostic
+from grammars.text.diagnostics import Finding
 
 _AREA: Final = 1e-3
 """Area by which openings may run into each other [m²]."""
@@ -22,7 +22,7 @@ _STANDING: Final = 1e-4
 
 def check_soundness(
     plan: FloorPlan, source: Mapping[str, float], radius: float
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Return what is unsound in ``plan``; ``source`` has the extents of the flaws it may have.
 
     Suspicious geometry, openings that run into each other, walls without thickness or height, and
@@ -33,9 +33,9 @@ def check_soundness(
     return worse or _worse(_unreachable(plan, radius), source)
 
 
-def _worse(flaws: Iterable[Flaw], source: Mapping[str, float]) -> tuple[Diagnostic, ...]:
+def _worse(flaws: Iterable[Flaw], source: Mapping[str, float]) -> tuple[Finding, ...]:
     return tuple(
-        Diagnostic(flaw.where, flaw.message)
+        Finding(flaw.where, flaw.message)
         for flaw in flaws
         if flaw.extent > flaw.slack + source.get(flaw.key, 0.0)
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.text.expressions import Expression, Name, evaluate
 from grammars.text.files import write_atomically
 from grammars.text.terminal_text import printable
@@ -33,9 +33,9 @@ class Rejections:
 
     def __init__(self) -> None:
         self._counts: dict[tuple[Where, str], int] = {}
-        self._first: dict[tuple[Where, str], Diagnostic] = {}
+        self._first: dict[tuple[Where, str], Finding] = {}
 
-    def add(self, reasons: Iterable[Diagnostic]) -> None:
+    def add(self, reasons: Iterable[Finding]) -> None:
         """Count the reasons against one point."""
         for reason in reasons:
             # Sizes and distances differ from draw to draw; the reason is the same.
@@ -46,13 +46,13 @@ class Rejections:
     def error(self, where: Where, message: str) -> InputError:
         """Return ``message`` as an error, with what rejected most often first."""
         hint = "loosen what is required, or the distributions it is about"
-        findings = [Diagnostic(where, message, hint)]
+        findings = [Finding(where, message, hint)]
         for key, count in sorted(self._counts.items(), key=lambda item: -item[1])[:_LISTED]:
             reason = self._first[key]
-            findings.append(Diagnostic(reason.where, f"rejected {count} times: {reason.message}"))
+            findings.append(Finding(reason.where, f"rejected {count} times: {reason.message}"))
         if len(self._counts) > _LISTED:
             more = f"and {len(self._counts) - _LISTED} more reasons"
-            findings.append(Diagnostic(where, more))
+            findings.append(Finding(where, more))
         return InputError(findings)
 
 
@@ -102,7 +102,7 @@ class VariantBuilder:
             if not failing and self.radius is not None:
                 failing = self._in_source(check_soundness(plan, self._source, self.radius))
         except InputError as error:
-            errors = [d for d in error.diagnostics if d.severity is Severity.ERROR]
+            errors = [d for d in error.findings if d.severity is Severity.ERROR]
             failing = self._in_source(errors)
         rejected.add(failing)
         return None if failing else plan
@@ -115,19 +115,19 @@ class VariantBuilder:
         source = f"{plan.name} ({file})"
         return f"// Source plan: {source}{newline}// Seed: {seed}{how}{newline}"
 
-    def _in_source(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+    def _in_source(self, findings: Iterable[Finding]) -> list[Finding]:
         """Return findings about a variant at the lines of the plan it comes from."""
         moved = []
         for finding in findings:
             line = max(0, finding.where.line - _HEADER_LINES)
             where = Where(str(self.variation.plan_file), line, finding.where.column)
-            moved.append(Diagnostic(where, finding.message))
+            moved.append(Finding(where, finding.message))
         return moved
 
 
-def _failing(requirements: Iterable[Requirement], drawn: SampledPoint) -> list[Diagnostic]:
+def _failing(requirements: Iterable[Requirement], drawn: SampledPoint) -> list[Finding]:
     return [
-        Diagnostic(required.where, required.text)
+        Finding(required.where, required.text)
         for required in requirements
         if evaluate(required.predicate, drawn.value_of) != 1.0
     ]

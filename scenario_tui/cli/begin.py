@@ -249,5 +249,5 @@ def _about(path: Path) -> str:
     try:
         said = load_yaml(path).data.get("about", "")
     except InputError as error:
-        return f"cannot be read: {error.diagnostics[0].message}"
+        return f"cannot be read: {error.findings[0].message}"
     return said if isinstance(said, str) else ""

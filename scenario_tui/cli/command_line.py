@@ -143,7 +143,7 @@ def _report(error: Exception) -> tuple[int, ErrorOutput | None]:
         return code, ErrorOutput(_usage_message(error), code)
     if isinstance(error, InputError):
         code = _report_bad_input(error)
-        return code, ErrorOutput.of(error.diagnostics, code)
+        return code, ErrorOutput.of(error.findings, code)
     code, said = _report_unhandled(error)
     return code, ErrorOutput(said, code) if said else None
 
@@ -180,8 +180,8 @@ def _report_wrong_usage(error: typer.TyperException) -> int:
 def _report_bad_input(error: InputError) -> int:
     from scenario_tui.text.diagnostics import diagnostic_counts
 
-    report_diagnostics(error.diagnostics)
-    say(diagnostic_counts(error.diagnostics))
+    report_diagnostics(error.findings)
+    say(diagnostic_counts(error.findings))
     return ExitCode.BAD_INPUT
 
 

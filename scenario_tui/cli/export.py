@@ -24,12 +24,12 @@ from scenario_tui.cli.output import Output, report_diagnostics
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from grammars.text.diagnostics import Diagnostic
+    from grammars.text.diagnostics import Finding
     from templates.artefacts import ExportResult
     from templates.world import ArtefactWorld, ExportSettings
 
 
-def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
+def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Finding, ...]]:
     """Return the world of a plan (`.fpm`, `.walls.yaml` or JSON-LD), and the warnings about it.
 
     Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
@@ -211,7 +211,7 @@ def export(
     named = _named_file(out, kinds)
     from daemon.analysis.campaign_worlds import worlds_of_campaign
     from grammars.floorplan import WALLS_ENDING
-    from grammars.text.diagnostics import Diagnostic, Severity, Where
+    from grammars.text.diagnostics import Finding, Severity, Where
     from templates.naming import file_name
     from templates.world import ExportSettings
 
@@ -257,7 +257,7 @@ def export(
             for path in done.paths:
                 typer.echo(path)
     report_diagnostics(
-        Diagnostic(Where(_about(source, names, len(placed))), note, severity=Severity.WARNING)
+        Finding(Where(_about(source, names, len(placed))), note, severity=Severity.WARNING)
         for note, names in noted.items()
     )
     if as_json:
@@ -327,13 +327,13 @@ def _about(source: Path, worlds: list[str], count: int) -> str:
 
 def _written(results: Iterator[ExportResult], out: Path) -> Iterator[ExportResult]:
     """Yield ``results``; a folder that cannot be written is bad input."""
-    from grammars.text.diagnostics import Diagnostic, InputError, Where
+    from grammars.text.diagnostics import Finding, InputError, Where
 
     try:
         yield from results
     except OSError as error:
         place = Where(str(error.filename or out))
-        raise InputError(Diagnostic(place, f"cannot be written: {error.strerror}")) from error
+        raise InputError(Finding(place, f"cannot be written: {error.strerror}")) from error
 
 
 def _check_time(text: str) -> str:

@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
-from grammars.text.diagnostics import Diagnostic, Severity
+from grammars.text.diagnostics import Finding, Severity
 from grammars.text.terminal_text import escape_json, printable, printable_streams, unfiltered
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ class ErrorOutput(Output, schema="error"):
     diagnostics: tuple[ErrorPlace, ...] = ()
 
     @classmethod
-    def of(cls, diagnostics: Iterable[Diagnostic], exit_code: int) -> ErrorOutput:
+    def of(cls, diagnostics: Iterable[Finding], exit_code: int) -> ErrorOutput:
         """Return what is wrong in files; the first error of them is what is said in ``error``."""
         found = tuple(diagnostics)
         errors = [one for one in found if one.severity is Severity.ERROR] or list(found)
@@ -267,7 +267,7 @@ def _null_for_nonfinite(plain: Any) -> Any:
     return plain
 
 
-def report_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
+def report_diagnostics(diagnostics: Iterable[Finding]) -> None:
     """Print every diagnostic to standard error; that nobody reads them changes nothing."""
     from scenario_tui.text.diagnostics import render_diagnostic
 

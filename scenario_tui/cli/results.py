@@ -16,7 +16,7 @@ from daemon.judging.statistics import at_least, cut_percentage
 from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerdict
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
@@ -66,10 +66,10 @@ def read_results(path: Path) -> JudgedCampaign:
         return JudgedCampaign(str(body["campaign"]["id"]), declared, runs)
     except OSError as error:
         message = f"cannot be read: {error.strerror}"
-        raise InputError(Diagnostic(where, message)) from error
+        raise InputError(Finding(where, message)) from error
     except (ValueError, KeyError, TypeError) as error:
         hint = "write one with: scenario results CAMPAIGN --json"
-        raise InputError(Diagnostic(where, "is no file of results", hint)) from error
+        raise InputError(Finding(where, "is no file of results", hint)) from error
 
 
 def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:

@@ -32,7 +32,7 @@ from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_cons
 if TYPE_CHECKING:
     from daemon.model.status import SubmissionReceipt
     from daemon.model.submission import Submission
-    from grammars.text.diagnostics import Diagnostic
+    from grammars.text.diagnostics import Finding
 
 
 Out = Annotated[
@@ -198,7 +198,7 @@ def submit(
 class CheckOutput(Output, schema="check"):
     """What was found in each file."""
 
-    files: dict[str, tuple[Diagnostic, ...]]
+    files: dict[str, tuple[Finding, ...]]
 
 
 def check(
@@ -220,7 +220,7 @@ def check(
     from grammars.text.diagnostics import Severity
     from scenario_tui.text.diagnostics import diagnostic_counts
 
-    findings: dict[str, tuple[Diagnostic, ...]] = {}
+    findings: dict[str, tuple[Finding, ...]] = {}
     for file in files:
         about, found = _check(file, base)
         findings[str(file)] = found
@@ -234,7 +234,7 @@ def check(
         raise typer.Exit(ExitCode.BAD_INPUT)
 
 
-def _check(file: Path, base: str) -> tuple[str, tuple[Diagnostic, ...]]:
+def _check(file: Path, base: str) -> tuple[str, tuple[Finding, ...]]:
     """Return what a file is and what is wrong with it; of one that is not there, what is meant."""
     from grammars.text.diagnostics import InputError
     from scenario_tui.cli.suggestions import refuse_missing_file
@@ -243,7 +243,7 @@ def _check(file: Path, base: str) -> tuple[str, tuple[Diagnostic, ...]]:
     try:
         refuse_missing_file(str(file))
     except InputError as error:
-        return "", error.diagnostics
+        return "", error.findings
     return check_file(file, base=base)
 
 

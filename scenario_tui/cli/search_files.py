@@ -77,7 +77,7 @@ def _export(found: Path, folder: Path) -> bool:
     try:
         export_found(found, folder)
     except InputError as error:
-        report_diagnostics(replace(one, severity=Severity.WARNING) for one in error.diagnostics)
+        report_diagnostics(replace(one, severity=Severity.WARNING) for one in error.findings)
         return False
     return True
 

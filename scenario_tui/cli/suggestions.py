@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, closest
+from grammars.text.diagnostics import Finding, InputError, Where, closest
 
 _LISTED: Final = 5
 """Campaign files that are named when none is close to what was typed."""
@@ -15,7 +15,7 @@ _ENDINGS: Final = (".yaml", ".yml")
 def refuse_missing_campaign(path: Path) -> None:
     """Raise :class:`InputError` for a campaign file that is not there, with those near by."""
     if not path.exists():
-        raise InputError(Diagnostic(Where(str(path)), "no such file", _hint(path)))
+        raise InputError(Finding(Where(str(path)), "no such file", _hint(path)))
 
 
 def refuse_missing_file(name: str) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from daemon.campaign import LoadedSut, ParameterValues
     from daemon.stacks.findings import ParameterFinding
     from daemon.stacks.ros1.configuration import RosParameters
-    from grammars.text.diagnostics import Diagnostic
+    from grammars.text.diagnostics import Finding
 
 
 class _ShowsByDefault(PlainFlagsGroup):
@@ -68,7 +68,7 @@ class SutOutput(Output, schema="sut"):
     topics: dict[str, Any] | None
     wiring: dict[str, bool] | None
     without_effect: dict[str, str]
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
     planners: dict[str, str] | None = None
     costmaps: dict[str, dict[str, Any]] | None = None
     attached: dict[str, str] = dataclasses.field(default_factory=dict)

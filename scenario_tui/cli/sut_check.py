@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from grammars.model.mission import Mission
     from grammars.model.robot import Robot
     from grammars.model.scene import Scene
-    from grammars.text.diagnostics import Diagnostic
+    from grammars.text.diagnostics import Finding
 
 _KIND: Final = "ros2"
 _SIGNS: Final = {
@@ -208,7 +208,7 @@ def _load(typed: str, folder: Path) -> LoadedSut:
 
 
 def _first_moment(
-    campaign: Path | None, reported: Sequence[Diagnostic]
+    campaign: Path | None, reported: Sequence[Finding]
 ) -> tuple[Briefing, Observation]:
     """Return the briefing of a stack, and the first measurements of its robot.
 

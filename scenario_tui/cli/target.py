@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import Refused, Unreachable
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
@@ -42,7 +42,7 @@ class DaemonTarget:
         if found.origin == "SCENARIO_CONNECT" and not is_endpoint(found.address):
             message = f"{found.address!r} is not an endpoint"
             hint = "write tcp/<host>:<port> or tls/<host>:<port>"
-            raise InputError(Diagnostic(Where(found.origin), message, hint))
+            raise InputError(Finding(Where(found.origin), message, hint))
         if found.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
             folder = StatePaths.find(self.state).state
             raise Unreachable(

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from scenario_tui.campaign_files import newest_change
 
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ class CheckQueue:
         # It knows the daemon's records, which take longer to load than the first screen.
         from scenario_tui.submission import CheckedFile
 
-        found = CheckedFile("", (Diagnostic(Where(str(path)), why),))
+        found = CheckedFile("", (Finding(Where(str(path)), why),))
         self._note(path, (time.time(), found))
 
     def _note(self, path: Path, found: tuple[float, CheckedFile]) -> None:

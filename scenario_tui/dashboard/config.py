@@ -20,7 +20,7 @@ from typing import Any
 
 import platformdirs
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +55,11 @@ def read_config(path: Path | None = None) -> Config:
         return Config()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
-        raise InputError(Diagnostic(Where(str(path)), f"cannot be read: {reason}")) from error
+        raise InputError(Finding(Where(str(path)), f"cannot be read: {reason}")) from error
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(Diagnostic(Where(str(path)), f"is no TOML: {error}")) from error
+        raise InputError(Finding(Where(str(path)), f"is no TOML: {error}")) from error
     return Config(path, **_read_settings(path, data))
 
 
@@ -91,7 +91,7 @@ def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
         for one in error.errors():
             place = ".".join(map(str, one["loc"]))
             message = "is no setting" if one["type"] == "extra_forbidden" else plain_message(one)
-            problems.append(Diagnostic(Where(str(path)), f"{place}: {message}"))
+            problems.append(Finding(Where(str(path)), f"{place}: {message}"))
         raise InputError(problems) from error
     keys = {
         name: keys if isinstance(keys, str) else ",".join(keys) for name, keys in file.keys.items()

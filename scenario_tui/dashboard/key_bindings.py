@@ -14,7 +14,7 @@ from textual.keys import Keys, _character_to_key
 from textual.screen import Screen
 
 import scenario_tui.dashboard
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Finding, InputError, Where
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens.help import (
@@ -84,7 +84,7 @@ def check_config(config: Config) -> None:
     themes = sorted((*BUILTIN_THEMES, DARK, LIGHT))
     if config.theme and config.theme not in themes:
         message = f'unknown theme "{config.theme}"; themes are {", ".join(themes)}'
-        raise InputError(Diagnostic(where, message))
+        raise InputError(Finding(where, message))
     # Finding all keys loads every screen.
     if config.keys:
         problems = [*_unknown_ids(config, where), *_unknown_keys(config, where)]
@@ -92,15 +92,15 @@ def check_config(config: Config) -> None:
             raise InputError(problems)
 
 
-def _unknown_ids(config: Config, where: Where) -> Iterator[Diagnostic]:
+def _unknown_ids(config: Config, where: Where) -> Iterator[Finding]:
     ids = sorted({bound.id for bound in list_key_bindings()})
     for name in config.keys:
         if name not in ids:
             message = f'unknown key id "{name}"; ids are {", ".join(ids)}'
-            yield Diagnostic(where, message, "`scenario tui --bindings` says what they do")
+            yield Finding(where, message, "`scenario tui --bindings` says what they do")
 
 
-def _unknown_keys(config: Config, where: Where) -> Iterator[Diagnostic]:
+def _unknown_keys(config: Config, where: Where) -> Iterator[Finding]:
     # Textual takes any name and then waits for a key that never comes.
     known = {key.value.rpartition("+")[2] for key in Keys}
     known |= {_character_to_key(chr(code)) for code in range(33, 127)}
@@ -110,4 +110,4 @@ def _unknown_keys(config: Config, where: Where) -> Iterator[Diagnostic]:
             if not (set(modifiers) <= _MODIFIERS and (len(last) == 1 or last in known)):
                 message = f'{name}: "{key}" is no key'
                 hint = 'keys are like "x", "X", "f5", "ctrl+d" or "slash"'
-                yield Diagnostic(where, message, hint)
+                yield Finding(where, message, hint)

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, TypeAlias
 
 from daemon.model.execution import python_command
-from grammars.text.diagnostics import Diagnostic, Where
+from grammars.text.diagnostics import Finding, Where
 
 if TYPE_CHECKING:
     from daemon.model.verdicts import Verdict
@@ -80,7 +80,7 @@ class PlaybackProcess:
         if found is None:
             self.close()
             raise TraceError(path, "the process that reads it ended", "open the run again")
-        if isinstance(found, Diagnostic):
+        if isinstance(found, Finding):
             raise TraceError(path, found.message, found.hint)
         return found
 
@@ -91,7 +91,7 @@ class PlaybackProcess:
             with contextlib.suppress(BrokenPipeError):
                 child.communicate()
 
-    def _ask(self, path: Path, verdicts: Sequence[Verdict]) -> Playback | Diagnostic | None:
+    def _ask(self, path: Path, verdicts: Sequence[Verdict]) -> Playback | Finding | None:
         """Return the answer of the process, ``None`` when there is none."""
         if self._child is None:
             self._child = _start(self._idle)
@@ -101,7 +101,7 @@ class PlaybackProcess:
         try:
             pickle.dump((path, tuple(verdicts)), asked)
             asked.flush()
-            answer: Playback | Diagnostic = pickle.load(told)
+            answer: Playback | Finding = pickle.load(told)
         except (BrokenPipeError, EOFError, pickle.UnpicklingError):
             return None
         return answer
@@ -145,11 +145,11 @@ def _answer(questions: IO[bytes], answers: IO[bytes]) -> None:
     try:
         found = read_playback(path, verdicts)
     except TraceError as error:
-        found = error.diagnostics[0]
+        found = error.findings[0]
     except Exception as error:
         # A bug, or an oracle that plugs in: said where it is seen, and the next trace is read.
         why = f"cannot be shown: {type(error).__name__}: {error}"
-        found = Diagnostic(Where(str(path)), why)
+        found = Finding(Where(str(path)), why)
     pickle.dump(found, answers, pickle.HIGHEST_PROTOCOL)
     answers.flush()
 

@@ -139,7 +139,7 @@ def read_trace_summary(
     try:
         trace = read_trace(path)
     except TraceError as error:
-        said = "; ".join(d.message for d in error.diagnostics)
+        said = "; ".join(d.message for d in error.findings)
         what = "Run it again, or copy the file anew from where its worker is."
         return UnavailableTrace(run, f"Its trace cannot be used: {said}: {path}\n\n{what}")
     way, joints = trace.ground_truth, trace.joints

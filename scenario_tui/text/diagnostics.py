@@ -8,12 +8,12 @@ from pathlib import Path
 
 from rich.text import Text
 
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Finding, Severity, Where
 from grammars.text.terminal_text import printable, spell_out
 from grammars.text.words import count_noun
 
 
-def render_diagnostic(diagnostic: Diagnostic) -> Text:
+def render_diagnostic(diagnostic: Finding) -> Text:
     """Return a diagnostic with its source line, when the source can be read."""
     warning = diagnostic.severity is Severity.WARNING
     text = Text()
@@ -32,7 +32,7 @@ def render_diagnostic(diagnostic: Diagnostic) -> Text:
     return text
 
 
-def diagnostic_counts(diagnostics: Iterable[Diagnostic]) -> str:
+def diagnostic_counts(diagnostics: Iterable[Finding]) -> str:
     """Return ``2 errors, 1 warning``."""
     found = tuple(diagnostics)
     errors = sum(d.severity is Severity.ERROR for d in found)

@@ -69,8 +69,8 @@ def answer(target, folder, data):
     try:
         target.read(folder)
     except InputError as refused:
-        assert refused.diagnostics
-        for diagnostic in refused.diagnostics:
+        assert refused.findings
+        for diagnostic in refused.findings:
             _check_diagnostic(diagnostic)
         return False
     finally:

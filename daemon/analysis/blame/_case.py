@@ -22,7 +22,7 @@ from daemon.campaign import (
 from daemon.model.spec import OracleText, RunSpec
 from grammars.model.behaviour import Walk
 from grammars.model.scene import Scene
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,20 +135,20 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     cells = {cell.name: cell for cell in campaign.cells}
     if scenario not in cells:
         hint = did_you_mean(scenario, cells)
-        raise InputError(Diagnostic(where, f'no scenario "{scenario}"', hint))
+        raise InputError(Finding(where, f'no scenario "{scenario}"', hint))
     cell = cells[scenario]
     names = [reference.name for reference in cell.suts]
     name = names[0] if not sut and len(names) == 1 else sut
     if name not in names:
         message = f'{scenario} has no system under test "{sut}"' if sut else "which of its SUTs?"
-        raise InputError(Diagnostic(where, message, did_you_mean(sut, names)))
+        raise InputError(Finding(where, message, did_you_mean(sut, names)))
     planned = expand(campaign)
     # Repeats in reserve are runs like the others.
     for spec in map(planned.spec, (*planned.runs, *planned.reserve)):
         if (spec.scenario, spec.sut.name, spec.repeat) == (scenario, name, repeat):
             return case_of(campaign, cell, spec, path.parent)
     message = f"{scenario} with {name} has no repeat {repeat}"
-    raise InputError(Diagnostic(where, message, "repeats count from 0"))
+    raise InputError(Finding(where, message, "repeats count from 0"))
 
 
 def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path) -> RunCase:

@@ -23,7 +23,7 @@ from daemon.analysis.blame._elements import (
 )
 from daemon.analysis.blame._runner import BudgetSpentError, CandidateResult, CandidateRunner
 from daemon.model.spec import OracleText
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 T = TypeVar("T")
 FirstFailing: TypeAlias = Callable[[Sequence[tuple[T, ...]]], int | None]
@@ -215,7 +215,7 @@ def _reproduce_failure(
     if oracle and oracle not in names:
         message = f'{case.spec.label} has no oracle "{oracle}"'
         where = Where(case.campaign.file)
-        raise InputError(Diagnostic(where, message, did_you_mean(oracle, names)))
+        raise InputError(Finding(where, message, did_you_mean(oracle, names)))
     endings = runner.judge_all(Candidate(case.spec, case.cell.scene))
     for one, ended in zip(case.spec.oracles, endings, strict=True):
         if ended.word == "fail" and oracle in ("", one.name):

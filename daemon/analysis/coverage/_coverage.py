@@ -73,7 +73,7 @@ def _read_coverage(near: float, path: Path) -> RunCoverage | Unreadable:
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
-        return Unreadable(str(path), error.diagnostics[0].message)
+        return Unreadable(str(path), error.findings[0].message)
     # A clock that jumps or a NaN: nothing in the trace can be trusted.
     if problems := trace_problems(trace):
         return Unreadable(str(path), "; ".join(problems))

@@ -103,7 +103,7 @@ def _read_run(
     try:
         trace = read_trace(Path(record.trace), scans=True)
     except TraceError as error:
-        return ReportRun(record, RunTracks(problem=error.diagnostics[0].message))
+        return ReportRun(record, RunTracks(problem=error.findings[0].message))
     # A clock that jumps or a NaN: nothing in the trace can be trusted, verdicts say so themselves.
     invalid = oracles.trace_problems(trace)
     sampler = None if invalid else SignalSampler(trace)

@@ -100,7 +100,7 @@ def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
         oracle = bind_oracle(written, sampler.trace)
         interval = _evaluate(oracle, sampler)
     except InputError as error:
-        return _error_verdict(written, "; ".join(d.message for d in error.diagnostics))
+        return _error_verdict(written, "; ".join(d.message for d in error.findings))
     except PluginError as error:
         return _error_verdict(written, str(error))
     evidence = interval.evidence

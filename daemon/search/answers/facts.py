@@ -14,7 +14,7 @@ from daemon.judging.statistics import proportion_interval
 from daemon.model.search import PointValue, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
-    Finding,
+    DistinctFailure,
     Influence,
     SearchAnswer,
     UnsoughtFailure,
@@ -72,14 +72,14 @@ def failure_key(trial: Trial) -> FailureKey:
     return oracle, trial.about, waypoint
 
 
-def distinct_failures(trials: Sequence[Trial]) -> tuple[Finding, ...]:
+def distinct_failures(trials: Sequence[Trial]) -> tuple[DistinctFailure, ...]:
     """Return the failures that differ, the most frequent first, each with its worst example."""
     groups: dict[FailureKey, list[Trial]] = {}
     for trial in trials:
         if trial.fails:
             groups.setdefault(failure_key(trial), []).append(trial)
     findings = [
-        Finding(*key, len(members), smallest_margin(members) or members[0])
+        DistinctFailure(*key, len(members), smallest_margin(members) or members[0])
         for key, members in groups.items()
     ]
     return tuple(sorted(findings, key=lambda one: (-one.count, one.example.number)))

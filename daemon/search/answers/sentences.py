@@ -19,7 +19,7 @@ from daemon.model.proposals import Phase
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
-    Finding,
+    DistinctFailure,
     Influence,
     NearestFailure,
     SearchAnswer,
@@ -286,7 +286,7 @@ def ending_words(task: SearchTask, ended: str) -> str:
     }.get(ended, "")
 
 
-def finding_words(finding: Finding) -> str:
+def finding_words(finding: DistinctFailure) -> str:
     """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
     # A mission's failure is about a waypoint, the one that it is on its way to.
     has_place = finding.object and finding.object != finding.waypoint

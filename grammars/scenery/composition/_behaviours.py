@@ -21,7 +21,7 @@ from grammars.scenery.composition._compiler import refuse_unapplied
 from grammars.scenery.composition._sentences import SentenceResolver
 from grammars.scenery.model import SceneryLayer, Sentence
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     Severity,
@@ -40,7 +40,7 @@ class ResolvedBehaviours:
     """
 
     behaviours: tuple[Behaviour, ...]
-    overridden: tuple[Diagnostic, ...] = ()
+    overridden: tuple[Finding, ...] = ()
     places: tuple[tuple[str, Where], ...] = ()
 
 
@@ -133,13 +133,13 @@ _MOST_NAMED: Final = 3
 """So many joints are named, of more how many they are."""
 
 
-def _replaced(joints: Sequence[str], new: Where, old: Where) -> Diagnostic:
+def _replaced(joints: Sequence[str], new: Where, old: Where) -> Finding:
     named = list(joints[:_MOST_NAMED])
     if len(joints) > _MOST_NAMED:
         named[-1] = f"{len(joints) - _MOST_NAMED + 1} more"
     follow = "follow" if len(joints) > 1 else "follows"
     message = f"{enumerate_words(named)} {follow} this sentence, not the one at {old}"
-    return Diagnostic(new, message, severity=Severity.WARNING)
+    return Finding(new, message, severity=Severity.WARNING)
 
 
 def _behaviours(

@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 from grammars.model.scene import Joint
 from grammars.scenery.model import Group, Instance, ObjectModel, Path, SceneryLayer, Subject
 from grammars.text.diagnostics import (
-    Diagnostic,
+    Finding,
     Findings,
     InputError,
     Severity,
@@ -76,9 +76,9 @@ class Catalogue:
                     targets.setdefault((target.object, target.joint), target)
         return tuple(targets.values())
 
-    def unknown_members(self) -> list[Diagnostic]:
+    def unknown_members(self) -> list[Finding]:
         """Return a warning for every group, used or not, with members that are not there."""
-        findings: list[Diagnostic] = []
+        findings: list[Finding] = []
         for layer in self._layers:
             for group in layer.groups:
                 try:
@@ -86,7 +86,7 @@ class Catalogue:
                 except InputError as error:
                     findings += [
                         replace(d, message=f"group {group.name}: {d.message}", severity=_WARNING)
-                        for d in error.diagnostics
+                        for d in error.findings
                     ]
         return findings
 

@@ -315,7 +315,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         try:
             playback = self.dashboard.read_playback(path, version.verdicts)
         except TraceError as error:
-            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
+            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.findings)
             self.app.call_from_thread(self._broken, version, f"{why}: {path}")
             return
         self.app.call_from_thread(self._ready, version, playback)

@@ -9,4 +9,4 @@ def findings_of(path):
     try:
         return examine(path)[1]
     except InputError as error:
-        return error.diagnostics
+        return error.findings

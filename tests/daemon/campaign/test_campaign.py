@@ -55,7 +55,7 @@ def write(folder, text):
 def messages(path):
     with pytest.raises(InputError) as caught:
         load_campaign(path)
-    return [str(d).replace(f"{path.parent}/", "") for d in caught.value.diagnostics]
+    return [str(d).replace(f"{path.parent}/", "") for d in caught.value.findings]
 
 
 def test_runs_are_scenarios_times_suts_times_repeats(folder):

@@ -77,7 +77,7 @@ def test_what_is_submitted_is_told_all_of_it_too(folder):
     change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
     with pytest.raises(InputError) as caught:
         prepare_submission(folder / "tiny.yaml")
-    messages = [d.message for d in caught.value.diagnostics if d.severity == "error"]
+    messages = [d.message for d in caught.value.findings if d.severity == "error"]
     assert [m.split(" reaches")[0].split(" is ")[0] for m in messages] == [
         "the leaf of bedroom_door", "the leaf of kitchen_door", "waypoint kitchen"
     ]  # fmt: skip
@@ -88,7 +88,7 @@ def test_more_runs_than_the_daemon_takes_are_told_before_anything_is_drawn(folde
     change(folder, "tiny.yaml", *changes)
     with pytest.raises(InputError, match=r"has 400000 runs.*may have 200000: split") as caught:
         prepare_submission(folder / "tiny.yaml")
-    assert caught.value.diagnostics[0].where.line == 3
+    assert caught.value.findings[0].where.line == 3
 
 
 def test_a_path_without_its_ending_is_told_the_file_that_is_there(folder):

@@ -79,7 +79,7 @@ def messages(folder, name):
         found = load(folder, name).warnings
         assert all(one.severity is Severity.WARNING for one in found)
     except InputError as error:
-        found = error.diagnostics
+        found = error.findings
     return [str(one).replace(f"{folder}/", "") for one in found]
 
 

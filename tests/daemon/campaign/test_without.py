@@ -64,7 +64,7 @@ def refusals(folder, *less):
         load(folder, *less)
     return [
         f"{Path(d.where.file).name}:{d.where.line}: {d.message} [{d.hint}]"
-        for d in caught.value.diagnostics
+        for d in caught.value.findings
     ]
 
 

@@ -15,7 +15,7 @@ import pytest
 
 import grammars.editor
 from grammars.editor import pack_extension
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.text.diagnostics import render_diagnostic
 
 VSCODE = Path(grammars.editor.__file__).parent / "vscode"
@@ -71,7 +71,7 @@ def test_scopes_and_endings_are_those_of_the_grammars():
 @pytest.mark.parametrize("column", [0, 5])
 def test_the_problem_matcher_reads_what_the_check_prints(severity, column):
     (pattern,) = CONTRIBUTES["problemPatterns"]
-    found = Diagnostic(Where("a b/flat.fpm", 7, column), "no wall: 9", "walls are 0-5", severity)
+    found = Finding(Where("a b/flat.fpm", 7, column), "no wall: 9", "walls are 0-5", severity)
     lines = render_diagnostic(found).plain.splitlines()
     match = re.match(pattern["regexp"], lines[0])
     assert match

@@ -191,9 +191,9 @@ def answers(text):
     try:
         plan = parse_floorplan(text, "fuzz.fpm")
     except InputError as refused:
-        assert refused.diagnostics
+        assert refused.findings
         lines = text.count("\n") + 1
-        for diagnostic in refused.diagnostics:
+        for diagnostic in refused.findings:
             assert diagnostic.message
             assert 1 <= diagnostic.where.line <= lines
             assert diagnostic.where.column >= 1

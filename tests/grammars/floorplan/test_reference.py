@@ -131,7 +131,7 @@ def test_an_input_gets_the_verdict_of_the_specification(case):
     else:
         with pytest.raises(InputError) as caught:
             parse_floorplan(case["source"], "case.fpm")
-        assert all(d.where.line >= 1 and d.message for d in caught.value.diagnostics)
+        assert all(d.where.line >= 1 and d.message for d in caught.value.findings)
 
 
 def test_every_deliberate_deviation_is_one():

@@ -67,7 +67,7 @@ def test_contexts_that_cannot_be_read_are_refused(context, message):
     document = {"@context": context, "@graph": [{"@id": "urn:a:b", "@type": "a:b"}] * 3}
     with pytest.raises(InputError) as caught:
         expanded(document)
-    (only,) = caught.value.diagnostics
+    (only,) = caught.value.findings
     assert message in only.message
 
 
@@ -75,7 +75,7 @@ def test_every_node_that_is_not_jsonld_is_reported_in_its_line():
     nodes = [{"@id": "urn:a:b", "@type": {}}, {"@id": "urn:a:c"}, {"@id": "urn:a:d", "@type": [5]}]
     with pytest.raises(InputError) as caught:
         expand_text(json.dumps(nodes, indent=0), "x.json")
-    assert [d.where.line for d in caught.value.diagnostics] == [3, 10]
+    assert [d.where.line for d in caught.value.findings] == [3, 10]
 
 
 def test_documents_may_refer_to_more_contexts_than_pyld_reads_by_default():

@@ -281,4 +281,4 @@ def test_mutated_plans_give_diagnostics_and_nothing_else(tmp_path, data):
         try:
             load_floorplan_jsonld(tmp_path / "plan.json")
         except InputError as error:
-            assert error.diagnostics
+            assert error.findings

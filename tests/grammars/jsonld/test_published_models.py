@@ -74,7 +74,7 @@ def test_what_a_plan_lacks_is_said_with_its_place(tmp_path):
     (folder / "shape.json").unlink()
     with pytest.raises(InputError) as caught:
         load_floorplan_jsonld(folder)
-    first = caught.value.diagnostics[0]
+    first = caught.value.findings[0]
     assert Path(first.where.file).name == "floorplan.json"
     assert first.where.line > 0
     assert "polygon-hall-wall-0, which does not exist" in first.message
@@ -188,7 +188,7 @@ def test_mutated_plans_of_2023_give_diagnostics_and_nothing_else(tmp_path, data)
     try:
         load_floorplan_jsonld(folder)
     except InputError as error:
-        assert error.diagnostics
+        assert error.findings
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_what_has_no_sane_reading_is_refused(tmp_path, old, new, message):
     (folder / "coordinate.json").write_text(text.replace(old, new, 1))
     with pytest.raises(InputError, match=message) as caught:
         load_floorplan_jsonld(folder)
-    assert all(d.where.line > 0 for d in caught.value.diagnostics)
+    assert all(d.where.line > 0 for d in caught.value.findings)
 
 
 def golden_rooms(path):

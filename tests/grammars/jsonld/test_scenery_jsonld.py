@@ -321,4 +321,4 @@ def test_mutated_scenery_gives_diagnostics_and_nothing_else(tmp_path, data):
     try:
         load_scenery_jsonld(tmp_path / "door.json")
     except InputError as error:
-        assert error.diagnostics
+        assert error.findings

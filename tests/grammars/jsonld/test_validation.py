@@ -176,5 +176,5 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path):
     file.write_text(json.dumps({"@context": context, "@graph": list(nodes.values())}))
     with pytest.raises(InputError) as caught:
         load_floorplan_jsonld(file)
-    assert len({d.where.file for d in caught.value.diagnostics}) == 1
-    assert len(caught.value.diagnostics) == 2
+    assert len({d.where.file for d in caught.value.findings}) == 1
+    assert len(caught.value.findings) == 2

@@ -32,8 +32,8 @@ def parse(text):
 def refusal(text):
     with pytest.raises(InputError) as caught:
         parse(text)
-    assert len(caught.value.diagnostics) == 1
-    return caught.value.diagnostics[0]
+    assert len(caught.value.findings) == 1
+    return caught.value.findings[0]
 
 
 def predicate(text):
@@ -232,7 +232,7 @@ def test_any_text_is_either_an_oracle_or_an_input_error(text):
     try:
         parse(text)
     except InputError as error:
-        assert error.diagnostics
+        assert error.findings
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def remaps(loaded, name):
 def errors(folder, body, **settings):
     with pytest.raises(InputError) as caught:
         started(folder, body, **settings)
-    return [str(one).replace(f"{folder}/", "") for one in caught.value.diagnostics]
+    return [str(one).replace(f"{folder}/", "") for one in caught.value.findings]
 
 
 def warnings(loaded, folder):

@@ -85,4 +85,4 @@ def test_any_text_has_a_value_or_is_refused(text, tmp_path_factory):
     try:
         worked_out(folder, text)
     except InputError as error:
-        assert error.diagnostics[0].where.line == 2
+        assert error.findings[0].where.line == 2

@@ -363,6 +363,6 @@ def test_any_launch_file_is_read_or_refused(body, tmp_path_factory):
     try:
         loaded = launch(write(folder, "any.launch", f'<arg name="a" default="b"/>{body}'))
     except InputError as error:
-        assert all(one.where.line for one in error.diagnostics)
+        assert all(one.where.line for one in error.findings)
         return
     assert all(p.where.line for one in loaded.nodes for p in one.parameters.values())

@@ -26,4 +26,4 @@ def test_any_text_is_read_or_refused(text, tmp_path_factory):
     try:
         launch(path)
     except InputError as error:
-        assert all(one.where.file == str(path) for one in error.diagnostics)
+        assert all(one.where.file == str(path) for one in error.findings)

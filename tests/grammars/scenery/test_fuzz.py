@@ -18,8 +18,8 @@ def read(text):
     try:
         layer = parse_scenery(text, "fuzz.scenery")
     except InputError as error:
-        assert error.diagnostics
-        assert all(d.message and d.where.file == "fuzz.scenery" for d in error.diagnostics)
+        assert error.findings
+        assert all(d.message and d.where.file == "fuzz.scenery" for d in error.findings)
     else:
         assert layer.name == "fuzz"
 
@@ -57,4 +57,4 @@ def test_any_override(overrides):
     try:
         configure(LAYER, overrides)
     except InputError as error:
-        assert error.diagnostics
+        assert error.findings

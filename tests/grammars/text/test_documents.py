@@ -30,7 +30,7 @@ class House(StrictModel):
 def problems(text):
     with pytest.raises(InputError) as caught:
         read_model(parse_yaml(text, "house.yaml"), House)
-    return [str(d) for d in caught.value.diagnostics]
+    return [str(d) for d in caught.value.findings]
 
 
 def test_a_good_file_becomes_a_model():
@@ -96,7 +96,7 @@ def test_no_text_raises_anything_but_input_errors(text):
     try:
         parse_yaml(text, "fuzz.yaml")
     except InputError as error:
-        assert error.diagnostics
+        assert error.findings
 
 
 class Named(StrictModel):
@@ -110,7 +110,7 @@ def test_findings_are_told_in_the_words_of_the_file():
     text = "name: ü\nids: {a b: 1, c: 1.5}\nmood: sad\nsome: []\n"
     with pytest.raises(InputError) as caught:
         read_model(parse_yaml(text, "h.yaml"), Named)
-    assert [str(d) for d in caught.value.diagnostics] == [
+    assert [str(d) for d in caught.value.findings] == [
         'h.yaml:1:1: name: must be letters (a to z), digits, ".", "_" and "-", 10 at most, '
         "and begin with a letter or digit",
         'h.yaml:2:7: a b: must be letters (a to z), digits, "_" and "-", '
@@ -159,7 +159,7 @@ def test_every_place_is_one_that_the_file_has(text):
     try:
         places = list(parse_yaml(text, "x.yaml").places.values())
     except InputError as error:
-        places = [problem.where for problem in error.diagnostics]
+        places = [problem.where for problem in error.findings]
     assert all(place.column <= len(lines[place.line - 1]) + 1 for place in places)
 
 

@@ -143,8 +143,8 @@ def test_monsters_are_refused(text):
 def test_everything_wrong_is_told_at_once_in_the_order_written():
     with pytest.raises(InputError) as refused:
         read("doors.close + clsoed < doors.opens + 3 m and count")
-    assert {finding.where for finding in refused.value.diagnostics} == {HERE}
-    assert [f.message.rpartition('": ')[2] for f in refused.value.diagnostics] == [
+    assert {finding.where for finding in refused.value.findings} == {HERE}
+    assert [f.message.rpartition('": ')[2] for f in refused.value.findings] == [
         '"doors.close" is not varied here: vary it, or write its value',
         '"clsoed" is not varied here: vary it, or write its value',
         "adds s and m",

@@ -16,7 +16,7 @@ def test_all_errors_and_warnings_are_raised_in_source_order() -> None:
     findings.error(Where(FILE, 1), "early", "mend it")
     with pytest.raises(InputError) as caught:
         findings.raise_errors()
-    assert [d.message for d in caught.value.diagnostics] == ["early", "odd", "late"]
+    assert [d.message for d in caught.value.findings] == ["early", "odd", "late"]
 
 
 def test_warnings_alone_raise_nothing() -> None:
@@ -48,4 +48,4 @@ def test_the_same_error_is_raised_once() -> None:
     findings.error(Where(FILE, 1), "wrong")
     with pytest.raises(InputError) as caught:
         findings.raise_errors()
-    assert len(caught.value.diagnostics) == 1
+    assert len(caught.value.findings) == 1

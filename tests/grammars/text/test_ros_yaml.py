@@ -119,4 +119,4 @@ def test_any_text_is_read_or_refused_in_words(text):
     try:
         assert isinstance(read(text), dict)
     except InputError as error:
-        assert error.diagnostics
+        assert error.findings

@@ -71,7 +71,7 @@ def test_a_sign_in_a_comment_or_quotes_changes_nothing(text):
 def test_a_text_that_ends_too_early_is_refused_where_it_ends(text):
     with pytest.raises(InputError) as caught:
         parse_yaml(text, "x.yaml")
-    (problem,) = caught.value.diagnostics
+    (problem,) = caught.value.findings
     last = text.split("\n")[-1]
     assert problem.where == Where("x.yaml", text.count("\n") + 1, len(last) + 1)
 

@@ -86,7 +86,7 @@ def test_a_design_nothing_is_left_of_says_why(tmp_path, method):
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) turn: uniform([1, 2]) require gap > 2")
     with pytest.raises(InputError) as caught:
         sample(variation, 20, seed=0, method=method, tries=5)
-    assert any("rejected" in d.message and "gap > 2" in d.message for d in caught.value.diagnostics)
+    assert any("rejected" in d.message and "gap > 2" in d.message for d in caught.value.findings)
 
 
 def test_a_design_with_more_points_than_wanted_is_refused(variation):

@@ -10,11 +10,11 @@ from tests.grammars.variation.plans import HOUSE, vary
 def refused(folder, statements):
     with pytest.raises(InputError) as caught:
         vary(folder, statements)
-    for diagnostic in caught.value.diagnostics:
+    for diagnostic in caught.value.findings:
         assert diagnostic.where.file == "test.variation"
         assert diagnostic.where.line >= 1
         assert diagnostic.where.column >= 1
-    return [str(d) for d in caught.value.diagnostics]
+    return [str(d) for d in caught.value.findings]
 
 
 def test_a_name_that_no_file_can_have_suggests_those_that_are_there(tmp_path):

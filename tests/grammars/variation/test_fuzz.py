@@ -98,8 +98,8 @@ def answers(text, folder):
         radius = 0.2 if len(text) % 2 else None
         variants = sample(variation, 2, seed=7, tries=8, check=radius, method=method)
     except InputError as refused:
-        assert refused.diagnostics
-        for diagnostic in refused.diagnostics:
+        assert refused.findings
+        for diagnostic in refused.findings:
             assert diagnostic.message
             if diagnostic.where.file == "fuzz.variation" and diagnostic.where.line:
                 assert diagnostic.where.line <= text.count("\n") + 1

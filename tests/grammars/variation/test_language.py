@@ -143,7 +143,7 @@ def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path, text):
         return
     with pytest.raises(InputError) as caught:
         sample(variation, 1, seed=0, tries=3)
-    reasons = [str(d) for d in caught.value.diagnostics]
+    reasons = [str(d) for d in caught.value.findings]
     assert reasons[-1] == f"test.variation:3:1: rejected 3 times: require {text}"
 
 
@@ -168,7 +168,7 @@ require gap <= 1 m
 require door.width > 0"""
     with pytest.raises(InputError) as caught:
         sample(vary(tmp_path, statements), 3, seed=7, tries=100)
-    first, *reasons = [str(d) for d in caught.value.diagnostics]
+    first, *reasons = [str(d) for d in caught.value.findings]
     assert first.startswith("test.variation:1:1: seed 7: none of 100 draws fulfils everything")
     assert len(reasons) == 2
     counts = {r.rsplit(": ", 1)[1]: int(r.split("rejected ")[1].split()[0]) for r in reasons}
@@ -188,7 +188,7 @@ def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path):
     with pytest.raises(InputError) as caught:
         sample(variation, 1, seed=0, tries=10)
     line = 1 + HOUSE[: HOUSE.index("width=3.0")].count("\n")
-    reason = caught.value.diagnostics[1]
+    reason = caught.value.findings[1]
     assert (reason.where.line, reason.message[:17]) == (line, "rejected 10 times")
     assert "must be positive" in reason.message
 

@@ -62,7 +62,7 @@ def check(folder, statements):
 def test_an_unsound_plan_is_rejected_with_its_reason(tmp_path, statements):
     with pytest.raises(InputError) as caught:
         check(tmp_path, statements)
-    reasons = caught.value.diagnostics[1:]
+    reasons = caught.value.findings[1:]
     assert any(UNSOUND[statements] in reason.message for reason in reasons)
     assert all(reason.where.line >= 1 for reason in reasons)
     assert all(Path(reason.where.file).name == "plan.fpm" for reason in reasons)

@@ -155,7 +155,7 @@ UNWRITTEN = {
 def test_what_is_not_written_in_the_plan_is_not_varied(tmp_path, statement):
     with pytest.raises(InputError) as caught:
         vary(tmp_path, statement)
-    (problem,) = caught.value.diagnostics
+    (problem,) = caught.value.findings
     assert (problem.where.line, problem.where.column) == (2, statement.find("{") + 2)
     assert problem.message.endswith(" is not written in the plan")
     assert problem.hint == f'write "{UNWRITTEN[statement]}" there, then vary it'

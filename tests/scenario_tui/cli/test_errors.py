@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
 from scenario_tui.cli.output import say
@@ -71,8 +71,8 @@ def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path):
     raising(
         InputError(
             [
-                Diagnostic(Where(str(file), 2, 12), "no such shape", 'did you mean "rectangle"?'),
-                Diagnostic(Where(str(file)), "no entryway", severity=Severity.WARNING),
+                Finding(Where(str(file), 2, 12), "no such shape", 'did you mean "rectangle"?'),
+                Finding(Where(str(file)), "no entryway", severity=Severity.WARNING),
             ]
         )
     )
@@ -89,9 +89,9 @@ def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path):
 def test_a_place_outside_the_file_has_no_excerpt(tmp_path):
     file = tmp_path / "short.yaml"
     file.write_text("campaign: x\n")
-    shown = render_diagnostic(Diagnostic(Where(str(file), 99, 1), "gone")).plain
+    shown = render_diagnostic(Finding(Where(str(file), 99, 1), "gone")).plain
     assert shown == f"{file}:99:1: error: gone"
-    missing = render_diagnostic(Diagnostic(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
+    missing = render_diagnostic(Finding(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
     assert missing.endswith("error: gone")
 
 

@@ -4,7 +4,7 @@ import pytest
 from textual._context import visible_screen_stack
 from textual.css.stylesheet import Stylesheet
 
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.submission import CheckedFile
@@ -25,8 +25,8 @@ WHERE = Where("first.yaml", 1, 1)
 CHECKED = CheckedFile(
     "first: 4 runs",
     (
-        Diagnostic(WHERE, "something is wrong", "write it right"),
-        Diagnostic(WHERE, "something is odd", severity=Severity.WARNING),
+        Finding(WHERE, "something is wrong", "write it right"),
+        Finding(WHERE, "something is odd", severity=Severity.WARNING),
     ),
 )
 

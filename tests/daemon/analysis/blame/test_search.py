@@ -191,5 +191,5 @@ def test_an_interrupt_before_anything_is_known_is_one(folder, monkeypatch):
 def test_what_is_not_in_the_campaign_is_refused(folder, scenario, sut, repeat, message):
     with pytest.raises(InputError) as caught:
         load_case(write(folder), scenario, sut, repeat)
-    (diagnostic,) = caught.value.diagnostics
+    (diagnostic,) = caught.value.findings
     assert re.search(message, f"{diagnostic.message} {diagnostic.hint}")

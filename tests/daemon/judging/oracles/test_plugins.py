@@ -107,7 +107,7 @@ TRACE = make_trace(along(times(10.0)))
 def refusal(text):
     with pytest.raises(InputError) as caught:
         parse_oracle("it", text, Where("o.yaml", 1, 1))
-    (found,) = caught.value.diagnostics
+    (found,) = caught.value.findings
     return found
 
 

@@ -82,7 +82,7 @@ def test_mir_finds_its_footprint_upwards_and_its_ranges_per_costmap(reference_da
 def test_tiago_keeps_every_layer_that_is_on(reference_data, tmp_path):
     with pytest.raises(InputError) as caught:
         load(reference_data, tmp_path, "tiago-dwa", "")
-    found = [str(problem) for problem in caught.value.diagnostics]
+    found = [str(problem) for problem in caught.value.findings]
     assert len(found) == 2
     assert "the static layer listens to /vo_map, the map of the run is on /map" in found[0]
     assert "nothing is published on /rgbd_scan here" in found[1]
@@ -106,7 +106,7 @@ def test_planners_of_others_are_refused_by_name_at_their_lines(
 ):
     with pytest.raises(InputError) as caught:
         load(reference_data, tmp_path, name)
-    found = [str(problem) for problem in caught.value.diagnostics]
+    found = [str(problem) for problem in caught.value.findings]
     for plugin in refused:
         assert any(plugin in problem for problem in found), found
     assert all(".yaml:" in problem or ".launch:" in problem for problem in found)

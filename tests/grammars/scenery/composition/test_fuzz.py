@@ -42,7 +42,7 @@ def compose(text):
         scene = compile_scene(PLAN, [layer])
         resolved(scene, [layer], limit=100.0)
     except InputError as error:
-        assert all(d.message for d in error.diagnostics)
+        assert all(d.message for d in error.findings)
         return
     check_scene(scene)
     assert codec.from_json(Scene, codec.to_json(scene)) == scene
