@@ -56,7 +56,7 @@ def _typed():
 
 
 def _command_of(words):
-    command, rest = load_command(COMMANDS[words[0]]), words[1:]
+    command, rest = load_command(words[0]), words[1:]
     inner = getattr(command, "commands", None)
     if inner and rest and rest[0] in inner:
         return inner[rest[0]], rest[1:]
@@ -90,8 +90,8 @@ def test_the_options_of_commands_exist():
 def test_options_of_the_help_stand_behind_the_command_they_are_of():
     """Every option named alone is one of some command."""
     known = {"--help"}
-    for entry in COMMANDS.values():
-        found = load_command(entry)
+    for name in COMMANDS:
+        found = load_command(name)
         for command in (found, *getattr(found, "commands", {}).values()):
             for parameter in command.params:
                 known |= {*parameter.opts, *parameter.secondary_opts}

@@ -13,7 +13,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import plan_files
 from scenario_tui.cli.options import AsJson, why_no_folder
-from scenario_tui.cli.output import Output, OutputPart, plain_table, report_diagnostics, say
+from scenario_tui.cli.output import Output, OutputPart, plain_table, report_findings, say
 
 if TYPE_CHECKING:
     from daemon.campaign import LayerKind
@@ -154,7 +154,7 @@ def _errand_in(path: Path) -> Errand:
         raise InputError.at(where, "no such file", "--floorplan takes the file of a building")
     library = LayerLibrary(path.parent)
     plan = library.floorplan(LayerReference(path.name, {}, where))
-    report_diagnostics(library.warnings)
+    report_findings(library.warnings)
     try:
         return propose_errand(compile_scene(plan, ()))
     except ValueError as error:

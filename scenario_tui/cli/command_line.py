@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 import errno
-import gc
 import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import takewhile
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import typer
 
-from grammars.text.diagnostics import InputError
+from grammars.text.diagnostics import Finding, InputError, Severity
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.interrupts import was_interrupted
-from scenario_tui.cli.output import (
-    COLLECT_RARELY,
-    ErrorOutput,
-    Output,
-    report_diagnostics,
-    say,
-    settle_streams,
-)
-from scenario_tui.cli.plain_flags import load_help_pages
-
-_COUNTS_ITS_OBJECTS: Final = "manifold3d"
-"""Made with nanobind, which prints a list of all objects that are left when it is unloaded."""
+from scenario_tui.cli.output import CommandError, report_findings, say, settle_streams
 
 _TYPED: Final = frozenset(
     {
@@ -74,10 +63,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
     # Before anything is written: the first message may already hold a sign the terminal lacks.
     settle_streams()
-    # A command reads a lot, makes a lot of it and ends: looking for circles after every 700 new
-    # objects took 3 to 7 % of exporting a campaign (ortega2024, six times in turns). Commands that
-    # go on for hours set it back (stay_small).
-    gc.set_threshold(*COLLECT_RARELY)
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     if was_interrupted():
         code = ExitCode.INTERRUPTED  # also where a library has swallowed it
@@ -87,128 +72,112 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # Whoever read us has left (`scenario results | head`) or a disk is full: nothing more
         # can be said there.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code, _ = _report_unhandled(error)
-    # The interpreter looks for circles once more when it ends, a sixth of the time of a check, to
-    # give back what ends with the process anyway. One library complains if it does not.
-    if _COUNTS_ITS_OBJECTS not in sys.modules:
-        gc.freeze()
+        code = _unhandled(error).code
     sys.exit(code)
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a command has no answer: the exit ``code``, and what to say in a line."""
+
+    code: int
+    message: str = ""
+    findings: tuple[Finding, ...] = ()
 
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
-    with printable_streams():
-        return _invoke(arguments)
-
-
-def _invoke(arguments: Sequence[str]) -> int:
-    written, ErrorOutput.said = Output.emitted, ""
-    code, answer = _call(arguments)
-    # A command that has answered already leaves it at that: who reads it reads one object.
-    if answer is not None and Output.emitted == written and _wants_json(arguments):
-        with suppress(BrokenPipeError):
-            answer.emit()
-    return code
-
-
-def _call(arguments: Sequence[str]) -> tuple[int, ErrorOutput | None]:
-    """Call what was typed; returns the exit code, and what to write where there is no answer."""
     # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
     # tests and the dashboard can call this.
-    try:
-        code = _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
-        return code, ErrorOutput(
-            ErrorOutput.said.removeprefix("scenario: "), code
-        ) if code else None
-    except (KeyboardInterrupt, typer.Abort):
-        return ExitCode.INTERRUPTED, ErrorOutput("interrupted", ExitCode.INTERRUPTED)
-    except SystemExit as left:
-        return _typer_left(left), None
-    except Exception as error:
-        return _report(error)
+    with printable_streams():
+        try:
+            code = app(args=list(arguments), prog_name="scenario", standalone_mode=False)
+            return code if isinstance(code, int) else ExitCode.EXPECTED
+        except (KeyboardInterrupt, typer.Abort):
+            failure = Failure(ExitCode.INTERRUPTED, "interrupted")
+        except SystemExit as leaving:
+            return _typer_left(leaving)
+        except Exception as error:
+            failure = _report(error)
+        # No component validates this text later: what was typed may be anything.
+        if failure.message and "--json" in takewhile(lambda word: word != "--", arguments):
+            from scenario_tui.cli.answer import write_json
+            from scenario_tui.cli.output_schemas import ErrorValue
+
+            value = ErrorValue(failure.message, int(failure.code), failure.findings)
+            with suppress(BrokenPipeError):
+                write_json("error", value)
+        return failure.code
 
 
-def _wants_json(arguments: Sequence[str]) -> bool:
-    """Whether --json was typed: what is typed wrongly is read by nobody who could say so."""
-    return "--json" in takewhile(lambda word: word != "--", arguments)
-
-
-def _report(error: Exception) -> tuple[int, ErrorOutput | None]:
-    """Say what went wrong to people; returns the exit code, and the same for machines."""
-    if isinstance(error, typer.TyperException):
-        from scenario_tui.cli.usage_text import plain_words
-
-        plain_words(error)
-        code = _report_wrong_usage(error)
-        return code, ErrorOutput(_usage_message(error), code)
-    if isinstance(error, InputError):
-        code = _report_bad_input(error)
-        return code, ErrorOutput.of(error.findings, code)
-    code, said = _report_unhandled(error)
-    return code, ErrorOutput(said, code) if said else None
-
-
-def _usage_message(error: typer.TyperException) -> str:
-    message: Callable[[], str] | None = getattr(error, "format_message", None)
-    return " ".join((message() if message is not None else str(error)).split())
-
-
-def _exit_code_of(code: Any) -> int:
-    return code if isinstance(code, int) else ExitCode.EXPECTED
-
-
-def _typer_left(left: SystemExit) -> int:
+def _typer_left(leaving: SystemExit) -> int:
     """Commands leave with typer.Exit; what else leaves is typer itself."""
     # It asks shells by its code whether there is anything to complete; otherwise it and rich call
     # sys.exit(1) when a pipe is broken.
-    if not left.code or "_SCENARIO_COMPLETE" in os.environ:
-        return _exit_code_of(left.code)
+    if not leaving.code or "_SCENARIO_COMPLETE" in os.environ:
+        return leaving.code if isinstance(leaving.code, int) else ExitCode.EXPECTED
     return ExitCode.BROKEN_PIPE
 
 
-def _report_wrong_usage(error: typer.TyperException) -> int:
+def _report(error: Exception) -> Failure:
+    """Say what went wrong to people; return the same for machines."""
+    if isinstance(error, typer.TyperException):
+        return _wrong_usage(error)
+    if isinstance(error, InputError):
+        return _bad_input(error)
+    failure = _unhandled(error)
+    if failure.message:
+        say(f"scenario: {failure.message}")
+    return failure
+
+
+def _wrong_usage(error: typer.TyperException) -> Failure:
+    # A validator's word for a choice that does not exist.
+    error.message = error.message.replace("Value error, ", "")
     # Usage errors show themselves with the command they are about; the root has only its words.
     show: Callable[[], None] | None = getattr(error, "show", None)
     if show is not None:
-        load_help_pages()
         show()
     else:
         sys.stderr.write(f"{error}\n")
-    return ExitCode.BAD_INPUT
+    message: Callable[[], str] | None = getattr(error, "format_message", None)
+    words = message() if message is not None else str(error)
+    return Failure(ExitCode.BAD_INPUT, " ".join(words.split()))
 
 
-def _report_bad_input(error: InputError) -> int:
+def _bad_input(error: InputError) -> Failure:
     from scenario_tui.text.diagnostics import diagnostic_counts
 
-    report_diagnostics(error.findings)
+    report_findings(error.findings)
     say(diagnostic_counts(error.findings))
-    return ExitCode.BAD_INPUT
+    errors = [one for one in error.findings if one.severity is Severity.ERROR] or error.findings
+    message = f"{errors[0].where}: {errors[0].message}" if errors else ""
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    return Failure(ExitCode.BAD_INPUT, message + more, error.findings)
 
 
-def _report_unhandled(error: Exception) -> tuple[int, str]:
-    """Say what went wrong; returns the exit code and the same in one line, empty for nobody."""
+def _unhandled(error: Exception) -> Failure:
+    """Return the exit code, and a message unless whoever left knows why."""
     # A library that was interrupted while it loaded may raise anything.
     if was_interrupted():
-        return ExitCode.INTERRUPTED, ""
+        return Failure(ExitCode.INTERRUPTED)
     # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
-        return ExitCode.BROKEN_PIPE, ""
+        return Failure(ExitCode.BROKEN_PIPE)
+    if isinstance(error, CommandError):
+        return Failure(error.code, str(error))
     from daemon.batch.errors import DaemonError, KeysUnusable, PlaceUnusable, Refused
 
     if isinstance(error, DaemonError):
-        say(f"scenario: {error}")
         # A daemon that refuses is fine itself: it was asked for something that is not there. Keys
         # and places are what somebody named or wrote.
         typed = isinstance(error, Refused | KeysUnusable | PlaceUnusable)
-        code = ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE
-        return code, str(error)
+        return Failure(ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE, str(error))
     # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
-        said = f"{error.strerror or error}{where}"
-        say(f"scenario: {said}")
-        return (ExitCode.BAD_INPUT if error.errno in _TYPED else ExitCode.INFRASTRUCTURE), said
+        code = ExitCode.BAD_INPUT if error.errno in _TYPED else ExitCode.INFRASTRUCTURE
+        return Failure(code, f"{error.strerror or error}{where}")
     say("".join(traceback.format_exception(error)).rstrip())
-    said = f"{type(error).__name__}: {error}"
-    say(f"scenario: {said}\nThis is a bug in scenario; please report it.")
-    return ExitCode.BUG, f"a bug in scenario: {said}"
+    message = f"a bug in scenario, please report it: {type(error).__name__}: {error}"
+    return Failure(ExitCode.BUG, message)

@@ -1,4 +1,4 @@
-"""What the command line knows of its commands before one is called: a name, a module, a line.
+"""The commands before one is called: a name, the panel of help it stands in, a line about it.
 
 Help and completion need no more than this table, so that a command loads its own module and no
 other. A test holds every line to the first sentence of the command it is about.
@@ -6,211 +6,138 @@ other. A test holds every line to the first sentence of the command it is about.
 
 from __future__ import annotations
 
+import inspect
 from collections import UserDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Any, Final
+from keyword import iskeyword
+from typing import Any, Final, TypeVar
 
 import typer
 from typer.core import TyperCommand
 
+from scenario_tui.cli.examples import EXAMPLES
 from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 
+C = TypeVar("C", bound=Callable[..., Any])
 
-@dataclass(frozen=True)
-class CommandEntry:
-    """A command: the function or group ``attribute`` of a ``module`` of ours, and what help says.
-
-    The function is called as the command is unless ``attribute`` says otherwise.
-    """
-
-    name: str
-    module: str
-    summary: str
-    attribute: str = ""
-
-
-_PANELS: Final[dict[str, tuple[CommandEntry, ...]]] = {
-    "Run campaigns": (
-        CommandEntry(
-            "demo",
-            "run_campaigns",
-            "Show everything once: a robot, moving doors, verdicts.",
-        ),
-        CommandEntry("new", "begin", "Write a small campaign that runs, to change into yours."),
-        CommandEntry("check", "run_campaigns", "Find every problem of campaigns and layers."),
-        CommandEntry("run", "run_campaigns", "Run a campaign here and now, without a daemon."),
-        CommandEntry(
-            "submit",
-            "run_campaigns",
-            "Hand a campaign to the daemon, watch it if you like.",
-        ),
-        CommandEntry(
-            "search",
-            "search",
-            "Search for values that make a scenario fail, and for the failure nearest to it.",
-        ),
-        CommandEntry(
-            "wait",
-            "run_campaigns",
-            "Wait until a campaign is over, and leave with its exit code.",
-        ),
-        CommandEntry(
-            "serve",
-            "serve",
-            "Let a scenario's world go on by the clock: drive in it, look at it, connect a stack "
-            "to it.",
-        ),
-        CommandEntry(
-            "sut",
-            "sut",
-            "Show a system under test, or start an external one and see what it lacks.",
-            "sut_app",
-        ),
-    ),
-    "Look": (
-        CommandEntry("tui", "tui", "Open the dashboard; leaving it never stops any work."),
-        CommandEntry("status", "status", "Say how everything stands: daemon, workers, campaigns."),
-        CommandEntry(
-            "results",
-            "look",
-            "Show what came out of a campaign: every cell, what is not as expected and why.",
-        ),
-        CommandEntry(
-            "show",
-            "look",
-            "Show one run: what each oracle says and why, or what happened in it.",
-        ),
-        CommandEntry(
-            "replay",
-            "recorded_runs",
-            "Watch a recorded run from above, with what its oracles say, or two of them side by "
-            "side.",
-        ),
-        CommandEntry(
-            "plot",
-            "recorded_runs",
-            "Draw signals of a recorded run over time, with the moments that decided against it.",
-        ),
-    ),
-    "Understand": (
-        CommandEntry(
-            "judge",
-            "judge",
-            "Judge recorded runs again and say which verdicts differ; traces stay as they are.",
-        ),
-        CommandEntry(
-            "verify",
-            "verify",
-            "Run specifications twice and say whether the bytes are the same, or where they part.",
-        ),
-        CommandEntry(
-            "compare",
-            "compare",
-            "Compare two campaigns: verdicts, margins, measures, cell by cell.",
-        ),
-        CommandEntry(
-            "report",
-            "report",
-            "Write a campaign or a search as one page with figures, a campaign as tables, too.",
-        ),
-        CommandEntry(
-            "coverage",
-            "coverage",
-            "Say which features a campaign exercises, and which it does not.",
-        ),
-        CommandEntry(
-            "blame",
-            "blame",
-            "Find the layer or parameter that makes a run fail, and the least that still fails.",
-        ),
-    ),
-    "Steer": (
-        CommandEntry("cancel", "steer", "Cancel what is queued or running of a campaign."),
-        CommandEntry("retry", "steer", "Queue lost or cancelled runs of a campaign again."),
-        CommandEntry("pause", "steer", "Start no more runs of a campaign, or go on with it."),
-        CommandEntry("priority", "steer", "Let a campaign go before those of lower priority."),
-        CommandEntry(
-            "delete",
-            "steer",
-            "Remove campaigns for good: runs, results, and traces that no other campaign uses.",
-        ),
-    ),
-    "Machines": (
-        CommandEntry("daemon", "machines", "Run the daemon in the foreground, or end it."),
-        CommandEntry("worker", "machines", "Run a worker in the foreground."),
-        CommandEntry(
-            "keys",
-            "keys",
-            "Make the keys with which machines prove to each other who they are.",
-            "keys_app",
-        ),
-    ),
-    "Operate": (
-        CommandEntry(
-            "doctor",
-            "operate",
-            "Say what is configured, what answers, and what is wrong, each with its remedy.",
-        ),
-        CommandEntry(
-            "gc",
-            "operate",
-            "Remove what nobody needs, and traces of finished campaigns, the oldest first.",
-        ),
-    ),
-    "Artefacts": (
-        CommandEntry(
-            "import",
-            "import_building",
-            "Make a building, NAME.walls.yaml, of the map of a robot or of a drawing (DXF).",
-            "import_building",
-        ),
-        CommandEntry(
-            "export",
-            "export",
-            "Write artefacts of a building, a campaign or a run: maps, worlds, pictures, traces, …",
-        ),
-        CommandEntry("vary", "vary", "Write variants of a floor plan, drawn from distributions."),
-    ),
-    "Editors": (
-        CommandEntry(
-            "schema",
-            "editors",
-            "Print or write what editors use: JSON Schemas of YAML files, the VS Code extension.",
-        ),
-    ),
+_PANELS: Final[dict[str, dict[str, str]]] = {
+    "Run campaigns": {
+        "demo": "Show everything once: a robot, moving doors, verdicts.",
+        "new": "Write a small campaign that runs, to change into yours.",
+        "check": "Find every problem of campaigns and layers.",
+        "run": "Run a campaign here and now, without a daemon.",
+        "submit": "Hand a campaign to the daemon, watch it if you like.",
+        "search": "Search for values that make a scenario fail, and for the failure nearest to it.",
+        "wait": "Wait until a campaign is over, and leave with its exit code.",
+        "serve": "Let a scenario's world go on by the clock: drive in it, look at it, connect a "
+        "stack to it.",
+        "sut": "Show a system under test, or start an external one and see what it lacks.",
+    },
+    "Look": {
+        "tui": "Open the dashboard; leaving it never stops any work.",
+        "status": "Say how everything stands: daemon, workers, campaigns.",
+        "results": "Show what came out of a campaign: every cell, what is not as expected and why.",
+        "show": "Show one run: what each oracle says and why, or what happened in it.",
+        "replay": "Watch a recorded run from above, with what its oracles say, or two of them "
+        "side by side.",
+        "plot": "Draw signals of a recorded run over time, with the moments that decided against "
+        "it.",
+    },
+    "Understand": {
+        "judge": "Judge recorded runs again and say which verdicts differ; traces stay as they "
+        "are.",
+        "verify": "Run specifications twice and say whether the bytes are the same, or where they "
+        "part.",
+        "compare": "Compare two campaigns: verdicts, margins, measures, cell by cell.",
+        "report": "Write a campaign or a search as one page with figures, a campaign as tables, "
+        "too.",
+        "coverage": "Say which features a campaign exercises, and which it does not.",
+        "blame": "Find the layer or parameter that makes a run fail, and the least that still "
+        "fails.",
+    },
+    "Steer": {
+        "cancel": "Cancel what is queued or running of a campaign.",
+        "retry": "Queue lost or cancelled runs of a campaign again.",
+        "pause": "Start no more runs of a campaign, or go on with it.",
+        "priority": "Let a campaign go before those of lower priority.",
+        "delete": "Remove campaigns for good: runs, results, and traces that no other campaign "
+        "uses.",
+    },
+    "Machines": {
+        "daemon": "Run the daemon in the foreground, or end it.",
+        "worker": "Run a worker in the foreground.",
+        "keys": "Make the keys with which machines prove to each other who they are.",
+    },
+    "Operate": {
+        "doctor": "Say what is configured, what answers, and what is wrong, each with its remedy.",
+        "gc": "Remove what nobody needs, and traces of finished campaigns, the oldest first.",
+    },
+    "Artefacts": {
+        "import": "Make a building, NAME.walls.yaml, of the map of a robot or of a drawing (DXF).",
+        "export": "Write artefacts of a building, a campaign or a run: maps, worlds, pictures, "
+        "traces, …",
+        "vary": "Write variants of a floor plan, drawn from distributions.",
+    },
+    "Editors": {
+        "schema": "Print or write what editors use: JSON Schemas of YAML files, the VS Code "
+        "extension.",
+    },
 }
 """Help shows commands in this order, in panels of these names."""
 
-COMMANDS: Final[dict[str, CommandEntry]] = {
-    entry.name: entry for entries in _PANELS.values() for entry in entries
+COMMANDS: Final = {
+    name: (panel, about) for panel, lines in _PANELS.items() for name, about in lines.items()
 }
-_PANEL_OF: Final = {entry.name: panel for panel, entries in _PANELS.items() for entry in entries}
+_MODULES: Final = {
+    "demo": "run_campaigns", "check": "run_campaigns", "run": "run_campaigns",
+    "submit": "run_campaigns", "wait": "run_campaigns", "new": "begin", "results": "look",
+    "show": "look", "replay": "recorded_runs", "plot": "recorded_runs", "cancel": "steer",
+    "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
+    "daemon": "machines", "worker": "machines", "doctor": "operate", "gc": "operate",
+    "import": "import_building", "schema": "editors",
+}  # fmt: skip
+"""The module of a command that is not in one of its own name."""
 
 
 @cache
-def load_command(entry: CommandEntry) -> Any:
+def load_command(name: str) -> Any:
     """Import a command and return it as typer calls it."""
-    module = import_module(f"scenario_tui.cli.{entry.module}")
-    found = getattr(module, entry.attribute or entry.name)
-    if not isinstance(found, typer.Typer):
-        from scenario_tui.cli.options import with_keys_option
+    module = import_module(f"scenario_tui.cli.{_MODULES.get(name, name)}")
+    # A group of commands is the ``app`` of its module.
+    group = getattr(module, "app", None)
+    if group is not None:
+        return typer.main.get_command(group)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    command_of(alone, name)(getattr(module, f"{name}_" if iskeyword(name) else name))
+    return typer.main.get_command(alone)
 
-        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        alone.command(entry.name, cls=PlainFlagsCommand)(with_keys_option(found))
-        found = alone
-    return typer.main.get_command(found)
+
+def command_of(group: typer.Typer, name: str) -> Callable[[C], C]:
+    """Return a decorator that adds a function as the command ``name`` of a group."""
+    from scenario_tui.cli.answer import as_typed
+    from scenario_tui.cli.options import with_keys_option
+
+    lines = EXAMPLES.get(" ".join(filter(None, (str(group.info.name or ""), name))), ())
+    # typer prints a line for each paragraph.
+    epilog = "\n\n".join(("Examples:", *lines)) if lines else None
+
+    def add(command: C) -> C:
+        old = "connect" in inspect.signature(command).parameters
+        typed = (with_keys_option if old else as_typed)(command)
+        group.command(name, cls=PlainFlagsCommand, epilog=epilog)(typed)
+        return command
+
+    return add
 
 
 class _Commands(UserDict[str, Any]):
     """Commands by name, each made when it is asked for."""
 
     def __getitem__(self, name: str) -> Any:
-        found = self.data[name]
-        return load_command(found) if isinstance(found, CommandEntry) else found
+        return load_command(name) if name in self.data else super().__getitem__(name)
 
 
 class CommandGroup(PlainFlagsGroup):
@@ -222,7 +149,7 @@ class CommandGroup(PlainFlagsGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands in the order of help."""
-        return list(self.commands)
+        return list(COMMANDS)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help."""
@@ -239,10 +166,8 @@ class CommandGroup(PlainFlagsGroup):
         """Have every command be its name and its line, while none is called."""
         whole = self.commands
         self.commands = {
-            entry.name: TyperCommand(
-                name=entry.name, help=entry.summary, rich_help_panel=_PANEL_OF[entry.name]
-            )
-            for entry in COMMANDS.values()
+            name: TyperCommand(name=name, help=about, rich_help_panel=panel)
+            for name, (panel, about) in COMMANDS.items()
         }
         try:
             yield

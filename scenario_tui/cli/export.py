@@ -19,7 +19,7 @@ from scenario_tui.cli.export_runs import (
     is_recorded,
 )
 from scenario_tui.cli.options import AsJson, Base, Connect, State, check_folder, check_writable
-from scenario_tui.cli.output import Output, report_diagnostics
+from scenario_tui.cli.output import Output, report_findings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -222,7 +222,7 @@ def export(
     else:
         world, warnings = world_of_plan(source, base)
         worlds = (world,)
-    report_diagnostics(warnings)
+    report_findings(warnings)
     settings = ExportSettings(
         laser_height=laser_height,
         resolution=resolution,
@@ -256,7 +256,7 @@ def export(
         if not as_json:
             for path in done.paths:
                 typer.echo(path)
-    report_diagnostics(
+    report_findings(
         Finding(Where(_about(source, names, len(placed))), note, severity=Severity.WARNING)
         for note, names in noted.items()
     )

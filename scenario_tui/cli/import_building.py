@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, NoReturn
 import typer
 
 from scenario_tui.cli.options import AsJson
-from scenario_tui.cli.output import Output, OutputPart, report_diagnostics, say
+from scenario_tui.cli.output import Output, OutputPart, report_findings, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ class ImportOutput(Output, schema="import"):
     map: MapFigures
 
 
-def import_building(
+def import_(
     file: Annotated[
         Path,
         typer.Argument(
@@ -136,7 +136,7 @@ def import_building(
         grid = _drawn(file, layer, standing or (), unit, _length(thickness, "thickness"))
     elif file.suffix.lower() in (".yaml", ".yml"):
         saved = read_map(file, turned=True)
-        report_diagnostics(saved.warnings)
+        report_findings(saved.warnings)
         grid, yaw = saved.grid, saved.yaw
     else:
         _refuse(str(file), "is neither the YAML file of a map nor a drawing", _OTHER_FILE)
@@ -171,7 +171,7 @@ def _drawn(
     try:
         return draw_map(file, layers or WALL_LAYERS, standing, unit, thickness, findings)
     finally:
-        report_diagnostics(findings.warnings)
+        report_findings(findings.warnings)
 
 
 def _target(file: Path, out: Path | None) -> Path:

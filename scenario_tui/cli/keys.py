@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from scenario_tui.cli.commands import command_of
 from scenario_tui.cli.options import AsJson, Keys
 from scenario_tui.cli.output import Output, say, stdout_console
-from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
+from scenario_tui.cli.plain_flags import PlainFlagsGroup
 
 if TYPE_CHECKING:
     from daemon.batch.security import IssuedKey
 
-keys_app = typer.Typer(
+app = typer.Typer(
     name="keys",
     help="Make the keys with which machines prove to each other who they are.",
     no_args_is_help=True,
@@ -40,7 +41,7 @@ KeyName: TypeAlias = Annotated[
 ]
 
 
-@keys_app.command(cls=PlainFlagsCommand)
+@command_of(app, "init")
 def init(
     folder: Annotated[
         Path | None,
@@ -64,7 +65,7 @@ def init(
     say(f"keys in {place}; next: `{next_step}` for another machine")
 
 
-@keys_app.command(cls=PlainFlagsCommand)
+@command_of(app, "issue")
 def issue(
     role: Annotated[
         str, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
@@ -99,7 +100,7 @@ class KeysOutput(Output, schema="keys"):
         _print_keys(self.keys)
 
 
-@keys_app.command("list", cls=PlainFlagsCommand)
+@command_of(app, "list")
 def list_(keys: Keys = None, as_json: AsJson = False) -> None:
     """List who has a key, for what, until when, and its fingerprint."""
     from daemon.batch.security import keys_folder, load_register
@@ -108,7 +109,7 @@ def list_(keys: Keys = None, as_json: AsJson = False) -> None:
     KeysOutput(str(place), load_register(place).issued).show(as_json)
 
 
-@keys_app.command(cls=PlainFlagsCommand)
+@command_of(app, "revoke")
 def revoke(key: KeyName, keys: Keys = None, as_json: AsJson = False) -> None:
     """Take a key's rights away, at once; a daemon that runs sees it within a second.
 
@@ -126,7 +127,7 @@ def revoke(key: KeyName, keys: Keys = None, as_json: AsJson = False) -> None:
     say(f'"{key}" is revoked')
 
 
-@keys_app.command(cls=PlainFlagsCommand)
+@command_of(app, "bundle")
 def bundle(
     key: KeyName,
     output: Annotated[

@@ -22,7 +22,7 @@ from scenario_tui.cli.options import (
     read_wall,
     use_keys,
 )
-from scenario_tui.cli.output import say, stay_small
+from scenario_tui.cli.output import say
 
 Commands: TypeAlias = Annotated[
     bool | None,
@@ -142,7 +142,6 @@ def daemon(
     where = f" at {listen}" if listen else ""
     say(f"starting a daemon{where}, state in {paths.state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=read_size(quota) if quota else 0)
-    stay_small()
     serve(paths.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
     say("the daemon has left; what is queued waits for the next one")
 
@@ -217,7 +216,6 @@ def worker(
     endpoint = find_endpoint(connect, state)
     where = endpoint_text(endpoint.address)
     say(f"worker for {where}, Ctrl-C to leave after the running runs")
-    stay_small()
     from daemon.batch.errors import Unreachable
 
     try:

@@ -7,7 +7,7 @@ import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
 import typer
 
@@ -101,6 +101,9 @@ def check_campaign_file(path: Path) -> Path:
     return path
 
 
+_COMMON: Final = "Common options"
+"""The panel of help for options that many commands have."""
+
 Connect: TypeAlias = Annotated[
     str,
     typer.Option(
@@ -108,6 +111,7 @@ Connect: TypeAlias = Annotated[
         "-c",
         metavar="ENDPOINT",
         callback=check_endpoint,
+        rich_help_panel=_COMMON,
         help="Daemon to talk to, tls/host:port. Default: $SCENARIO_CONNECT, "
         "then the daemon of this machine.",
     ),
@@ -117,6 +121,7 @@ State: TypeAlias = Annotated[
     typer.Option(
         "--state",
         metavar="DIR",
+        rich_help_panel=_COMMON,
         help="State directory of the daemon of this machine. Default: $SCENARIO_STATE, "
         "then your user state folder.",
     ),
@@ -126,6 +131,7 @@ Keys: TypeAlias = Annotated[
     typer.Option(
         "--keys",
         metavar="DIR",
+        rich_help_panel=_COMMON,
         help="Folder of keys, for tls/host:port. Default: $SCENARIO_KEYS, then keys in your "
         "settings.",
     ),
@@ -139,7 +145,10 @@ Base = Annotated[
     ),
 ]
 AsJson: TypeAlias = Annotated[
-    bool, typer.Option("--json", help="Write one JSON object to standard output.")
+    bool,
+    typer.Option(
+        "--json", rich_help_panel=_COMMON, help="Write one JSON object to standard output."
+    ),
 ]
 Slots: TypeAlias = Annotated[
     int | None,

@@ -8,10 +8,7 @@ people read.
 from __future__ import annotations
 
 import codecs
-import gc
 import io
-import json
-import math
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -19,8 +16,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
-from grammars.text.diagnostics import Finding, Severity
-from grammars.text.terminal_text import escape_json, printable, printable_streams, unfiltered
+from grammars.text.diagnostics import Finding
+from grammars.text.terminal_text import printable, printable_streams, unfiltered
+from scenario_tui.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,9 +26,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 T = TypeVar("T")
-
-COLLECT_RARELY: Final = (200_000, 10, 10)
-"""Thresholds of the garbage collector for commands that end."""
 
 _ASCII_SIGNS: Final = {
     "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
@@ -59,16 +54,6 @@ def settle_streams() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
         elif name != "stdin" and isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="scenario.plainly")
-
-
-def stay_small() -> None:
-    """Have garbage collected as often as Python does it by itself, in a command that goes on.
-
-    :func:`scenario_tui.cli.command_line.main` has it collected rarely, for commands that end. Where
-    somebody else decides (a test, a script), nothing changes.
-    """
-    if gc.get_threshold() == COLLECT_RARELY:
-        gc.set_threshold(700, 10, 10)
 
 
 def stdout_console() -> Console:
@@ -145,9 +130,16 @@ def plain_table(*titles: str, figures: bool = False) -> Table:
     return table
 
 
+class CommandError(Exception):
+    """Why a command cannot do what was typed, in a line, and the exit ``code`` it leaves with."""
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
+
+
 def say(message: str) -> None:
     """Write a message for people to standard error; that nobody reads it changes nothing."""
-    ErrorOutput.said = message.strip()
     with suppress(BrokenPipeError):
         sys.stderr.write(printable(message) + "\n")
         sys.stderr.flush()
@@ -172,8 +164,6 @@ class Output(OutputPart):
     """
 
     schema: ClassVar[str]
-    emitted: ClassVar[int] = 0
-    """How many objects were written: a command that fails afterwards writes no second one."""
 
     def __init_subclass__(cls, schema: str = "") -> None:
         super().__init_subclass__()
@@ -192,55 +182,9 @@ class Output(OutputPart):
 
     def emit(self) -> None:
         """Write one JSON object to standard output; numbers that JSON has not are null."""
-        body = {"schema": schema_identifier(self.schema)} | _null_for_nonfinite(_plain(self))
-        # Escapes carry any text through any encoding; a stream that knows them all needs none.
-        escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
-        text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
-        sys.stdout.write(escape_json(text) + "\n")
-        Output.emitted += 1
+        from scenario_tui.cli.answer import write_plain
 
-
-class ErrorPlace(OutputPart):
-    """Something wrong in a file; line and column count from 1, 0 is unknown."""
-
-    file: str
-    line: int
-    column: int
-    severity: Severity
-    message: str
-    hint: str
-
-
-class ErrorOutput(Output, schema="error"):
-    """Why a command that was asked for JSON has no other answer, and the code it leaves with."""
-
-    said: ClassVar[str] = ""
-    """What was said to people last: why a command leaves that has no answer."""
-
-    error: str
-    exit_code: int
-    diagnostics: tuple[ErrorPlace, ...] = ()
-
-    @classmethod
-    def of(cls, diagnostics: Iterable[Finding], exit_code: int) -> ErrorOutput:
-        """Return what is wrong in files; the first error of them is what is said in ``error``."""
-        found = tuple(diagnostics)
-        errors = [one for one in found if one.severity is Severity.ERROR] or list(found)
-        said = f"{errors[0].where}: {errors[0].message}" if errors else ""
-        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-        places = tuple(
-            ErrorPlace(
-                one.where.file, one.where.line, one.where.column,
-                one.severity, one.message, one.hint,
-            )
-            for one in found
-        )  # fmt: skip
-        return cls(said + more, exit_code, places)
-
-
-def schema_identifier(name: str) -> str:
-    """Return what stands in the field ``schema`` of an output."""
-    return f"scenario/{name}/1"
+        write_plain(self.schema, _plain(self))
 
 
 def _plain(value: Any) -> Any:
@@ -254,25 +198,12 @@ def _plain(value: Any) -> Any:
     return to_plain(value)
 
 
-def _null_for_nonfinite(plain: Any) -> Any:
-    """Return plain data with ``None`` for what is infinite or no number."""
-    # Margins may be infinite. JSON knows no such number, and what Python's json writes for it,
-    # Infinity, other readers refuse.
-    if isinstance(plain, float):
-        return plain if math.isfinite(plain) else None
-    if isinstance(plain, dict):
-        return {key: _null_for_nonfinite(value) for key, value in plain.items()}
-    if isinstance(plain, list):
-        return [_null_for_nonfinite(value) for value in plain]
-    return plain
-
-
-def report_diagnostics(diagnostics: Iterable[Finding]) -> None:
-    """Print every diagnostic to standard error; that nobody reads them changes nothing."""
+def report_findings(findings: Iterable[Finding]) -> None:
+    """Print every finding to standard error; that nobody reads them changes nothing."""
     from scenario_tui.text.diagnostics import render_diagnostic
 
     console = stderr_console()
     # rich leaves the program when a pipe is broken; the command has its own exit code to give.
     with suppress(SystemExit):
-        for diagnostic in diagnostics:
-            console.print(render_diagnostic(diagnostic), soft_wrap=True)
+        for finding in findings:
+            console.print(render_diagnostic(finding), soft_wrap=True)

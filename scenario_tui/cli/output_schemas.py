@@ -14,6 +14,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Literal, get_type_hints
 
+from grammars.text.diagnostics import Finding
 from scenario_tui.cli import (
     begin,
     blame,
@@ -39,7 +40,8 @@ from scenario_tui.cli import (
     vary,
     verify,
 )
-from scenario_tui.cli.output import ErrorOutput, Output, OutputPart, schema_identifier
+from scenario_tui.cli.answer import schema_identifier
+from scenario_tui.cli.output import Output, OutputPart
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -50,7 +52,6 @@ SCHEMA_TITLE: Final = "Outputs of scenario-tui"
 SCHEMA_FILE: Final = "outputs.schema.json"
 
 _OUTPUTS: Final[tuple[type[Output], ...]] = (
-    status.StatusOutput,
     results.ResultsOutput,
     look.RunOutput,
     logs.LogsOutput,
@@ -87,11 +88,23 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     import_building.ImportOutput,
     vary.VaryOutput,
     export.ExportOutput,
-    ErrorOutput,
 )
 """In the order they are published in."""
 
 OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _OUTPUTS}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ErrorValue:
+    """Why a command has no other answer, the code it leaves with, what is wrong in files."""
+
+    error: str
+    exit_code: int
+    diagnostics: tuple[Finding, ...] = ()
+
+
+VALUES: Final[dict[str, type]] = {"status": status.DaemonStatus, "error": ErrorValue}
+"""The values of answers (:class:`scenario_tui.cli.answer.Answer`) by the name of their schema."""
 
 
 _LEFT_OUT_WHEN_EMPTY: Final = {"Laser": ("name",), "Robot": ("other_lasers",)}
@@ -116,8 +129,31 @@ def outputs_schema() -> dict[str, Any]:
             left_out = _LEFT_OUT_WHEN_EMPTY.get(name, ())
             body["required"] = [key for key in body["properties"] if key not in left_out]
     each = [keys[model, "serialization"] for model in models]
+    for name, kind in VALUES.items():
+        body, inner = _value_schema(name, kind)
+        found["$defs"] |= {**inner, name: body}
+        each.append({"$ref": f"#/$defs/{name}"})
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, "title": SCHEMA_TITLE, "oneOf": each, "$defs": found["$defs"]}
+
+
+def _value_schema(name: str, kind: type) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the JSON Schema of a value with its field ``schema``, and what it refers to."""
+    from pydantic import TypeAdapter
+
+    template = "#/$defs/{model}"
+    body = TypeAdapter(kind).json_schema(mode="serialization", ref_template=template)
+    inner = body.pop("$defs", {})
+    if "$ref" in body:  # a value that refers to its own kind
+        body = dict(inner[body["$ref"].rpartition("/")[2]])
+    for title, one in (*inner.items(), (kind.__name__, body)):
+        if "properties" in one:
+            # Pydantic takes what has a default for optional; we write every field but those.
+            left_out = _LEFT_OUT_WHEN_EMPTY.get(title, ())
+            one["required"] = [key for key in one["properties"] if key not in left_out]
+    body["properties"] = {"schema": {"const": schema_identifier(name)}, **body["properties"]}
+    body["required"] = ["schema", *body["required"]]
+    return body | {"title": name, "additionalProperties": False}, inner
 
 
 def _object_model(

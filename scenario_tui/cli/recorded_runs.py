@@ -11,7 +11,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
-from scenario_tui.cli.output import Output, OutputPart, say, stay_small, stdout_console
+from scenario_tui.cli.output import Output, OutputPart, say, stdout_console
 
 if TYPE_CHECKING:
     from daemon.model.verdicts import Verdict
@@ -90,7 +90,6 @@ def replay(
 
     playback = open_playback(trace)
     begin = _resolve_time(playback, start, "--from") if start else playback.start
-    stay_small()
     if run_replay(ReplayScreen(playback, begin, speed)):
         raise typer.Exit(ExitCode.BUG)
 
@@ -112,7 +111,6 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
     from scenario_tui.dashboard.screens.compare import CompareScreen
     from scenario_tui.dashboard.screens.replay import run_replay
 
-    stay_small()
     if run_replay(CompareScreen(*both, begin=begin, speed=speed)):
         raise typer.Exit(ExitCode.BUG)
 

@@ -18,8 +18,9 @@ from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.words import NOTHING, count_noun
+from scenario_tui.cli.answer import schema_identifier
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
+from scenario_tui.cli.output import Output, plain_table, stdout_console
 from scenario_tui.text.assessment_text import (
     BOUNDS,
     Footnotes,

@@ -27,7 +27,7 @@ from scenario_tui.cli.options import (
     read_duration,
     read_wall,
 )
-from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_console
+from scenario_tui.cli.output import Output, report_findings, say, stdout_console
 
 if TYPE_CHECKING:
     from daemon.model.status import SubmissionReceipt
@@ -225,7 +225,7 @@ def check(
         about, found = _check(file, base)
         findings[str(file)] = found
         if not as_json:
-            report_diagnostics(found)
+            report_findings(found)
             say(f"{file}: {about + ', ' if about else ''}{diagnostic_counts(found)}")
     if as_json:
         CheckOutput(findings).emit()
@@ -256,7 +256,7 @@ def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -
 
     prepared = prepare_submission(path, fresh=fresh)
     stop_if_interrupted()
-    report_diagnostics(prepared.warnings)
+    report_findings(prepared.warnings)
     if hint and (words := searches_text(path, prepared.searches)):
         say(words)
     return prepared.submission

@@ -13,7 +13,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, exit_code, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, Slots, State
-from scenario_tui.cli.output import Output, plain_table, report_diagnostics, say, stdout_console
+from scenario_tui.cli.output import Output, plain_table, report_findings, say, stdout_console
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
@@ -324,7 +324,7 @@ def _begin(
         path, name, client=client_name(), change=change, find=find, fresh=fresh
     )
     submission = prepared.submission
-    report_diagnostics(prepared.warnings)
+    report_findings(prepared.warnings)
     start_daemon_if_needed(target, slots)
 
     def begin(daemon: DaemonClient) -> tuple[SearchRow | None, SearchRow]:

@@ -17,7 +17,7 @@ from daemon.campaign import load_campaign
 from grammars.text.diagnostics import InputError, Severity
 from grammars.text.files import write_atomically
 from grammars.text.sources import recording_reads, shipped_folder
-from scenario_tui.cli.output import report_diagnostics
+from scenario_tui.cli.output import report_findings
 from scenario_tui.cli.search_report import search_material, write_search_page
 from templates.artefacts import ExportResult, export
 from templates.naming import file_name
@@ -77,7 +77,7 @@ def _export(found: Path, folder: Path) -> bool:
     try:
         export_found(found, folder)
     except InputError as error:
-        report_diagnostics(replace(one, severity=Severity.WARNING) for one in error.findings)
+        report_findings(replace(one, severity=Severity.WARNING) for one in error.findings)
         return False
     return True
 

@@ -12,7 +12,7 @@ import typer
 
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import CampaignFile
-from scenario_tui.cli.output import report_diagnostics, say, stay_small
+from scenario_tui.cli.output import report_findings, say
 
 if TYPE_CHECKING:
     from daemon.live.foxglove_server import FoxgloveServer
@@ -105,7 +105,6 @@ def serve(
     # Before the clock counts: a world that stutters at its start would say it cannot keep up.
     load_kernels(spec, scene)
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
-    stay_small()
     with _served(simulation, foxglove, host, port, socket if ros2 else None) as services:
         with simulation.running() as thread:
             if headless or _why_no_view():
@@ -176,7 +175,7 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
 
     prepared = prepare_submission(path)
     submission, warnings = prepared.submission, prepared.warnings
-    report_diagnostics(warnings)
+    report_findings(warnings)
     runs = tuple(map(submission.spec, (*submission.runs, *submission.reserve)))
     found = _matching(runs, scenario, sut, repeat)
     if not sut:

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from scenario_tui.cli.options import AsJson, Connect, State
-from scenario_tui.cli.output import Output, plain_table, stdout_console, wrap_parts
+from daemon.batch.errors import Unavailable
+from daemon.model.search_answer import SearchRow
+from daemon.model.status import CampaignRow, DaemonOverview, WorkerRow
+from grammars.text.words import count_noun, duration_text
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.output import plain_table, stdout_console, wrap_parts
+from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-    from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, DaemonOverview, WorkerRow
 
 _MAX_CAMPAIGNS: Final = 15
 _OTHER_COLUMNS: Final = 18
 """Columns that age and gaps take in the list of campaigns."""
 
 
-class StatusOutput(Output, schema="status"):
-    """How everything stands; ``searches`` are those that have not ended."""
+@dataclass(frozen=True, slots=True)
+class DaemonStatus:
+    """A daemon and everything it has; ``searches`` are those that have not ended."""
 
     endpoint: str
     overview: DaemonOverview
@@ -27,64 +34,9 @@ class StatusOutput(Output, schema="status"):
     workers: tuple[WorkerRow, ...]
     searches: tuple[SearchRow, ...] = ()
 
-    def print(self) -> None:
-        """Print the daemon on two lines, and the newest campaigns."""
-        console, now = stdout_console(), self.overview.now
-        self._print_overview()
-        if not self.campaigns and self.overview.trouble:
-            return  # there may be some that cannot be read just now
-        if not self.campaigns:
-            console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
-            return
-        console.print(_campaign_table(self.campaigns[:_MAX_CAMPAIGNS], now, console.width))
-        if len(self.campaigns) > _MAX_CAMPAIGNS:
-            console.print(f"and {len(self.campaigns) - _MAX_CAMPAIGNS} older ones")
-        self._print_searches()
 
-    def _print_searches(self) -> None:
-        from scenario_tui.text.search_text import search_line
-
-        for row in self.searches:
-            words = f"search {search_line(row)}"
-            stdout_console().print(words, markup=False, highlight=False, soft_wrap=True)
-
-    def _print_overview(self) -> None:
-        from daemon.batch.paths import endpoint_text
-        from grammars.text.words import count_noun, duration_text
-        from scenario_tui.text.formatting import rate_text
-
-        overview, console = self.overview, stdout_console()
-        slots = sum(worker.slots for worker in self.workers if not worker.away)
-        away = sum(worker.away for worker in self.workers)
-        console.print(
-            f"daemon {overview.version} at {endpoint_text(self.endpoint)}, "
-            f"up {duration_text(overview.now - overview.started_at)}, "
-            f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
-            + (f", {away} away" if away else ""),
-            soft_wrap=True,
-        )
-        parts = _tally_parts(overview) or ["no runs yet"]
-        if overview.rate > 0:
-            parts.append(rate_text(overview.rate))
-        if overview.seconds_left is not None:
-            parts.append(f"{duration_text(overview.seconds_left)} left")
-        console.print(wrap_parts(parts, console.width), markup=False)
-        if overview.preparing:
-            console.print(overview.preparing, markup=False, soft_wrap=True)
-        for number, trouble in enumerate(overview.troubles):
-            what = "no run can start: " if overview.halted and number == 0 else ""
-            words = f"! {what}{trouble.words.strip().splitlines()[-1]}"
-            console.print(words, markup=False, style="yellow", soft_wrap=True)
-
-
-def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
+def status(target: DaemonTarget) -> Answer[DaemonStatus]:
     """Say how everything stands: daemon, workers, campaigns."""
-    from contextlib import suppress
-
-    from daemon.batch.errors import Unavailable
-    from scenario_tui.cli.target import DaemonTarget
-
-    target = DaemonTarget(connect, state)
     endpoint = target.endpoint
     with target.open() as daemon:
         overview, workers = daemon.overview(), daemon.workers()
@@ -95,20 +47,63 @@ def status(connect: Connect = "", state: State = None, as_json: AsJson = False) 
             campaigns = daemon.campaigns()
             if any(row.search in ("running", "waiting") for row in campaigns):
                 searches = daemon.searches(unfinished=True)
-    StatusOutput(endpoint, overview, campaigns, workers, searches).show(as_json)
+    value = DaemonStatus(endpoint, overview, campaigns, workers, searches)
+    return Answer("status", value, partial(_print_status, value))
+
+
+def _print_status(status: DaemonStatus) -> None:
+    """Print the daemon on two lines, and the newest campaigns."""
+    console, campaigns = stdout_console(), status.campaigns
+    _print_overview(status)
+    if not campaigns and status.overview.trouble:
+        return  # there may be some that cannot be read just now
+    if not campaigns:
+        console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
+        return
+    console.print(_campaign_table(campaigns[:_MAX_CAMPAIGNS], status.overview.now, console.width))
+    if len(campaigns) > _MAX_CAMPAIGNS:
+        console.print(f"and {len(campaigns) - _MAX_CAMPAIGNS} older ones")
+    if status.searches:
+        from scenario_tui.text.search_text import search_line
+
+        for row in status.searches:
+            words = f"search {search_line(row)}"
+            console.print(words, markup=False, highlight=False, soft_wrap=True)
+
+
+def _print_overview(status: DaemonStatus) -> None:
+    from daemon.batch.paths import endpoint_text
+
+    overview, console = status.overview, stdout_console()
+    slots = sum(worker.slots for worker in status.workers if not worker.away)
+    away = sum(worker.away for worker in status.workers)
+    console.print(
+        f"daemon {overview.version} at {endpoint_text(status.endpoint)}, "
+        f"up {duration_text(overview.now - overview.started_at)}, "
+        f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
+        + (f", {away} away" if away else ""),
+        soft_wrap=True,
+    )
+    parts = _tally_parts(overview) or ["no runs yet"]
+    if overview.rate > 0:
+        parts.append(rate_text(overview.rate))
+    if overview.seconds_left is not None:
+        parts.append(f"{duration_text(overview.seconds_left)} left")
+    console.print(wrap_parts(parts, console.width), markup=False)
+    if overview.preparing:
+        console.print(overview.preparing, markup=False, soft_wrap=True)
+    for number, trouble in enumerate(overview.troubles):
+        what = "no run can start: " if overview.halted and number == 0 else ""
+        words = f"! {what}{trouble.words.strip().splitlines()[-1]}"
+        console.print(words, markup=False, style="yellow", soft_wrap=True)
 
 
 def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
     """Return how many runs there are of each word, with its glyph."""
-    from scenario_tui.text.formatting import GLYPHS, run_counts
-
     return [f"{GLYPHS[word]} {count} {word}" for word, count in run_counts(row).items()]
 
 
 def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
-    from grammars.text.words import duration_text
-    from scenario_tui.text.formatting import age_text
-
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.ended}/{row.total}" for row in campaigns]
     # Verdicts wrap between their parts, never inside of one: rich would break at any blank.

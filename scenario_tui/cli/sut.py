@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenario_tui.cli import completion, sut_ros
+from scenario_tui.cli.commands import command_of
 from scenario_tui.cli.completion import sut_files
 from scenario_tui.cli.options import AsJson
-from scenario_tui.cli.output import Output, plain_table, report_diagnostics, stdout_console
-from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
+from scenario_tui.cli.output import Output, plain_table, report_findings, stdout_console
+from scenario_tui.cli.plain_flags import PlainFlagsGroup
 from scenario_tui.cli.sut_check import check
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class _ShowsByDefault(PlainFlagsGroup):
         return [*super().shell_complete(ctx, incomplete), *file.shell_complete(ctx, incomplete)]
 
 
-sut_app = typer.Typer(
+app = typer.Typer(
     name="sut",
     cls=_ShowsByDefault,
     help="Show a system under test, or start an external one and see what it lacks.",
@@ -93,7 +94,7 @@ class SutOutput(Output, schema="sut"):
         )
 
 
-@sut_app.command(cls=PlainFlagsCommand)
+@command_of(app, "show")
 def show(
     file: Annotated[
         Path,
@@ -134,13 +135,13 @@ def show(
         sut_ros.print_costmaps(read)
         sut_ros.print_quirks(read)
         sut_ros.print_wiring(read)
-    report_diagnostics(w for w in found.warnings if w not in found.idle)
+    report_findings(w for w in found.warnings if w not in found.idle)
 
 
-sut_app.command(cls=PlainFlagsCommand)(check)
+command_of(app, "check")(check)
 
 
-@sut_app.command(cls=PlainFlagsCommand)
+@command_of(app, "relay")
 def relay() -> None:
     """Print the relay that talks to a ROS 2 stack, one file of Python, for building images.
 

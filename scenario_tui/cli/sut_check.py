@@ -16,7 +16,7 @@ from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, check_folder
 from scenario_tui.cli.output import (
     Output,
-    report_diagnostics,
+    report_findings,
     say,
     stderr_console,
     stdout_console,
@@ -197,7 +197,7 @@ def _load(typed: str, folder: Path) -> LoadedSut:
     if not path.is_file():
         path = find_layer(folder, LayerReference(typed, {}, Where(typed)), SUT)
     found = LayerLibrary(path.parent).sut_file(path)
-    report_diagnostics(found.warnings)
+    report_findings(found.warnings)
     if found.reference.kind != _KIND:
         raise typer.BadParameter(
             f"{found.reference.name} is of kind {found.reference.kind}: only systems of kind "
@@ -230,7 +230,7 @@ def _first_moment(
 
         prepared = prepare_submission(campaign)
         submission, warnings = prepared.submission, prepared.warnings
-        report_diagnostics(warning for warning in warnings if warning not in reported)
+        report_findings(warning for warning in warnings if warning not in reported)
         spec = submission.spec(submission.runs[0])
         scene = next(one for one in submission.scenes if one.digest == spec.scene)
         robot, mission, behaviours = spec.robot, spec.mission, spec.behaviours

@@ -12,7 +12,7 @@ import typer
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Connect, State
-from scenario_tui.cli.output import plain_table, say, stay_small, stdout_console
+from scenario_tui.cli.output import plain_table, say, stdout_console
 
 if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
@@ -57,7 +57,6 @@ def tui(
         config = replace(config, read_only=config.read_only or read_only)
         equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
         launch = None if target.named or config.read_only else partial(_launch_daemon, target)
-        stay_small()
         code, farewell = run_dashboard(target.open, config, equivalent, launch)
     if code:
         raise typer.Exit(ExitCode.BUG)

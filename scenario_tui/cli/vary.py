@@ -16,7 +16,7 @@ from scenario_tui.cli.output import (
     Output,
     OutputPart,
     plain_table,
-    report_diagnostics,
+    report_findings,
     say,
     stdout_console,
 )
@@ -131,9 +131,9 @@ def vary(
     from grammars.variation import load_variation, sample, source_defects, write_variants
 
     source = load_variation(file)
-    report_diagnostics(source.warnings)
+    report_findings(source.warnings)
     if check is not None:
-        report_diagnostics(source_defects(source, check))
+        report_findings(source_defects(source, check))
     # A grid has an end of its own; the others could go on for ever.
     if number is None and method is not SamplingMethod.GRID:
         number = _DEFAULT_NUMBER

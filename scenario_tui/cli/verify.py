@@ -17,7 +17,7 @@ from scenario_tui.cli.output import (
     Output,
     OutputPart,
     plain_table,
-    report_diagnostics,
+    report_findings,
     stdout_console,
     track_progress,
 )
@@ -159,7 +159,7 @@ def _jobs(
         runs: list[tuple[RunSpec, Callable[..., Verification]]]
         if Path(name).suffix in (".yaml", ".yml") and Path(name).is_file():
             prepared = prepare_submission(Path(name))
-            report_diagnostics(prepared.warnings)
+            report_findings(prepared.warnings)
             scenes = {scene.digest: scene for scene in prepared.submission.scenes}
             verify_spec = verification.verify_spec
             specs = prepared.submission.specs

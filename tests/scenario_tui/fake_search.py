@@ -7,7 +7,7 @@ from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
-    Finding,
+    DistinctFailure,
     Influence,
     NearestFailure,
     SearchAnswer,
@@ -109,7 +109,7 @@ def make_answer():
             files={"campaign.yaml": "Y2FtcGFpZ246IHNocnVuawo="},
         ),
         findings=(
-            Finding(
+            DistinctFailure(
                 "keeps-clear", "kitchen_door", "kitchen", 2, best
             ),
         ),

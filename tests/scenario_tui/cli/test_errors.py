@@ -13,8 +13,7 @@ import pytest
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode, exit_code
-from scenario_tui.cli.output import say
-from scenario_tui.cli.steer import PriorityOutput
+from scenario_tui.cli.output import CommandError
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from tests.scenario_tui.cli.outputs import declared
 
@@ -51,7 +50,7 @@ def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys):
     assert command_line.invoke(["status"]) == 70
     said = capsys.readouterr()
     assert said.out == ""
-    assert "This is a bug in scenario" in said.err
+    assert "a bug in scenario, please report it: ZeroDivisionError" in said.err
     assert "ZeroDivisionError" in said.err
 
 
@@ -231,19 +230,10 @@ def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path):
     said = scenario("run", str(file), "--json")
     body = json.loads(said.out)
     assert said.code == body["exit_code"] == 2
-    (found,) = (one for one in body["diagnostics"] if one["line"] == 4)
+    (found,) = (one for one in body["diagnostics"] if one["where"]["line"] == 4)
     assert found["message"].startswith("repeats: must be a whole number")
-    assert (found["file"], found["column"], found["severity"]) == (str(file), 1, "error")
-
-
-def test_a_command_that_has_answered_says_no_more(raising, capsys, monkeypatch):
-    def answer_and_fail(**_):
-        PriorityOutput("c-1", 3).emit()
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(command_line, "app", answer_and_fail)
-    assert command_line.invoke(["priority", "c", "3", "--json"]) == ExitCode.INFRASTRUCTURE
-    assert json.loads(capsys.readouterr().out)["schema"] == "scenario/priority/1"
+    assert found["where"] == {"file": str(file), "line": 4, "column": 1}
+    assert found["severity"] == "error"
 
 
 def test_the_error_of_the_docs_is_one(campaigns):
@@ -278,10 +268,9 @@ def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path, monkeypatc
     assert "campaign files here: " in scenario("run", "x.yaml").err
 
 
-def test_a_command_that_leaves_without_an_answer_writes_what_it_said(monkeypatch, capsys):
+def test_a_command_without_an_answer_writes_the_reason(monkeypatch, capsys):
     def leave(**_):
-        say("scenario: no run fails")
-        return 4
+        raise CommandError("no run fails", ExitCode.INCONCLUSIVE)
 
     monkeypatch.setattr(command_line, "app", leave)
     assert command_line.invoke(["blame", "c.0", "--json"]) == 4

@@ -9,7 +9,7 @@ import pytest
         (("--dask", "host"), "'host' is no address"),
         (("--memory", "much"), "'much' is not a size"),
         (("--wall", "long"), "'long' is not a time"),
-        (("--nice", "20"), "'20' is no whole number from 0 to 19"),
+        (("--nice", "20"), "less than or equal to 19"),
     ],
 )
 def test_wrong_options_are_explained(scenario, options, words):

@@ -10,7 +10,7 @@ import typer
 from scenario_tui.cli import command_line, output_schemas
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output
-from scenario_tui.cli.output_schemas import OUTPUTS
+from scenario_tui.cli.output_schemas import OUTPUTS, VALUES
 from scenario_tui.cli.steer import PriorityOutput
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN
@@ -43,7 +43,7 @@ def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path):
     assert (printed.code, printed.err) == (0, "")
     schema = json.loads(printed.out)
     names = [body["$ref"].rpartition("/")[2] for body in schema["oneOf"]]
-    assert names == list(OUTPUTS)
+    assert names == [*OUTPUTS, *VALUES]
     assert scenario("schema", "--outputs", "-o", str(tmp_path)).code == 0
     assert json.loads((tmp_path / "outputs.schema.json").read_text()) == schema
     assert scenario("schema", "campaign", "--outputs").code == 2
@@ -92,7 +92,7 @@ def test_the_table_of_commands_is_true():
         told |= dict.fromkeys(re.findall(r"`(\w+)`", names), written)
     assert set(told) == set(command.commands)
     # What any command writes that has no other answer is explained below the table.
-    assert set().union(*told.values()) | {"error"} == set(OUTPUTS)
+    assert set().union(*told.values()) | {"error"} == {*OUTPUTS, *VALUES}
     assert {name for name, outputs in told.items() if not outputs} == SILENT
 
 

@@ -11,7 +11,7 @@ from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
-    Finding,
+    DistinctFailure,
     Influence,
     NearestFailure,
     SearchAnswer,
@@ -139,7 +139,7 @@ def make_answer(rows, *, ended="budget"):
         ended, len(rows), len(rows), 0, len(failed), 0, 1, _HALTON, 1,
         first=first, best=best, nearest=nearest,
         findings=tuple(
-            Finding("no-contact", name, "w2", len(group), group[-1])
+            DistinctFailure("no-contact", name, "w2", len(group), group[-1])
             for name, group in groups.items()
         ),
         influence=(
