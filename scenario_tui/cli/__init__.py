@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from scenario_tui.cli.interrupts import remember_interrupts, was_interrupted
+from scenario_tui.interrupts import remember_interrupts, was_interrupted
 
 if TYPE_CHECKING:
     from scenario_tui.cli.command_line import app, invoke

@@ -18,8 +18,14 @@ from grammars.text.diagnostics import Finding, InputError, Severity
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.interrupts import was_interrupted
-from scenario_tui.cli.output import CommandError, report_findings, say, settle_streams
+from scenario_tui.cli.output import (
+    CommandError,
+    print_library_messages,
+    report_findings,
+    say,
+    settle_streams,
+)
+from scenario_tui.interrupts import was_interrupted
 
 _TYPED: Final = frozenset(
     {
@@ -87,6 +93,7 @@ class Failure:
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
+    print_library_messages()
     # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
     # tests and the dashboard can call this.
     with printable_streams():

@@ -86,7 +86,7 @@ def _measure_coverage(
     if files:
         from daemon.campaign import expand, load_campaign
         from scenario_tui.cli.suggestions import refuse_missing_campaign
-        from scenario_tui.submission import searches_text
+        from scenario_tui.library.submission import searches_text
 
         refuse_missing_campaign(Path(files[0]))
         campaign = load_campaign(files[0])

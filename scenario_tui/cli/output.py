@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import codecs
 import io
+import logging
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -17,7 +18,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Finding
-from grammars.text.terminal_text import printable, printable_streams, unfiltered
+from grammars.text.terminal_text import printable, printable_streams
 from scenario_tui.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
@@ -41,6 +42,22 @@ def _replace_signs(error: UnicodeError) -> tuple[str, int]:
     return "".join(_ASCII_SIGNS.get(sign, "?") for sign in lacking), error.end
 
 
+class _LibraryMessages(logging.Handler):
+    """Prints what the library has to say while it works, where it draws no progress."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a message."""
+        say(record.getMessage())
+
+
+def print_library_messages() -> None:
+    """Print the messages of the library to standard error from now on."""
+    log = logging.getLogger("scenario_tui")
+    if not log.handlers:
+        log.addHandler(_LibraryMessages())
+        log.setLevel(logging.INFO)
+
+
 def settle_streams() -> None:
     """Make standard streams usable that are closed or cannot encode what we print.
 
@@ -58,24 +75,16 @@ def settle_streams() -> None:
 
 def stdout_console() -> Console:
     """Return the console of results."""
-    return _console(stderr=False)
+    from scenario_tui.terminal.printable_console import open_console
+
+    return open_console(stderr=False)
 
 
 def stderr_console() -> Console:
     """Return the console of messages and progress."""
-    return _console(stderr=True)
+    from scenario_tui.terminal.printable_console import open_console
 
-
-def _console(*, stderr: bool) -> Console:
-    from scenario_tui.terminal.printable_console import PrintableConsole
-
-    stream = sys.stderr if stderr else sys.stdout
-    # A pipe has no width; 80 columns would cut identifiers that scripts look for.
-    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
-    # The console filters what it prints, and its styles must pass; while it draws progress, rich
-    # has a stream of its own in front.
-    file = unfiltered(getattr(stream, "rich_proxied_file", stream))
-    return PrintableConsole(file=file, soft_wrap=False, width=width)
+    return open_console(stderr=True)
 
 
 @contextmanager

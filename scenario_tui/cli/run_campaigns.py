@@ -12,7 +12,6 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.compare import Baseline, WorseBy
 from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.interrupts import stop_if_interrupted
 from scenario_tui.cli.options import (
     AsJson,
     Attempts,
@@ -28,6 +27,7 @@ from scenario_tui.cli.options import (
     read_wall,
 )
 from scenario_tui.cli.output import Output, report_findings, say, stdout_console
+from scenario_tui.interrupts import stop_if_interrupted
 
 if TYPE_CHECKING:
     from daemon.model.status import SubmissionReceipt
@@ -175,9 +175,9 @@ def submit(
     answers.
     """
     from scenario_tui.cli.execute import start_daemon_if_needed, watch_to_end
-    from scenario_tui.cli.progress import SUBMIT_PATIENCE, ask_patiently
     from scenario_tui.cli.target import DaemonTarget
-    from scenario_tui.submission import receipt_text
+    from scenario_tui.library.submission import receipt_text
+    from scenario_tui.library.watching import SUBMIT_PATIENCE, ask_patiently
 
     if baseline and not watch:
         raise typer.BadParameter("is judged at the end: add --watch", param_hint="--baseline")
@@ -238,7 +238,7 @@ def _check(file: Path, base: str) -> tuple[str, tuple[Finding, ...]]:
     """Return what a file is and what is wrong with it; of one that is not there, what is meant."""
     from grammars.text.diagnostics import InputError
     from scenario_tui.cli.suggestions import refuse_missing_file
-    from scenario_tui.file_check import check_file
+    from scenario_tui.library.checking import check_file
 
     try:
         refuse_missing_file(str(file))
@@ -252,7 +252,7 @@ def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -
 
     With ``hint`` it is said which searches it has.
     """
-    from scenario_tui.submission import prepare_submission, searches_text
+    from scenario_tui.library.submission import prepare_submission, searches_text
 
     prepared = prepare_submission(path, fresh=fresh)
     stop_if_interrupted()
@@ -280,10 +280,10 @@ def wait(
     from math import inf
 
     from grammars.text.words import count_noun
-    from scenario_tui.cli.progress import PATIENCE, ask_patiently, watch
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
+    from scenario_tui.library.watching import PATIENCE, ask_patiently, watch
     from scenario_tui.text.results import conclude, gather_results
 
     limit = read_duration(timeout) if timeout else inf

@@ -215,8 +215,8 @@ def watch_search(
     ``file`` is its campaign file, if that is here. Ctrl-C ends the watching, and the search if it
     runs here.
     """
-    from scenario_tui.cli.progress import watch_work
     from scenario_tui.cli.search_files import write_search_files
+    from scenario_tui.library.watching import watch_work
 
     campaign = watched.campaign
     try:
@@ -240,8 +240,8 @@ def wait_for_search(
     target: DaemonTarget, campaign: str, as_json: bool, *, patience: float, limit: float
 ) -> int:
     """Watch a search to its end or for ``limit`` seconds, say how it stands; nothing is written."""
-    from scenario_tui.cli.progress import watch_work
     from scenario_tui.cli.search_progress import SearchWatch
+    from scenario_tui.library.watching import watch_work
     from scenario_tui.text.search_text import search_line
 
     watched = SearchWatch(campaign)
@@ -308,8 +308,8 @@ def _begin(
     from daemon.search.client import client_name
     from daemon.search.preparation import prepare_search
     from scenario_tui.cli.execute import start_daemon_if_needed
-    from scenario_tui.cli.progress import SUBMIT_PATIENCE, ask_patiently
     from scenario_tui.cli.suggestions import refuse_missing_campaign
+    from scenario_tui.library.watching import SUBMIT_PATIENCE, ask_patiently
 
     refuse_missing_campaign(path)
 

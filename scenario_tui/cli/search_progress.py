@@ -22,14 +22,14 @@ from daemon.model.trials import (
 )
 from daemon.search.answers.sentences import margin_words, phase_words
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.cli.progress import (
+from scenario_tui.client import newer_runs
+from scenario_tui.library.watching import (
     WAITING,
     ProgressDisplay,
     ask_campaign,
     ask_running,
     run_lines,
 )
-from scenario_tui.client import newer_runs
 from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, margin
 from scenario_tui.text.search_text import sparkline
 

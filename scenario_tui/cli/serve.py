@@ -171,7 +171,7 @@ class LiveServices:
 def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Scene]:
     """Return the run that is meant, and its scene."""
     from daemon.model.spec import SutReference
-    from scenario_tui.submission import prepare_submission
+    from scenario_tui.library.submission import prepare_submission
 
     prepared = prepare_submission(path)
     submission, warnings = prepared.submission, prepared.warnings

@@ -226,7 +226,7 @@ def _first_moment(
         behaviours: tuple[Behaviour, ...] = ()
         wanted = MapSettings(rule="outline")
     else:
-        from scenario_tui.submission import prepare_submission
+        from scenario_tui.library.submission import prepare_submission
 
         prepared = prepare_submission(campaign)
         submission, warnings = prepared.submission, prepared.warnings

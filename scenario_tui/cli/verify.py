@@ -152,7 +152,7 @@ def _jobs(
     from daemon.analysis import verification
     from daemon.trace import read_spec
     from scenario_tui.cli.named_traces import all_traces
-    from scenario_tui.submission import prepare_submission
+    from scenario_tui.library.submission import prepare_submission
 
     jobs: list[Callable[..., Verification]] = []
     for name in named:

@@ -24,7 +24,7 @@ from grammars.text.diagnostics import Finding, InputError, Where
 from scenario_tui.campaign_files import newest_change
 
 if TYPE_CHECKING:
-    from scenario_tui.submission import CheckedFile, FileChecker
+    from scenario_tui.library.submission import CheckedFile, FileChecker
 
 T = TypeVar("T")
 
@@ -215,7 +215,7 @@ class CheckQueue:
 
     def _fail(self, path: Path, why: str) -> None:
         # It knows the daemon's records, which take longer to load than the first screen.
-        from scenario_tui.submission import CheckedFile
+        from scenario_tui.library.submission import CheckedFile
 
         found = CheckedFile("", (Finding(Where(str(path)), why),))
         self._note(path, (time.time(), found))

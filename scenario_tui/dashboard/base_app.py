@@ -27,7 +27,7 @@ from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.terminal.capabilities import copy_to_tmux
 
 if TYPE_CHECKING:
-    from scenario_tui.submission import FileChecker
+    from scenario_tui.library.submission import FileChecker
 
 
 class BaseDashboard(ThemedApp):
@@ -73,7 +73,7 @@ class BaseDashboard(ThemedApp):
         """What examines campaign files."""
         if self._check_file is None:
             # It knows the daemon's records, which load longer than the first screen.
-            from scenario_tui.submission import check_file_in_child
+            from scenario_tui.library.submission import check_file_in_child
 
             self._check_file = check_file_in_child
         return self._check_file

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Text
 
-from grammars.text.terminal_text import printable
+from grammars.text.terminal_text import printable, unfiltered
 
 
 class PrintableConsole(Console):
@@ -43,3 +45,14 @@ def printable_text(text: Text) -> Text:
     copy = text.copy()
     copy.plain = shown  # as long as before: every style stays where it was
     return copy
+
+
+def open_console(*, stderr: bool) -> PrintableConsole:
+    """Return the console of results, or that of messages and progress (``stderr``)."""
+    stream = sys.stderr if stderr else sys.stdout
+    # A pipe has no width; 80 columns would cut identifiers that scripts look for.
+    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
+    # The console filters what it prints, and its styles must pass; while it draws progress, rich
+    # has a stream of its own in front.
+    file = unfiltered(getattr(stream, "rich_proxied_file", stream))
+    return PrintableConsole(file=file, soft_wrap=False, width=width)

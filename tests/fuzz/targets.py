@@ -23,7 +23,7 @@ from grammars.scenery import load_scenery
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity
 from grammars.text.ros_yaml import load_ros_yaml
-from scenario_tui.file_check import check_file
+from scenario_tui.library.checking import check_file
 from scenario_tui.text.diagnostics import render_diagnostic
 
 SEEDS = Path(__file__).with_name("seeds")

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from grammars.text.diagnostics import Severity
-from scenario_tui.file_check import check_file
+from scenario_tui.library.checking import check_file
 from tests.language_docs import ebnf, tables
 from tests.language_docs.markdown import ROOT, Block, blocks
 

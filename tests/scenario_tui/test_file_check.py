@@ -7,7 +7,7 @@ import pytest
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import scene_document
 from grammars.scenery import load_scenery
-from scenario_tui.file_check import check_file
+from scenario_tui.library.checking import check_file
 from templates.jsonld import write_jsonld
 from tests.grammars.plans import world_of
 

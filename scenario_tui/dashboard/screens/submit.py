@@ -32,7 +32,7 @@ from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.static_text import StaticText
-from scenario_tui.submission import CheckedFile, plan_text, receipt_text, searches_text
+from scenario_tui.library.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET
 

@@ -10,7 +10,7 @@ import pytest
 
 from daemon.campaign import examine
 from grammars.text.diagnostics import InputError
-from scenario_tui.submission import prepare_submission
+from scenario_tui.library.submission import prepare_submission
 from tests.daemon.campaign.findings import findings_of
 
 CAMPAIGN = """\

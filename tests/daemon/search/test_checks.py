@@ -9,7 +9,7 @@ import pytest
 from daemon.campaign import load_campaign
 from daemon.search.composition import search_case
 from daemon.search.preparation import check_search
-from scenario_tui.file_check import check_file
+from scenario_tui.library.checking import check_file
 
 DOORS = """\
 parameter swing = 60 deg/s

@@ -25,7 +25,7 @@ import re
 import shutil
 from pathlib import Path
 
-from scenario_tui.file_check import check_file
+from scenario_tui.library.checking import check_file
 
 GOLDENS = tuple(sorted(Path(__file__).parent.glob("*.txt")))
 _PLACE = "…"

@@ -21,7 +21,7 @@ from grammars.scenery import parse_scenery
 from grammars.scenery.composition import compile_scene, static_segments
 from grammars.text import codec
 from grammars.text.diagnostics import InputError
-from scenario_tui.file_check import check_file
+from scenario_tui.library.checking import check_file
 from templates.artefacts import export
 from templates.occupancy import occupancy_grid
 from templates.tasks import inset_contour

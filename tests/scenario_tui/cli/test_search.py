@@ -12,14 +12,15 @@ from daemon.model.messages import Empty
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
 from daemon.search.preparation import PreparedSearch
-from scenario_tui.cli import progress, search
+from scenario_tui.cli import search
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.progress import ProgressDisplay
 from scenario_tui.cli.search import _read_changes, search_code
 from scenario_tui.cli.search_files import file_commands
 from scenario_tui.cli.search_progress import SearchWatch
 from scenario_tui.client import newer_runs
-from scenario_tui.submission import searches_text
+from scenario_tui.library import watching
+from scenario_tui.library.submission import searches_text
+from scenario_tui.library.watching import ProgressDisplay
 from scenario_tui.text.search_text import search_line
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row
@@ -36,8 +37,8 @@ from tests.scenario_tui.fake_search import (
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch, tmp_path):
-    monkeypatch.setattr(progress, "INTERVAL", 0.001)
-    monkeypatch.setattr(progress, "_POLL", 0.0)
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "_POLL", 0.0)
     monkeypatch.chdir(tmp_path)
     Path("campaign.yaml").write_text("campaign: house\n")
 

@@ -10,7 +10,7 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import ReleaseRequest
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
-from scenario_tui.cli import progress
+from scenario_tui.library import watching
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.fake import CAMPAIGN, make_live
 from tests.scenario_tui.recorded import record_run
@@ -160,7 +160,7 @@ def _finish(daemon):
 
 
 def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatch):
-    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
     looks = iter(range(10))
     fake.before = lambda daemon: next(looks, None) is None and _finish(daemon)
     said = scenario("wait", "first")
@@ -170,7 +170,7 @@ def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatc
 
 
 def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch):
-    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
     said = scenario("wait", "first", "--timeout", "0s")
     assert said.code == 4
     assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0s")
@@ -184,7 +184,7 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(progress, "watch", interrupted)
+    monkeypatch.setattr(watching, "watch", interrupted)
     said = scenario("wait", "first")
     assert said.code == 130
     assert f"{CAMPAIGN} goes on" in said.err
@@ -194,7 +194,7 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch):
 @pytest.fixture
 def away(fake, monkeypatch, tmp_path):
     """A state directory of a daemon that does not answer until it was asked four times."""
-    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     asked = iter(range(4))
     fake.reachable = False

@@ -12,7 +12,7 @@ from scenario_tui.dashboard.key_bindings import (
     list_key_bindings,
 )
 from scenario_tui.dashboard.screens.help import key_groups, own_bindings
-from scenario_tui.submission import check_file
+from scenario_tui.library.submission import check_file
 from scenario_tui.terminal.filters import darken
 from scenario_tui.text import formatting
 from tests.scenario_tui.dashboard.driven import SteeredDaemon

@@ -23,7 +23,7 @@ from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
-from scenario_tui.submission import check_file
+from scenario_tui.library.submission import check_file
 from scenario_tui.terminal.filters import PrintableText
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.searching import (

@@ -11,7 +11,7 @@ from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, 
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
-from scenario_tui.submission import SubmissionPlan, check_file, plan_text
+from scenario_tui.library.submission import SubmissionPlan, check_file, plan_text
 from tests.scenario_tui.dashboard import inline
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.dashboard.inline import press, screen_text, settle

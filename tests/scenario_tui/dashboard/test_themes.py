@@ -7,7 +7,7 @@ from textual.css.stylesheet import Stylesheet
 from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.themes import DARK, LIGHT
-from scenario_tui.submission import CheckedFile
+from scenario_tui.library.submission import CheckedFile
 from scenario_tui.terminal.capabilities import TerminalLimits
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.util import find_spec
 from typing import Final, Protocol, TypeVar
 
 from rich.console import Group, RenderableType
@@ -28,9 +30,9 @@ from daemon.model.status import (
 from daemon.model.verbs import DaemonClient
 from grammars.text.terminal_text import printable_streams
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.cli.interrupts import stop_if_interrupted
-from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener
+from scenario_tui.interrupts import stop_if_interrupted
+from scenario_tui.terminal.printable_console import open_console
 from scenario_tui.text.formatting import (
     GLYPHS,
     TERMINAL_STYLES,
@@ -43,6 +45,8 @@ from scenario_tui.text.formatting import (
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
+_LOG: Final = logging.getLogger("scenario_tui")
+"""Messages where no bar is drawn; the command line prints them."""
 INTERVAL: Final = 0.25
 """Seconds between two looks at a campaign that changes."""
 _POLL: Final = 2.0
@@ -94,16 +98,18 @@ class ProgressDisplay:
     def note(self, message: str) -> None:
         """Say something that must not be overwritten: on a terminal it stands above the bar."""
         if self._screen is None:
-            say(message)
+            _LOG.info("%s", message)
         else:
             self._screen.console.print(message, style="yellow")
 
 
 @contextmanager
 def open_display() -> Iterator[ProgressDisplay]:
-    """Choose the display that fits standard error."""
-    console = stderr_console()
-    if not console.is_terminal:
+    """Choose the display that fits standard error, or the notebook."""
+    console = open_console(stderr=True)
+    # rich draws in notebooks by ipywidgets, and warns where they are missing.
+    in_notebook = console.is_jupyter and find_spec("ipywidgets") is not None
+    if not (console.is_terminal or in_notebook):
         yield ProgressDisplay(None)
         return
     # Drawn where the watcher looks, four times a second: no thread of rich's is needed for it.
@@ -376,7 +382,7 @@ def ask_patiently(target: WaitedFor, ask: Callable[[DaemonClient], T], patience:
             if isinstance(error, Unavailable):
                 words = f"{error}; trying again (Ctrl-C to leave)"
             if words != said:
-                say(words)
+                _LOG.info("%s", words)
             said = words
             time.sleep(INTERVAL)
 

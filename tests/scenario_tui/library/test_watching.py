@@ -10,17 +10,18 @@ from daemon.model import verbs
 from daemon.model.run_state import RunState
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
 from daemon.model.verdicts import Outcome
-from scenario_tui.cli import progress
-from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
+from scenario_tui.library import watching
+from scenario_tui.library.watching import CampaignProgress, progress_lines, watch
 from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, make_live, make_row
 
 PREPARING = "compiling kernels 7/42 (once on this machine)"
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch):
-    monkeypatch.setattr(progress, "INTERVAL", 0.001)
-    monkeypatch.setattr(progress, "_POLL", 0.0)
+def _no_waiting(monkeypatch, caplog):
+    caplog.set_level("INFO", "scenario_tui")
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "_POLL", 0.0)
 
 
 def _finish(daemon):
@@ -44,7 +45,7 @@ def test_watching_ends_with_the_last_run(fake, capsys):
     assert capsys.readouterr() == ("", "")  # no progress where there is no terminal
 
 
-def test_watching_survives_a_restart_and_says_so(fake, capsys):
+def test_watching_survives_a_restart_and_says_so(fake, caplog):
     looks = 0
 
     def restart(daemon):
@@ -56,7 +57,7 @@ def test_watching_survives_a_restart_and_says_so(fake, capsys):
 
     fake.before = restart
     assert watch(fake.open, CAMPAIGN).finished
-    said = capsys.readouterr().err.splitlines()
+    said = caplog.messages
     assert said == [
         "the daemon does not answer, waiting for it (Ctrl-C to leave)",
         "the daemon is back, watching again",
@@ -129,9 +130,9 @@ def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width):
 
 
 @pytest.mark.parametrize("pause", [1000.0, 0.0])
-def test_what_a_worker_prepares_is_said_again_after_a_while(fake, capsys, monkeypatch, pause):
-    monkeypatch.setattr(progress, "_LOOK", 0.0)
-    monkeypatch.setattr(progress, "_SAY_AGAIN", pause)
+def test_what_a_worker_prepares_is_said_again_after_a_while(fake, caplog, monkeypatch, pause):
+    monkeypatch.setattr(watching, "_LOOK", 0.0)
+    monkeypatch.setattr(watching, "_SAY_AGAIN", pause)
     monkeypatch.setattr(Preparation, "words", property(lambda step: f"{step.done} {step.phase}"))
     looks = 0
 
@@ -145,14 +146,14 @@ def test_what_a_worker_prepares_is_said_again_after_a_while(fake, capsys, monkey
 
     fake.before = later
     assert watch(fake.open, CAMPAIGN).finished
-    said = capsys.readouterr().err.splitlines()
+    said = caplog.messages
     phases = [line.partition(" ")[2] for line in said]
     assert list(dict.fromkeys(phases)) == ["starting", "compiling"]
     assert (len(said) == 2) == (pause > 0.0)
 
 
-def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, capsys, monkeypatch):
-    monkeypatch.setattr(progress, "_LOOK", 0.0)
+def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, caplog, monkeypatch):
+    monkeypatch.setattr(watching, "_LOOK", 0.0)
     looks = 0
 
     def later(daemon):
@@ -164,21 +165,21 @@ def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, ca
 
     fake.before = later
     assert watch(fake.open, CAMPAIGN).finished
-    said = capsys.readouterr().err.splitlines()
+    said = caplog.messages
     assert said == ["no run can start: OSError: the disk is full", "runs can start again"]
 
 
 def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeypatch):
-    monkeypatch.setattr(progress, "_LOOK", 0.0)
+    monkeypatch.setattr(watching, "_LOOK", 0.0)
     fake.trouble = "the disk is full"
     with pytest.raises(DaemonError, match="the disk is full"):
         watch(fake.open, CAMPAIGN, endurance=0.01)
 
 
 def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, monkeypatch):
-    monkeypatch.setattr(progress, "_LOOK", 0.0)
-    monkeypatch.setattr(progress, "_POLL", 3600.0)
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    monkeypatch.setattr(watching, "_LOOK", 0.0)
+    monkeypatch.setattr(watching, "_POLL", 3600.0)
+    monkeypatch.setattr(watching, "INTERVAL", 0.0)
     looks = 0
 
     def later(daemon):

@@ -1,7 +1,7 @@
 """From a campaign file to a submission: load, check and expand it, here or in a child process.
 
 What reads the languages takes 100 MB and keeps a core busy; the dashboard stays small and quick
-when a process of its own does it: ``python -m scenario_tui.submission FILE [--submit] [--fresh]``.
+when a process of its own does it: ``python -m scenario_tui.library.submission FILE [--submit]``.
 """
 
 from __future__ import annotations
@@ -135,13 +135,13 @@ def check_file(
 
 
 def _examine(path: Path, state: Path | None) -> CheckedFile:
-    from scenario_tui import file_check
     from scenario_tui.campaign_files import is_campaign
+    from scenario_tui.library import checking
 
     if not is_campaign(path):
-        return CheckedFile(*file_check.check_file(path))
+        return CheckedFile(*checking.check_file(path))
     try:
-        about, found, campaign = file_check.check_campaign(path)
+        about, found, campaign = checking.check_campaign(path)
         wrong = any(d.severity is Severity.ERROR for d in found)
         plan = None if wrong else _plan(campaign, state)
     except InputError as error:
@@ -229,7 +229,7 @@ def check_file_in_child(
     options = [*([_SUBMIT] if submit else []), *([_FRESH] if fresh else [])]
     options += [] if state is None else [_STATE, str(state)]
     done = subprocess.run(
-        python_command("-m", "scenario_tui.submission", str(path), *options),
+        python_command("-m", "scenario_tui.library.submission", str(path), *options),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         check=False,
