@@ -12,9 +12,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
+from pydantic import computed_field
 
 from daemon.analysis.child_runs import ExecuteRun, run_in_children, trace_in
 from daemon.batch.paths import StatePaths
@@ -64,7 +65,8 @@ class Spread:
 class Verification:
     """A recorded run and executions of its specification.
 
-    ``versions`` are of packages that differ from those of the recording: (then, now) by name.
+    Without a ``trace`` the recording is the first execution. ``versions`` are of packages that
+    differ from those of the recording: (then, now) by name.
     """
 
     trace: str
@@ -82,11 +84,13 @@ class Verification:
         """``True`` if every execution left a trace."""
         return not any(one.problem for one in (self.recorded, *self.executions))
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def same_bytes(self) -> int:
         """Number of executions that left the bytes of the recording."""
         return sum(execution.sha256 == self.recorded.sha256 for execution in self.executions)
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def nondeterministic(self) -> bool:
         """``True`` if executions here of a repeatable system left different bytes.
@@ -96,18 +100,21 @@ class Verification:
         here = self.executions if self.trace else (self.recorded, *self.executions)
         return self.repeatable and len({one.sha256 for one in here if not one.problem}) > 1
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def first_difference(self) -> TraceDifference | None:
         """The earliest place where an execution parts from the recording."""
         places = [one.difference for one in self.executions if one.difference is not None]
         return min(places, key=lambda one: (not one.topic, one.time), default=None)
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def outcomes(self) -> dict[str, int]:
         """Number of executions by outcome, the recording included."""
         counts = Counter(str(one.outcome) for one in self._traces)
         return {word: counts[word] for word in Outcome if counts[word]}
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def spreads(self) -> tuple[Spread, ...]:
         """Spread of each value, the recording included."""
@@ -123,7 +130,11 @@ class Verification:
         return tuple(one for one in (self.recorded, *self.executions) if not one.problem)
 
 
-WatchExecutions: TypeAlias = Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]]
+@dataclass(frozen=True, slots=True)
+class Verifications:
+    """Runs and executions of their specifications, in the order in which they were named."""
+
+    runs: tuple[Verification, ...]
 
 
 def verify(
@@ -133,13 +144,13 @@ def verify(
     places: StatePaths,
     wall: float = 0.0,
     execute_run: ExecuteRun = execute,
-    watch: WatchExecutions | None = None,
+    advance: Callable[[], None] = lambda: None,
 ) -> Verification:
     """Execute the specification in the trace at ``path`` again, ``repeats`` times one by one.
 
     Each in a process of its own, for ``wall`` seconds of wall clock at most (0: as always).
-    ``watch`` gets the executions as they come and returns them all. Files of a system under test
-    are those of this user, otherwise of the state directory ``places``.
+    ``advance`` is called after each. Files of a system under test are those of this user,
+    otherwise of the state directory ``places``.
     Raises :class:`~daemon.trace.TraceError` for a trace that cannot be read or was made by another
     engine.
     """
@@ -152,13 +163,15 @@ def verify(
     oracles.warm_up()
     verdicts = oracles.judge(trace, spec.oracles)
     units = {DURATION: "s", PATH: "m", **{one.oracle: one.unit for one in verdicts}}
-    executions = _executions(path, trace, repeats, wall, _with_files(execute_run, spec, places))
-    watched = executions if watch is None else watch(executions, repeats)
+    executions = []
+    for one in _executions(path, trace, repeats, wall, _with_files(execute_run, spec, places)):
+        executions.append(one)
+        advance()
     now = package_versions()
     return replace(
         _unverified(spec, _measure(trace, verdicts)),
         trace=str(path),
-        executions=tuple(watched),
+        executions=tuple(executions),
         units=units,
         versions={
             name: (then, now[name])
@@ -176,7 +189,7 @@ def verify_spec(
     places: StatePaths,
     wall: float = 0.0,
     execute_run: ExecuteRun = execute,
-    watch: WatchExecutions | None = None,
+    advance: Callable[[], None] = lambda: None,
 ) -> Verification:
     """Execute a specification without a recording ``repeats`` times; the first takes its place.
 
@@ -185,11 +198,12 @@ def verify_spec(
     with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
         run = _with_files(execute_run, spec, places)
         (first,) = run_in_children([(spec, scene)], Path(name), wall=wall, execute_run=run)
+        advance()
         if first.result is None:
             return _unverified(spec, ExecutedRun(problem=first.problem))
         trace = trace_in(Path(name), 0)
         again = verify(
-            trace, repeats - 1, places=places, wall=wall, execute_run=execute_run, watch=watch
+            trace, repeats - 1, places=places, wall=wall, execute_run=execute_run, advance=advance
         )
         return replace(again, trace="")
 

@@ -39,7 +39,7 @@ from grammars.variation._load import (
     parse_variation,
 )
 from grammars.variation._sample import sample, source_defects, variant_plans
-from grammars.variation._variants import VariantFile, write_variants
+from grammars.variation._variants import VariantFile, WrittenVariants, write_variants
 from grammars.variation.designs import METHODS, Method
 
 __all__ = [
@@ -53,6 +53,7 @@ __all__ = [
     "VariantFile",
     "VariantValue",
     "Variation",
+    "WrittenVariants",
     "draw_unit",
     "fix_draws",
     "load_variation",

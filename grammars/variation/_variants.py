@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
@@ -186,13 +186,27 @@ class SampledPoint:
         return slot.value.sign * self._attribute(variable)
 
 
+WriteOutcome: TypeAlias = Literal["written", "overwritten", "unchanged", "kept"]
+
+
 @dataclass(frozen=True, slots=True)
 class VariantFile:
-    """File of a variant and its outcome: new, replaced, the same already, or kept as it was."""
+    """File of a variant: new, replaced, the same already, or kept as it was; and its draw."""
 
     path: Path
-    variant: Variant
-    outcome: Literal["written", "overwritten", "unchanged", "kept"]
+    outcome: WriteOutcome
+    seed: int
+    tries: int
+    values: tuple[VariantValue, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenVariants:
+    """Files of the variants of a ``plan``; ``variation`` is the file that describes them."""
+
+    variation: str
+    plan: Path
+    variants: tuple[VariantFile, ...]
 
 
 def write_variants(
@@ -210,26 +224,27 @@ def write_variants(
     directory = Path(folder)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        return tuple(_write(v, directory, overwrite, source) for v in variants)
+        files = []
+        for one in variants:
+            path = directory / f"{one.name}.fpm"
+            outcome = _write(path, one.text.encode(), overwrite, source)
+            files.append(VariantFile(path, outcome, one.seed, one.tries, one.values))
+        return tuple(files)
     except OSError as error:
         reason = error.strerror or str(error)
         place = Where(str(error.filename or directory))
         raise InputError.at(place, f"cannot be written: {reason}") from error
 
 
-def _write(
-    variant: Variant, directory: Path, overwrite: bool, source: str | Path | None
-) -> VariantFile:
-    path = directory / f"{variant.name}.fpm"
-    data = variant.text.encode()
+def _write(path: Path, data: bytes, overwrite: bool, source: str | Path | None) -> WriteOutcome:
     existed = path.exists()
     if existed:
         if path.read_bytes() == data:
-            return VariantFile(path, variant, "unchanged")
+            return "unchanged"
         if source is not None and path.samefile(source):
             message = "is the plan itself and is not overwritten"
             raise InputError.at(Where(str(path)), message, "take another folder or seed")
         if not overwrite:
-            return VariantFile(path, variant, "kept")
+            return "kept"
     write_atomically(path, data, durable=False)  # thousands of plans, drawn again in no time
-    return VariantFile(path, variant, "overwritten" if existed else "written")
+    return "overwritten" if existed else "written"

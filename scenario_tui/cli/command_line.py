@@ -20,6 +20,7 @@ from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import (
     CommandError,
+    ErrorValue,
     print_library_messages,
     report_findings,
     say,
@@ -109,7 +110,6 @@ def invoke(arguments: Sequence[str]) -> int:
         # No component validates this text later: what was typed may be anything.
         if failure.message and "--json" in takewhile(lambda word: word != "--", arguments):
             from scenario_tui.cli.answer import write_json
-            from scenario_tui.cli.output_schemas import ErrorValue
 
             value = ErrorValue(failure.message, int(failure.code), failure.findings)
             with suppress(BrokenPipeError):

@@ -147,6 +147,15 @@ class CommandError(Exception):
         self.code = code
 
 
+@dataclass(frozen=True, slots=True)
+class ErrorValue:
+    """Why a command has no other answer, the code it leaves with, what is wrong in files."""
+
+    error: str
+    exit_code: int
+    diagnostics: tuple[Finding, ...] = ()
+
+
 def say(message: str) -> None:
     """Write a message for people to standard error; that nobody reads it changes nothing."""
     with suppress(BrokenPipeError):

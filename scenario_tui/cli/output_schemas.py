@@ -14,7 +14,8 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Literal, get_type_hints
 
-from grammars.text.diagnostics import Finding
+from daemon.analysis.verification import Verifications
+from grammars.variation import WrittenVariants
 from scenario_tui.cli import (
     begin,
     blame,
@@ -37,11 +38,9 @@ from scenario_tui.cli import (
     steer,
     sut,
     sut_check,
-    vary,
-    verify,
 )
 from scenario_tui.cli.answer import schema_identifier
-from scenario_tui.cli.output import Output, OutputPart
+from scenario_tui.cli.output import ErrorValue, Output, OutputPart
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -70,8 +69,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.StopOutput,
     export_runs.FetchOutput,
     judge.JudgeOutput,
-    verify.VerifyOutput,
-    verify.VerificationsOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.HistoryOutput,
@@ -86,7 +83,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     sut.SutOutput,
     sut_check.InspectionOutput,
     import_building.ImportOutput,
-    vary.VaryOutput,
     export.ExportOutput,
 )
 """In the order they are published in."""
@@ -94,16 +90,12 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
 OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _OUTPUTS}
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class ErrorValue:
-    """Why a command has no other answer, the code it leaves with, what is wrong in files."""
-
-    error: str
-    exit_code: int
-    diagnostics: tuple[Finding, ...] = ()
-
-
-VALUES: Final[dict[str, type]] = {"status": status.DaemonStatus, "error": ErrorValue}
+VALUES: Final[dict[str, type]] = {
+    "error": ErrorValue,
+    "status": status.DaemonStatus,
+    "vary": WrittenVariants,
+    "verify": Verifications,
+}
 """The values of answers (:class:`scenario_tui.cli.answer.Answer`) by the name of their schema."""
 
 

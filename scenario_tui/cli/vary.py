@@ -2,75 +2,26 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from collections import Counter
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
 
+from grammars.text.words import count_noun
 from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.completion import variation_files
 from scenario_tui.cli.exit_codes import wrong_usage
-from scenario_tui.cli.options import AsJson
-from scenario_tui.cli.output import (
-    Output,
-    OutputPart,
-    plain_table,
-    report_findings,
-    say,
-    stdout_console,
-)
+from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grammars.variation import Variant, VariantFile, VariantValue
+    from grammars.variation import VariantFile, WrittenVariants
 
 _DEFAULT_NUMBER: Final = 10
-
-
-class SamplingMethod(StrEnum):
-    """How the values of the variants are chosen."""
-
-    RANDOM = "random"
-    GRID = "grid"
-    HALTON = "halton"
-    LHS = "lhs"
-
-
-class DrawnValue(OutputPart):
-    """A value that was drawn."""
-
-    name: str
-    value: float
-    unit: str
-
-
-class MadeVariant(OutputPart):
-    """A variant, and what became of its file."""
-
-    file: str
-    outcome: str
-    seed: int
-    tries: int
-    values: list[DrawnValue]
-
-    @classmethod
-    def of(cls, entry: VariantFile) -> MadeVariant:
-        """Return a variant as it is written."""
-        made = entry.variant
-        values = [DrawnValue(v.name, v.number, v.unit) for v in made.values]
-        return cls(str(entry.path), entry.outcome, made.seed, made.tries, values)
-
-
-class VaryOutput(Output, schema="vary"):
-    """The variants of a floor plan."""
-
-    variation: str
-    plan: str
-    method: str
-    seed: int
-    variants: list[MadeVariant]
 
 
 def vary(
@@ -96,12 +47,12 @@ def vary(
         int, typer.Option(min=0, max=2**32 - 1, help="Seed of the first variant; they count up.")
     ] = 0,
     method: Annotated[
-        SamplingMethod,
+        Literal["random", "grid", "halton", "lhs"],
         typer.Option(
             help="random: draw each by its seed. grid: every combination. halton, lhs: fill the "
             "space evenly."
         ),
-    ] = SamplingMethod.RANDOM,
+    ] = "random",
     levels: Annotated[int, typer.Option(min=1, max=100, help="Values per range of a grid.")] = 3,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")
@@ -125,45 +76,51 @@ def vary(
     tries: Annotated[
         int, typer.Option(min=1, max=1_000_000, help="Draws per variant before giving up.")
     ] = 200,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer[WrittenVariants]:
     """Write variants of a floor plan, drawn from distributions."""
-    from grammars.variation import load_variation, sample, source_defects, write_variants
+    from grammars.variation import (
+        WrittenVariants,
+        load_variation,
+        sample,
+        source_defects,
+        write_variants,
+    )
 
     source = load_variation(file)
     report_findings(source.warnings)
     if check is not None:
         report_findings(source_defects(source, check))
     # A grid has an end of its own; the others could go on for ever.
-    if number is None and method is not SamplingMethod.GRID:
+    if number is None and method != "grid":
         number = _DEFAULT_NUMBER
     with wrong_usage():
         variants = sample(
             source,
             number,
             seed=seed,
-            method=method.value,
+            method=method,
             levels=levels,
             tries=tries,
             check=check,
             suffix=suffix,
         )
-    written = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
-    if as_json:
-        made = [MadeVariant.of(entry) for entry in written]
-        VaryOutput(source.file, str(source.plan_file), method.value, seed, made).emit()
-    else:
-        for table in _tables(written):
-            stdout_console().print(table)
-    say(_summary(written, out))
+    files = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
     # A plan may have defects of its own: only more than those are the variant's.
-    if check is None:
-        doubtful = sum(len(v.plan.warnings) > len(source.source.warnings) for v in variants)
-        if doubtful:
-            say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
+    known = len(source.source.warnings)
+    doubtful = sum(len(one.plan.warnings) > known for one in variants) if check is None else 0
+    value = WrittenVariants(source.file, source.plan_file, files)
+    return Answer("vary", value, partial(_print, value, out, doubtful))
 
 
-def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
+def _print(written: WrittenVariants, folder: Path, doubtful: int) -> None:
+    for table in _tables(written.variants):
+        stdout_console().print(table)
+    say(_summary(written.variants, folder))
+    if doubtful:
+        say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
+
+
+def _tables(files: tuple[VariantFile, ...]) -> list[Table]:
     """Return what the columns are, and the values of every variant."""
     from rich.table import Table
     from rich.text import Text
@@ -171,28 +128,24 @@ def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
     names = Table(box=None, show_header=False, pad_edge=False)
     values = plain_table("file")
     values.columns[0].no_wrap = True
-    for index, value in enumerate(written[0].variant.values):
+    for index, value in enumerate(files[0].values):
         names.add_row(
             _column_name(index), value.name, Text(f"[{value.unit}]" if value.unit else "")
         )
         values.add_column(_column_name(index), justify="right", overflow="fold")
     values.add_column("")
-    for entry in written:
-        numbers = [_number(v) for v in entry.variant.values]
-        values.add_row(entry.path.name, *numbers, _remark(entry.variant, entry.outcome))
+    for one in files:
+        numbers = [f"{v.number:.6g}".replace("-", "−") for v in one.values]
+        values.add_row(one.path.name, *numbers, _remark(one))
     return [names, Table.grid(), values]
 
 
-def _number(value: VariantValue) -> str:
-    return f"{value.number:.6g}".replace("-", "−")
-
-
-def _remark(variant: Variant, outcome: str) -> str:
-    """Return what is worth a word: a file that was there, draws that were rejected."""
-    found = [] if outcome == "written" else [outcome]
-    if variant.tries > 1:
-        found.append(f"draw {variant.tries}")
-    return ", ".join(found)
+def _remark(file: VariantFile) -> str:
+    """Return the outcome unless it is the usual one, and the draws unless the first held."""
+    remarks: list[str] = [] if file.outcome == "written" else [file.outcome]
+    if file.tries > 1:
+        remarks.append(f"draw {file.tries}")
+    return ", ".join(remarks)
 
 
 def _column_name(index: int) -> str:
@@ -205,14 +158,12 @@ def _column_name(index: int) -> str:
     return name
 
 
-def _summary(written: tuple[VariantFile, ...], folder: Path) -> str:
-    from grammars.text.words import count_noun
-
-    outcomes = [entry.outcome for entry in written]
-    new = len(outcomes) - outcomes.count("kept") - outcomes.count("unchanged")
-    words = [f"{count_noun(new, 'plan')} written to {folder}"]
-    if "unchanged" in outcomes:
-        words.append(f"{outcomes.count('unchanged')} there already")
-    if "kept" in outcomes:
-        words.append(f"{outcomes.count('kept')} kept as they were: --overwrite replaces them")
-    return "; ".join(words)
+def _summary(files: tuple[VariantFile, ...], folder: Path) -> str:
+    counts = Counter(one.outcome for one in files)
+    new = counts["written"] + counts["overwritten"]
+    parts = [f"{count_noun(new, 'plan')} written to {folder}"]
+    if counts["unchanged"]:
+        parts.append(f"{counts['unchanged']} there already")
+    if counts["kept"]:
+        parts.append(f"{counts['kept']} kept as they were: --overwrite replaces them")
+    return "; ".join(parts)

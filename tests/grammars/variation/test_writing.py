@@ -13,8 +13,9 @@ def test_files_are_named_after_plan_and_seed_and_load_again(tmp_path):
     written = write_variants(variants, tmp_path / "new" / "folder")
     assert [w.path.name for w in written] == ["house_8.fpm", "house_9.fpm", "house_10.fpm"]
     assert [w.outcome for w in written] == ["written"] * 3
-    for entry in written:
-        assert load_floorplan(entry.path) == entry.variant.plan
+    for entry, variant in zip(written, variants, strict=True):
+        assert load_floorplan(entry.path) == variant.plan
+        assert (entry.seed, entry.values) == (variant.seed, variant.values)
     assert len(list((tmp_path / "new" / "folder").iterdir())) == 3
 
 

@@ -1,11 +1,11 @@
 """``scenario vary``: plans on disk, a table for people, an object for scripts."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 from grammars.floorplan import load_floorplan
+from tests.scenario_tui.cli.outputs import declared
 
 PLAN = """Floor plan: cell
 Defaults: walls: thickness: 0.1 m height: 2 m
@@ -44,11 +44,11 @@ def test_it_writes_plans_and_shows_what_was_drawn(scenario, file, tmp_path):
 
 def test_json_has_every_value_of_every_file(scenario, file, tmp_path):
     said = scenario("vary", str(file), "-n", "2", "--json", "-o", str(tmp_path), "--method", "lhs")
-    body = json.loads(said.out)
+    body = declared(said.out)
     assert body["schema"] == "scenario/vary/1"
-    assert body["method"] == "lhs"
+    assert Path(body["plan"]).samefile(tmp_path / "cell.fpm")
     for entry in body["variants"]:
-        assert Path(entry["file"]).is_file()
+        assert Path(entry["path"]).is_file()
         assert entry["outcome"] == "written"
         assert [(v["name"], v["unit"]) for v in entry["values"]] == [
             ("wide", "m"),
