@@ -80,8 +80,7 @@ class LogsOutput(Output, schema="logs"):
     def _print_recorded(self) -> None:
         from rich.text import Text
 
-        from scenario_tui.text.formatting import time_text
-        from scenario_tui.text.printed_output import printed_lines
+        from scenario_tui.text.formatting import printed_lines, time_text
 
         console = stdout_console()
         console.print("\nin simulated time", style="dim")
@@ -97,7 +96,7 @@ class LogsOutput(Output, schema="logs"):
         from shlex import quote
 
         from grammars.text.words import count_noun
-        from scenario_tui.text.printed_output import SHOWN_LINES, last_lines
+        from scenario_tui.text.formatting import SHOWN_LINES, last_lines
 
         console = stdout_console()
         for name, text in self.printed.items():
@@ -144,7 +143,7 @@ def _check_output(printed: Mapping[str, str], name: str) -> None:
 
 
 def _print_output(text: str) -> None:
-    from scenario_tui.text.printed_output import printed_lines
+    from scenario_tui.text.formatting import printed_lines
 
     for line in printed_lines(text):
         stdout_console().print(line, markup=False, soft_wrap=True)

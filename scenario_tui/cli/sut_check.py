@@ -66,8 +66,7 @@ class InspectionOutput(Output, schema="inspection"):
         """Print a line for each thing, and what to do where something is wrong."""
         from rich.text import Text
 
-        from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES
-        from scenario_tui.text.printed_output import printed_lines
+        from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, printed_lines
 
         console = stdout_console()
         width = max((len(line.subject) for line in self.lines), default=0)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from daemon.model.verdicts import Outcome, Verdict
+from grammars.text.terminal_text import printable, without_escapes
 from grammars.text.words import NOTHING, duration_text, format_quantity
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ Styles = Mapping[str, str]
 """A style for each word: one of the two above."""
 
 _SEED_DIGITS: Final = 6
+SHOWN_LINES: Final = 40
+"""Lines of a program's output that are shown unless more is asked for: the last ones."""
 NOT_REPEATABLE: Final = "not repeatable"
 """Of a system under test outside of the simulator: the same run gives something else each time."""
 
@@ -177,3 +180,22 @@ def verdict_line(verdict: Verdict) -> str:
     result = f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"
     first = " ".join(filter(None, (result, moment_text(seen.time))))
     return ", ".join(filter(None, (first, seen.object, seen.note_text)))
+
+
+def printed_lines(text: str) -> list[str]:
+    """Return the lines of a program's output as a terminal would have left them, without colours.
+
+    A line that was written over, as progress bars do, is what it was last.
+    """
+    plain = without_escapes(text).replace("\r\n", "\n")
+    lines = [line.rstrip("\r").rpartition("\r")[2] for line in plain.split("\n")]
+    while lines and not lines[-1].strip():
+        lines.pop()
+    return [printable(line.expandtabs()) for line in lines]
+
+
+def last_lines(text: str, most: int | None = SHOWN_LINES) -> tuple[list[str], int]:
+    """Return the last lines of an output, all without ``most``, and how many there are before."""
+    lines = printed_lines(text)
+    hidden = 0 if most is None else max(0, len(lines) - most)
+    return lines[hidden:], hidden

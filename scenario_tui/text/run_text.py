@@ -197,18 +197,22 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
     return text
 
 
+def reached_text(seen: Snapshot | None, *, limit: bool = True) -> str:
+    """Return how far a run is: ``1/3 wp  60 s of 1200 s``; or what its start waits for.
+
+    Without ``limit`` the text ends after the simulated time.
+    """
+    if seen is None or seen.waiting:
+        return seen.waiting if seen is not None else "starting"
+    time = f"{seen.reached}/{seen.waypoints} wp  {seen.time:.0f} s"
+    return f"{time} of {seen.limit:.0f} s" if limit else time
+
+
 def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
-    if seen is None:
-        text.append("starting, it has said nothing yet\n", style=quiet_style(styles))
-        return
-    if seen.waiting:
-        text.append(f"{seen.waiting}\n", style=styles["running"])
-        text.append("simulated time begins when it is up\n", style=quiet_style(styles))
-        return
-    text.append(f"reached {seen.reached} of {count_noun(seen.waypoints, 'waypoint')}, ")
-    text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
-    if seen.stack:
-        text.append(f"{seen.stack}\n", style=quiet_style(styles))
+    text.append(f"{reached_text(seen)}\n")
+    if seen is not None:
+        more = "simulated time begins when it is up" if seen.waiting else seen.stack
+        text.append(f"{more}\n" if more else "", style=quiet_style(styles))
 
 
 def _verdicts(text: Text, result: RunResult, styles: Styles) -> None:

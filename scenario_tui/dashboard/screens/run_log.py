@@ -12,8 +12,7 @@ from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import RunResult
 from daemon.model.status import RunDetail
 from grammars.text.words import count_noun
-from scenario_tui.text.formatting import QUIET, UNSURE
-from scenario_tui.text.printed_output import last_lines, printed_lines
+from scenario_tui.text.formatting import QUIET, UNSURE, last_lines, printed_lines
 from scenario_tui.text.run_text import append_facts
 
 if TYPE_CHECKING:

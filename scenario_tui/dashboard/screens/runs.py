@@ -32,6 +32,7 @@ from scenario_tui.text.formatting import (
     run_word,
     time_text,
 )
+from scenario_tui.text.run_text import reached_text
 
 PAGE: Final = 100
 """Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
@@ -52,7 +53,7 @@ _COLUMNS: Final = (
     Column("verdict", 14, yields=True),
     Column("margin", 11, right=True, yields=True),
     Column("decided by", 12, share=2),
-    Column("progress", 12, right=True, yields=True),
+    Column("progress", 13, right=True, yields=True),
     Column("worker", 14, from_width=100, share=1),
 )
 _CAMPAIGN: Final = Column("campaign", 12, share=1, whole=True)
@@ -388,9 +389,7 @@ def so_far(row: RunRow, track: Track | None) -> RunRow:
 def progress(row: RunRow, track: Track | None) -> str:
     """Return how far a run is, or how long it took, in simulated time."""
     if row.state is RunState.RUNNING:
-        # What is waited for has no room here; the run itself, beside or below, says it.
-        if track is None or track.snapshot.waiting:
-            return "starting"
-        seen = track.snapshot
-        return f"{seen.reached}/{seen.waypoints} wp {seen.time:.0f} s"
+        # A stack's start takes more room than this column; the run itself, beside it, says it.
+        seen = track.snapshot if track is not None and not track.snapshot.waiting else None
+        return reached_text(seen, limit=False)
     return time_text(row.simulated) if row.outcome is not None else ""

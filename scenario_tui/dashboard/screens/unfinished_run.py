@@ -30,7 +30,7 @@ from scenario_tui.dashboard.signal_strips import (
 )
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.text.formatting import QUIET, UNSURE
-from scenario_tui.text.run_text import worst_text
+from scenario_tui.text.run_text import reached_text, worst_text
 
 if TYPE_CHECKING:
     from grammars.oracle import ComparedLimit
@@ -126,12 +126,11 @@ def live_text(
     if isinstance(transport, LiveTransport) and not transport.follows:
         said.append(f"  {clock_line(transport)}", style=UNSURE)
         return said.append(f"  {end_key} follows again", style=QUIET)
-    far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s"
-    if wide or now.margin is None:  # else the margin would be cut
-        far += f" of {now.limit:.0f} s"
     if silence > SILENT:
         said.append(f"  last heard {duration_text(silence)} ago", style=UNSURE)
-    said.append(f"  {now.waiting or far}", style="default not bold")
+    # On a narrow line the limit would push out the margin.
+    far = reached_text(now, limit=wide or now.margin is None)
+    said.append(f"  {far}", style="default not bold")
     if worst := worst_text(now.margin, now.unit, now.oracle):
         said.append("  ").append_text(worst)
     if now.stack:

@@ -22,7 +22,7 @@ from scenario_tui.text.formatting import (
     keep_end,
     run_label,
 )
-from scenario_tui.text.run_text import worst_text
+from scenario_tui.text.run_text import reached_text, worst_text
 
 if TYPE_CHECKING:
     from daemon.model.spec import Snapshot
@@ -35,6 +35,8 @@ _LABEL: Final = 20
 """Columns of its name at least; longer ones take what the cell has left, and keep their end."""
 _REST: Final = _CELL - _LABEL
 _BAR: Final = 12
+_REACHED: Final = 23
+"""Columns of how far a run is; what follows must not move while its time grows."""
 _SHORT_BAR: Final = 6
 """Columns of every bar where what follows one does not fit otherwise."""
 _ROOM: Final = 4
@@ -217,20 +219,16 @@ def _fit_columns(runs: Sequence[RunningRun], width: int) -> tuple[int, int]:
 
 def run_line(one: RunningRun, width: int = _LABEL, bar: int = _BAR) -> Text:
     """Return a run under way: its label in ``width`` columns, ``bar`` columns of the time of its
-    limit that is over, that time, waypoints, least margin so far.
+    limit that is over, how far it is, least margin so far.
     """
     text = Text(f"{keep_end(one.label, width)} ", no_wrap=True)
     seen = one.seen
-    if seen is None:
-        return text.append("starting", style=QUIET)
-    if seen.waiting:
-        return text.append(seen.waiting, style=QUIET)
+    if seen is None or seen.waiting:
+        return text.append(reached_text(seen), style=QUIET)
     share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
     done = round(share * bar)
     text.append("━" * done, style=BUSY).append("─" * (bar - done), style=QUIET)
-    limit = f"{seen.limit:.0f}"
-    text.append(f"  {seen.time:>{len(limit)}.0f} of {limit} s  ")
-    text.append(f"{seen.reached}/{seen.waypoints} wp  ")
+    text.append(f"  {reached_text(seen):<{_REACHED}}  ")
     if one.silence > SILENT:
         text.append(f"last heard {duration_text(one.silence)} ago  ", style=UNSURE)
     return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))

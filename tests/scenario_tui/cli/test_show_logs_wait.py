@@ -240,5 +240,5 @@ def test_a_run_that_runs_is_shown_with_how_far_it_is(scenario, fake, monkeypatch
 
     monkeypatch.setattr(fake, "watch", told)
     said = scenario("show", f"{CAMPAIGN}.7").out
-    assert "61 s of 1200 s simulated" in said
+    assert "1/3 wp  61 s of 1200 s" in said
     assert fake.watchers == {}

@@ -212,7 +212,7 @@ async def test_a_running_run_shows_the_robot_from_above(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter")
-        assert "1/3 wp 60 s" in shown(pilot)
+        assert "1/3 wp  60 s" in shown(pilot)
         await press(pilot, *["down"] * 7, "enter")
         before = shown(pilot)
         assert "▶ running  1/3 wp  60 s of 1200 s" in before

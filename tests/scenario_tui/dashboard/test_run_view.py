@@ -406,7 +406,7 @@ async def test_the_table_of_runs_tells_a_start_from_a_run_that_drives(fake):
         assert "simulated time begins when it is up" in told
         fake.live = (make_live(7, 1.0),)
         await settle(pilot)
-        assert "1/3 wp 1 s" in shown(pilot)
+        assert "1/3 wp  1 s" in shown(pilot)
 
 
 def test_contacts_flash_for_a_while():

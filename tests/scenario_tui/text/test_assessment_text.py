@@ -124,7 +124,7 @@ def test_an_error_is_told_once_and_not_for_each_oracle():
     [
         ({"state": RunState.QUEUED}, ("… queued", "has not started yet", "will be judged by")),
         ({"state": RunState.QUEUED, "reason": "it broke"}, ("it broke", "will be judged by")),
-        ({"state": RunState.RUNNING}, ("▶ running", "starting, it has said nothing yet")),
+        ({"state": RunState.RUNNING}, ("▶ running", "starting")),
         ({"state": RunState.CANCELLED}, ("was cancelled before it ended", "was to be judged by")),
         ({"state": RunState.LOST}, ("! lost", "no attempt left a result", "was to be judged by")),
         ({"state": RunState.LOST, "reason": "it broke"}, ("it broke", "was to be judged by")),

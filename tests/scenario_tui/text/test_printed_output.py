@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenario_tui.text.printed_output import last_lines, printed_lines
+from scenario_tui.text.formatting import last_lines, printed_lines
 
 LOST = "\N{REPLACEMENT CHARACTER}"
 
