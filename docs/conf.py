@@ -17,8 +17,9 @@ from pygments.token import Comment, Keyword, Name, Number, String, Text
 _ROOT = Path(__file__).parents[1]
 
 project = "scenario-tui"
-extensions = ["myst_parser"]
-source_suffix = {".md": "markdown"}
+extensions = ["myst_nb"]
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
+nb_execution_mode = "off"  # notebooks are shown with the outputs they have; the tests hold those
 root_doc = "index"
 myst_heading_anchors = 4
 html_theme = "furo"
@@ -50,7 +51,7 @@ def _with_navigation(text: str) -> str:
     parts = re.split(r"^(## .+)$", text, flags=re.MULTILINE)
     made = parts[0]
     for heading, body in zip(parts[1::2], parts[2::2], strict=True):
-        pages = re.findall(r"^- \[[^\]]+\]\(([^)#]+)\.md\)", body, re.MULTILINE)
+        pages = re.findall(r"^- \[[^\]]+\]\(([^)#]+)\.(?:md|ipynb)\)", body, re.MULTILINE)
         listed = "\n".join(pages)
         contents = f"```{{toctree}}\n:hidden:\n:caption: {heading[3:]}\n\n{listed}\n```\n"
         made += f"{heading}{body.rstrip()}\n\n{contents}\n"

@@ -9,9 +9,7 @@ import pytest
 
 from tests.language_docs.markdown import DOCS
 
-_MISSING = [
-    name for name in ("sphinx", "furo", "myst_parser") if not importlib.util.find_spec(name)
-]
+_MISSING = [name for name in ("sphinx", "furo", "myst_nb") if not importlib.util.find_spec(name)]
 _FETCHED = re.compile(r"""(?:src=|<link[^>]*href=|@import\s+|url\()["']?https?:""")
 
 
