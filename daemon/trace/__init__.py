@@ -20,7 +20,6 @@ from daemon.trace._recorder import MessageStream, Recorder
 from daemon.trace._signals import JointSamples
 from daemon.trace._statics import MovingLinks
 from daemon.trace._views import decode_path, encode_costmap, encode_path, encode_poses
-from daemon.trace._wall_clock import copy_with_wall_clock
 from daemon.trace._writer import PARTIAL, TraceWriter
 from daemon.trace.messages import TOPICS, topics_of, warm_up
 
@@ -45,7 +44,6 @@ __all__ = [
     "TraceDifference",
     "TraceError",
     "TraceWriter",
-    "copy_with_wall_clock",
     "decode_path",
     "encode_costmap",
     "encode_path",

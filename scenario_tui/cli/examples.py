@@ -73,7 +73,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "gc": ("scenario gc --dry-run", "scenario gc --older-than 30d --max-size 20GiB --dry-run"),
     "import": ("scenario import map.yaml -o home", "scenario import map.yaml -o home --force"),
     "export": (
-        "scenario export flat.fpm jsonld -o flat.jsonld",
+        "scenario export flat.fpm jsonld picture",
         "scenario export campaign.yaml map sdf -o artefacts",
         "scenario export nightly.0 picture --from 2 --until 6 -o part.svg",
         "scenario export nightly traces -o traces",

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-import shutil
-from dataclasses import replace
+from datetime import datetime
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
 
+from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.cli import completion
-from scenario_tui.cli.export_runs import (
-    PICTURE_ENDINGS,
-    WallClockOption,
-    export_recorded,
-    is_recorded,
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.export_runs import ExportedFiles, export_recorded, is_recorded
+from scenario_tui.cli.options import Base, check_folder
+from scenario_tui.cli.output import (
+    CommandError,
+    report_findings,
+    say,
+    stdout_console,
+    track_progress,
 )
-from scenario_tui.cli.options import AsJson, Base, Connect, State, check_folder, check_writable
-from scenario_tui.cli.output import Output, report_findings
+from scenario_tui.cli.target import DaemonTarget
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Sequence
 
-    from grammars.text.diagnostics import Finding
-    from templates.artefacts import ExportResult
     from templates.world import ArtefactWorld, ExportSettings
 
 
@@ -70,20 +72,6 @@ class Artefact(StrEnum):
     TRACES = "traces"
 
 
-_ONE_FILE: Final[dict[Artefact, tuple[str, ...]]] = {
-    Artefact.JSONLD: (".jsonld",),
-    Artefact.MESH: (".stl", ".glb"),
-    Artefact.LAUNCH: (".launch", ".xml"),
-    Artefact.FOXGLOVE: (".json",),
-    Artefact.PICTURE: PICTURE_ENDINGS,
-    Artefact.PROV: (".ttl",),
-}
-"""Kinds of which one file with each of these endings is made; of others there are several."""
-_ENDINGS: Final = frozenset(
-    {".yaml", ".pgm", ".sdf", ".world", ".html", ".txt"}.union(*_ONE_FILE.values())
-)
-
-
 _OF_FILES: Final = (
     "laser_height", "resolution", "distance", "first", "backward", "closed", "yaw", "repeats",
     "timestamp", "base",
@@ -94,19 +82,8 @@ _OF_KINDS: Final[dict[Artefact, tuple[str, ...]]] = {
     Artefact.PROV: ("timestamp",),
 }
 """Parameters that mean nothing without this kind."""
-
-
-class WaypointYaw(StrEnum):
-    """Headings of the robot at generated waypoints."""
-
-    ZERO = "zero"
-    PATH = "path"
-
-
-class ExportOutput(Output, schema="export"):
-    """The files that were written."""
-
-    files: list[str]
+_OF_PICTURES: Final = ("since", "until")
+"""Parameters that mean nothing but for the picture of a run."""
 
 
 def export(
@@ -136,7 +113,7 @@ def export(
             "--out",
             "-o",
             metavar="PATH",
-            help="Folder to write to, or with its ending the file: plan.jsonld, run.svg.",
+            help="Folder to write to; for the picture of a run also its file, run.svg.",
         ),
     ] = Path(),
     laser_height: Annotated[
@@ -160,15 +137,21 @@ def export(
         bool, typer.Option("--closed", help="For tasks: come back to the first waypoint.")
     ] = False,
     yaw: Annotated[
-        WaypointYaw, typer.Option(help="For tasks: look along the path, or along x of the map.")
-    ] = WaypointYaw.ZERO,
+        Literal["zero", "path"],
+        typer.Option(help="For tasks: look along the path, or along x of the map."),
+    ] = "zero",
     repeats: Annotated[
         int | None,
         typer.Option(min=1, help="Behaviours of the first repeats only. Default: of all."),
     ] = None,
     timestamp: Annotated[
-        str, typer.Option(metavar="ISO8601", help="For prov: when. Default: left out.")
-    ] = "",
+        datetime | None,
+        typer.Option(
+            metavar="ISO8601",
+            formats=["%Y-%m-%d", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%S%z"],
+            help="For prov: when. Default: left out.",
+        ),
+    ] = None,
     base: Base = "",
     since: Annotated[
         float | None,
@@ -182,86 +165,49 @@ def export(
             "--until", metavar="SECONDS", help="For the picture of a run: closely, up to here."
         ),
     ] = None,
-    wall_clock: WallClockOption = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[ExportedFiles]:
     """Write artefacts of a building, a campaign or a run: maps, worlds, pictures, traces, …
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one. Traces come
     from a daemon or the store they lie in, and each is verified; what was interrupted goes on.
     """
     if is_recorded(source):
-        from scenario_tui.cli.target import DaemonTarget
-
         _refuse_options(context, _OF_FILES, "are of floor plans and campaign files, not of runs")
-        target, part = DaemonTarget(connect, state), (since, until)
-        export_recorded(source, kinds, out, target, part, wall_clock, as_json=as_json)
-        return
-    if Artefact.TRACES in kinds:
-        raise typer.BadParameter("traces are of recorded runs, not of files", param_hint="KIND")
-    if since is not None or until is not None:
-        raise typer.BadParameter("goes with a picture of a run", param_hint="--from, --until")
-    if wall_clock:
-        raise typer.BadParameter("goes with traces", param_hint="--wall-clock")
-    for kind, names in _OF_KINDS.items():
-        if kind not in kinds and Artefact.ALL not in kinds:
-            _refuse_options(context, names, f"goes with {kind}")
-    named = _named_file(out, kinds)
-    from daemon.analysis.campaign_worlds import worlds_of_campaign
-    from grammars.floorplan import WALLS_ENDING
-    from grammars.text.diagnostics import Finding, Severity, Where
-    from templates.naming import file_name
-    from templates.world import ExportSettings
+        if Artefact.PICTURE not in kinds:
+            _refuse_options(context, _OF_PICTURES, "goes with picture only")
+        value = export_recorded(source, kinds, out, target, (since, until))
+    else:
+        from templates.world import ExportSettings
 
-    worlds: Iterable[ArtefactWorld]
-    is_walls = source.name.endswith(WALLS_ENDING)
-    if is_campaign := source.suffix in (".yaml", ".yml") and not is_walls:
-        worlds, warnings = worlds_of_campaign(source, repeats)
-    else:
-        world, warnings = world_of_plan(source, base)
-        worlds = (world,)
-    report_findings(warnings)
-    settings = ExportSettings(
-        laser_height=laser_height,
-        resolution=resolution,
-        distance=distance,
-        first=first,
-        forward=not backward,
-        closed=closed,
-        yaw=yaw.value,
-        timestamp=_check_time(timestamp),
-    )
-    if named is not None:
-        check_writable(named, "--out")
-        if named.exists() and named.samefile(source):
-            raise typer.BadParameter(f"{named} is what is exported", param_hint="--out")
-    else:
+        if Artefact.TRACES in kinds:
+            raise typer.BadParameter("traces are of recorded runs, not of files", param_hint="KIND")
+        _refuse_options(context, _OF_PICTURES, "goes with a picture of a run")
+        for kind, names in _OF_KINDS.items():
+            if kind not in kinds and Artefact.ALL not in kinds:
+                _refuse_options(context, names, f"goes with {kind}")
+        settings = ExportSettings(
+            laser_height=laser_height,
+            resolution=resolution,
+            distance=distance,
+            first=first,
+            forward=not backward,
+            closed=closed,
+            yaw=yaw,
+            timestamp=timestamp.isoformat() if timestamp else "",
+        )
         check_folder(out, "--out")
-    files: list[str] = []
-    # A campaign has a folder for each world, also when there is one: paths stay the same when
-    # another scenario is added.
-    placed = [(w, out / file_name(w.name) if is_campaign else out) for w in worlds]
-    if named is not None and len(placed) > 1:
-        message = f"{source} has {len(placed)} worlds, which are more than {named}: name a folder"
-        raise typer.BadParameter(message, param_hint="--out")
-    results = _make(placed, named, kinds, settings)
-    noted: dict[str, list[str]] = {}
-    for (world, _), done in zip(placed, _written(results, out), strict=True):
-        for note in done.notes:
-            noted.setdefault(note, []).append(world.name)
-        files += map(str, done.paths)
-        # Said as they are made and not at the end: with many worlds that takes a while.
-        if not as_json:
-            for path in done.paths:
-                typer.echo(path)
-    report_findings(
-        Finding(Where(_about(source, names, len(placed))), note, severity=Severity.WARNING)
-        for note, names in noted.items()
-    )
-    if as_json:
-        ExportOutput(files).emit()
+        value = _export_files(_worlds(source, out, repeats, base), kinds, settings, source)
+    code = ExitCode.INFRASTRUCTURE if value.missing else ExitCode.EXPECTED
+    return Answer("export", value, partial(_print, value), code)
+
+
+def _print(exported: ExportedFiles) -> None:
+    for path in exported.files:
+        stdout_console().print(str(path), markup=False, highlight=False, soft_wrap=True)
+    for reason in exported.missing.values():
+        say(reason)
 
 
 def _refuse_options(context: typer.Context, names: Sequence[str], why: str) -> None:
@@ -276,45 +222,51 @@ def _refuse_options(context: typer.Context, names: Sequence[str], why: str) -> N
         raise typer.BadParameter(why, param_hint=", ".join(typed))
 
 
-def _named_file(out: Path, kinds: Sequence[Artefact]) -> Path | None:
-    """Return the file that is to be written, ``None`` where a folder is meant."""
-    endings = _ONE_FILE.get(kinds[0], ()) if len(kinds) == 1 else ()
-    if not endings or out.is_dir() or out.suffix not in _ENDINGS:
-        return None
-    if out.suffix not in endings:
-        message = f"a file of {kinds[0]} ends in {' or '.join(endings)}"
-        raise typer.BadParameter(message, param_hint="--out")
-    return out
+def _worlds(
+    source: Path, out: Path, repeats: int | None, base: str
+) -> list[tuple[ArtefactWorld, Path]]:
+    """Return the worlds of a plan or a campaign, each with the folder it is written to."""
+    from daemon.analysis.campaign_worlds import worlds_of_campaign
+    from grammars.floorplan import WALLS_ENDING
+    from templates.naming import file_name
+
+    if source.suffix not in (".yaml", ".yml") or source.name.endswith(WALLS_ENDING):
+        world, warnings = world_of_plan(source, base)
+        report_findings(warnings)
+        return [(world, out)]
+    worlds, warnings = worlds_of_campaign(source, repeats)
+    report_findings(warnings)
+    # Also when there is one: paths stay the same when another scenario is added.
+    return [(world, out / file_name(world.name)) for world in worlds]
 
 
-def _make(
-    placed: Sequence[tuple[ArtefactWorld, Path]],
-    named: Path | None,
+def _export_files(
+    worlds: Sequence[tuple[ArtefactWorld, Path]],
     kinds: Sequence[Artefact],
     settings: ExportSettings,
-) -> Iterator[ExportResult]:
-    """Yield what is made of each world, in its folder or, of one world, as the file ``named``."""
-    from templates.artefacts import ExportResult, choose_kinds, export
-    from templates.picture import draw_world, write_drawing
+    source: Path,
+) -> ExportedFiles:
+    """Write artefacts of every world into its folder, once they can be made of all of them."""
+    from templates.artefacts import choose_kinds, export
 
-    for world, _ in placed:
+    for world, _ in worlds:
         choose_kinds(world, kinds)
-    if named is None:
-        for world, folder in placed:
-            yield export(world, kinds, folder, settings=settings)
-        return
-    ((world, _),) = placed
-    if named.suffix == ".pdf":
-        # None of the files of a folder: the parts of a PDF come in another order every time.
-        write_drawing(draw_world(world), named)
-        yield ExportResult({str(kinds[0]): (named,)}, ())
-        return
-    with TemporaryDirectory() as temporary:
-        done = export(world, kinds, Path(temporary), settings=settings)
-        # Of several files with one ending, the first is the whole.
-        file = next(path for path in done.paths if path.suffix == named.suffix)
-        shutil.move(file, named)
-        yield replace(done, made={str(kinds[0]): (named,)})
+    files: list[Path] = []
+    notes: dict[str, list[str]] = {}
+    for world, folder in track_progress(worlds, len(worlds), "exporting"):
+        try:
+            result = export(world, kinds, folder, settings=settings)
+        except OSError as error:
+            place = error.filename or folder
+            raise CommandError(f"{place} cannot be written: {error.strerror}") from error
+        files += result.paths
+        for note in result.notes:
+            notes.setdefault(note, []).append(world.name)
+    report_findings(
+        Finding(Where(_about(source, names, len(worlds))), note, severity=Severity.WARNING)
+        for note, names in notes.items()
+    )
+    return ExportedFiles(tuple(files))
 
 
 def _about(source: Path, worlds: list[str], count: int) -> str:
@@ -323,23 +275,3 @@ def _about(source: Path, worlds: list[str], count: int) -> str:
         return str(source)
     more = f" and {len(worlds) - 3} more" if len(worlds) > 3 else ""
     return f"{source} ({', '.join(worlds[:3])}{more})"
-
-
-def _written(results: Iterator[ExportResult], out: Path) -> Iterator[ExportResult]:
-    """Yield ``results``; a folder that cannot be written is bad input."""
-    from grammars.text.diagnostics import Finding, InputError, Where
-
-    try:
-        yield from results
-    except OSError as error:
-        place = Where(str(error.filename or out))
-        raise InputError(Finding(place, f"cannot be written: {error.strerror}")) from error
-
-
-def _check_time(text: str) -> str:
-    from datetime import datetime
-
-    try:
-        return datetime.fromisoformat(text).isoformat() if text else ""
-    except ValueError as error:
-        raise typer.BadParameter(f"{text!r} is no time, write 2026-01-31T12:00:00+00:00") from error

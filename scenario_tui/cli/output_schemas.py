@@ -21,7 +21,6 @@ from scenario_tui.cli import (
     blame,
     compare,
     coverage,
-    export,
     export_runs,
     import_building,
     judge,
@@ -67,12 +66,10 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.ResumeOutput,
     steer.PriorityOutput,
     steer.StopOutput,
-    export_runs.FetchOutput,
     judge.JudgeOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.HistoryOutput,
-    export_runs.PictureOutput,
     recorded_runs.FrameOutput,
     recorded_runs.PlotOutput,
     coverage.CoverageOutput,
@@ -83,7 +80,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     sut.SutOutput,
     sut_check.InspectionOutput,
     import_building.ImportOutput,
-    export.ExportOutput,
 )
 """In the order they are published in."""
 
@@ -92,6 +88,7 @@ OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _
 
 VALUES: Final[dict[str, type]] = {
     "error": ErrorValue,
+    "export": export_runs.ExportedFiles,
     "status": status.DaemonStatus,
     "vary": WrittenVariants,
     "verify": Verifications,

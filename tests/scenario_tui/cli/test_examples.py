@@ -57,7 +57,7 @@ WORDS = sorted(
 """First words of commands; the daemon comes last, for one of its examples ends it."""
 WRITTEN = {
     "new": "my-tests/campaign.yaml",
-    "export": "flat.jsonld",
+    "export": "jsonld/flat.jsonld",
     "import": "home.walls.yaml",
     "schema": "scenario.vsix",
 }
