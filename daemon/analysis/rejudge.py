@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+from pydantic import computed_field
+
 from daemon.analysis.parallel_map import parallel_map
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader
@@ -41,6 +43,7 @@ class RejudgedTrace:
     origin: VerdictOrigin = "trace"
     problem: str = ""
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def changes(self) -> tuple[OracleChange, ...]:
         """Oracles that judge otherwise now, in their order; new and dropped ones at the end."""
@@ -58,6 +61,7 @@ class OracleChange:
     before: Verdict | None
     now: Verdict | None
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def kind(self) -> Literal["same", "verdict", "margin", "new", "dropped"]:
         """Kind of the change: of the verdict, only its margin or value, or of the oracles."""
@@ -76,6 +80,14 @@ class OracleChange:
     def rank(self) -> int:
         """Order for people: changed verdicts first."""
         return ("verdict", "margin", "new", "dropped", "same").index(self.kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Rejudgement:
+    """Traces judged by a layer of ``oracles``, by their own without one."""
+
+    oracles: str
+    traces: tuple[RejudgedTrace, ...]
 
 
 def rejudge(

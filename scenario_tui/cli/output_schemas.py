@@ -14,6 +14,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Literal, get_type_hints
 
+from daemon.analysis.rejudge import Rejudgement
 from daemon.analysis.verification import Verifications
 from grammars.variation import WrittenVariants
 from scenario_tui.cli import (
@@ -23,7 +24,6 @@ from scenario_tui.cli import (
     coverage,
     export_runs,
     import_building,
-    judge,
     keys,
     logs,
     look,
@@ -66,7 +66,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.ResumeOutput,
     steer.PriorityOutput,
     steer.StopOutput,
-    judge.JudgeOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.HistoryOutput,
@@ -89,6 +88,7 @@ OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _
 VALUES: Final[dict[str, type]] = {
     "error": ErrorValue,
     "export": export_runs.ExportedFiles,
+    "judge": Rejudgement,
     "status": status.DaemonStatus,
     "vary": WrittenVariants,
     "verify": Verifications,

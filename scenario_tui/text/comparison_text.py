@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rich import box
-from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -188,64 +187,52 @@ def _cell(verdict: Verdict | None) -> tuple[str, str]:
     return f"{said:<{_CELL}.{_CELL}} ", DASHBOARD_STYLES[verdict.outcome]
 
 
-LISTED: Final = 20
+_LISTED: Final = 20
 """Verdicts that changed, as many as are listed."""
 
 
-def parse_judge_answer(answer: Mapping[str, Any]) -> tuple[RejudgedTrace, ...]:
-    """Read what ``scenario judge --json`` wrote."""
-    plain = ({k: v for k, v in one.items() if k != "changes"} for one in answer["traces"])
-    return tuple(codec.from_plain(RejudgedTrace, one) for one in plain)
-
-
-def rejudge_report(found: Sequence[RejudgedTrace]) -> RenderableType:
-    """Return everything about runs judged again, for a dialog."""
-    judged = [one for one in found if not one.problem]
-    lines = change_lines(judged, DASHBOARD_STYLES)
-    parts: list[RenderableType] = [Text(rejudge_summary(judged, len(found) - len(judged)) + "\n")]
-    if judged:
-        said = f"{count_noun(len(lines), 'verdict')} changed" if lines else "no verdict changed"
-        parts.append(Text(said, "bold"))
-    parts += lines[:LISTED]
-    if len(lines) > LISTED:
-        parts.append(Text(f"and {len(lines) - LISTED} more"))
-    if judged:
-        parts += [Text(""), rejudge_table(judged, DASHBOARD_STYLES)]
-    parts += [Text(f"{one.trace}: {one.problem}") for one in found if one.problem][:LISTED]
-    return Group(*parts)
-
-
-def change_lines(judged: Sequence[RejudgedTrace], styles: Styles) -> list[Text]:
-    """Return a line for each verdict that is not what it was."""
+def rejudge_parts(results: Sequence[RejudgedTrace], styles: Styles) -> list[Text | Table]:
+    """Return everything about runs judged again: how many, what changed, each oracle."""
+    judged = [one for one in results if not one.problem]
     labels = _labels(judged)
-    return [
-        _line(labels[one.trace], change, styles)
+    lines = [
+        _change_line(labels[one.trace], change, styles)
         for one in judged
         for change in one.changes
         if change.kind == "verdict"
     ]
+    parts: list[Text | Table] = [Text(_summary(judged, len(results) - len(judged)))]
+    if lines:
+        parts += [Text(f"\n{count_noun(len(lines), 'verdict')} changed", "bold"), *lines[:_LISTED]]
+    if len(lines) > _LISTED:
+        parts.append(Text(f"and {len(lines) - _LISTED} more"))
+    if judged:
+        parts += [Text(), _oracle_table(judged, labels, styles)]
+    problems = [Text(f"{one.trace}: error: {one.problem}") for one in results if one.problem]
+    return [*parts, *problems]
 
 
-def rejudge_summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
+def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
     """Return how many runs were judged, and with what they were compared."""
     same = sum(one.outcome is one.outcome_before for one in judged)
     known = sum(one.origin == "ledger" for one in judged)
-    words = [f"{count_noun(len(judged), 'trace')} judged, {same} with the verdict they had"]
+    parts = [f"{count_noun(len(judged), 'trace')} judged, {same} with the verdict they had"]
     if known:
-        words.append(f"{known} compared with the ledger")
+        parts.append(f"{known} compared with the ledger")
     if known < len(judged):
-        words.append(f"{len(judged) - known} with what the oracles inside of the trace say")
+        parts.append(f"{len(judged) - known} with what the oracles inside of the trace say")
     if unreadable:
-        words.append(f"{unreadable} not readable")
-    return ", ".join(words)
+        parts.append(f"{unreadable} not readable")
+    return ", ".join(parts)
 
 
-def rejudge_table(judged: Sequence[RejudgedTrace], styles: Styles) -> Table:
+def _oracle_table(
+    judged: Sequence[RejudgedTrace], labels: Mapping[str, str], styles: Styles
+) -> Table:
     """Return a row per oracle: how it judges, by how much, and how it judged before."""
     rows = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for title in ("oracle", "before", "now", "worst margin", "in run"):
         rows.add_column(title, overflow="fold")
-    labels = _labels(judged)
     names = dict.fromkeys(v.oracle for one in judged for v in (*one.verdicts, *one.before))
     for name in names:
         now = [(labels[one.trace], v) for one in judged for v in one.verdicts if v.oracle == name]
@@ -299,7 +286,7 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
     return margin(least, verdict.unit), run
 
 
-def _line(label: str, change: OracleChange, styles: Styles) -> Text:
+def _change_line(label: str, change: OracleChange, styles: Styles) -> Text:
     if change.before is None or change.now is None:
         raise ValueError("only a verdict that was and is can have changed")
     then, now = str(change.before.outcome), str(change.now.outcome)

@@ -62,9 +62,15 @@ def _choose_oracles(
 
 
 def _tell_judged(dashboard: BaseDashboard, command: str, answer: CommandAnswer) -> None:
-    from scenario_tui.text.comparison_text import parse_judge_answer, rejudge_report
+    from rich.console import Group
 
-    dashboard.push_screen(TextDialog(rejudge_report(parse_judge_answer(answer)), command))
+    from daemon.analysis.rejudge import Rejudgement
+    from grammars.text.codec import from_plain
+    from scenario_tui.text.comparison_text import rejudge_parts
+    from scenario_tui.text.formatting import DASHBOARD_STYLES
+
+    parts = rejudge_parts(from_plain(Rejudgement, answer).traces, DASHBOARD_STYLES)
+    dashboard.push_screen(TextDialog(Group(*parts), command))
 
 
 def make_report(dashboard: BaseDashboard, row: CampaignRow) -> None:

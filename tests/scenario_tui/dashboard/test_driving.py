@@ -247,7 +247,7 @@ async def test_traces_on_another_machine_are_not_judged_here(fake):
 
 
 async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypatch):
-    from daemon.analysis.rejudge import RejudgedTrace
+    from daemon.analysis.rejudge import RejudgedTrace, Rejudgement
     from tests.scenario_tui.fake import make_result
 
     monkeypatch.chdir(tmp_path)
@@ -257,7 +257,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
     good, bad = (make_result(fake.rows[i]).verdicts for i in (0, 5))
     found = RejudgedTrace("run.mcap", "S1/pilot/0", "0" * 64, Outcome.FAIL, bad, Outcome.PASS, good,
                      "ledger")  # fmt: skip
-    ask = Commands({"traces": [to_plain(found) | {"changes": []}]})
+    ask = Commands(to_plain(Rejudgement("", (found,))))
     async with opened(fake, run_command=ask, command_lines=local(tmp_path)) as pilot:
         await settle(pilot)
         await press(pilot, "E")

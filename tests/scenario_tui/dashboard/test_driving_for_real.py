@@ -4,17 +4,17 @@ import shutil
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 from textual.widgets import Input
 
+from daemon.analysis.rejudge import Rejudgement
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
+from grammars.text.codec import from_plain
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.background import run_command
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
-from scenario_tui.text.comparison_text import parse_judge_answer, rejudge_report
 from tests.daemon.batch.harness import daemon_at
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.dashboard.driven import eventually
@@ -71,9 +71,8 @@ async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path, monkeypatch):
 
 def test_commands_answer_or_say_why_not(tmp_path):
     trace = record_run(tmp_path / "run.mcap")
-    found = parse_judge_answer(run_command(("judge", str(trace), "--state", str(tmp_path))))
-    console = Console(record=True, width=80)
-    console.print(rejudge_report(found))
-    assert "1 trace judged, 1 with the verdict they had" in console.export_text()
+    answer = run_command(("judge", str(trace), "--state", str(tmp_path)))
+    (judged,) = from_plain(Rejudgement, answer).traces
+    assert judged.outcome is judged.outcome_before
     with pytest.raises(DaemonError, match="scenario judge nothing.*no trace, no folder"):
         run_command(("judge", "nothing", "--state", str(tmp_path)))
