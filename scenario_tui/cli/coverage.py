@@ -2,44 +2,26 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, Processes, State
-from scenario_tui.cli.output import Output, plain_table, say, stdout_console
+from scenario_tui.cli.named_traces import all_traces
+from scenario_tui.cli.options import Processes
+from scenario_tui.cli.output import plain_table, say, stdout_console
+from scenario_tui.cli.suggestions import refuse_missing_campaign
+from scenario_tui.cli.target import DaemonTarget
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from daemon.analysis.coverage import Coverage, FeatureCount, FloorArea, RoomArea
-    from scenario_tui.cli.target import DaemonTarget
-
-
-class CoverageOutput(Output, schema="coverage"):
-    """Features, doors and floor that a campaign or its traces exercise."""
-
-    coverage: Coverage
-
-    def print(self) -> None:
-        """Print a table for each kind of thing that can be covered."""
-        from grammars.text.words import count_noun
-
-        counts, console = self.coverage, stdout_console()
-        basis = "by their traces" if counts.recorded else "as planned"
-        console.print(f"{count_noun(counts.runs, 'run')}, {basis}")
-        console.print()
-        console.print(_feature_table(counts))
-        recorded = ((counts.doors, _door_table), (counts.floor, _floor_table))
-        for rows, table in recorded:
-            if rows:
-                console.print()
-                console.print(table(counts))
-        for one in counts.unreadable:
-            say(f"{one.trace}: error: {one.problem}")
 
 
 def coverage(
@@ -57,27 +39,22 @@ def coverage(
         typer.Option(min=0.01, max=1000.0, help="A door is met when the robot is so near, metres."),
     ] = 1.5,
     processes: Processes = None,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[Coverage]:
     """Say which features a campaign exercises, and which it does not.
 
     Of recorded runs also: doors met and triggered, floor seen and driven on.
     """
-    from scenario_tui.cli.target import DaemonTarget
-
-    target = DaemonTarget(connect, state)
     counts = _measure_coverage(subject, near, processes, target)
-    CoverageOutput(counts).show(as_json)
-    raise typer.Exit(ExitCode.INFRASTRUCTURE if counts.unreadable else ExitCode.EXPECTED)
+    code = ExitCode.INFRASTRUCTURE if counts.unreadable else ExitCode.EXPECTED
+    return Answer("coverage", counts, partial(_print, counts), code)
 
 
 def _measure_coverage(
     subject: list[str], near: float, processes: int | None, target: DaemonTarget
 ) -> Coverage:
     from daemon.analysis.coverage import planned_coverage, trace_coverage
-    from scenario_tui.cli.named_traces import all_traces
 
     # By name alone: a campaign file that is not there is to be missed as a file, not as a run.
     files = [name for name in subject if name.endswith((".yaml", ".yml"))]
@@ -85,7 +62,6 @@ def _measure_coverage(
         raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
     if files:
         from daemon.campaign import expand, load_campaign
-        from scenario_tui.cli.suggestions import refuse_missing_campaign
         from scenario_tui.library.submission import searches_text
 
         refuse_missing_campaign(Path(files[0]))
@@ -96,6 +72,21 @@ def _measure_coverage(
         return planned_coverage(planned.specs, planned.scenes)
     paths = all_traces(subject, target, "TRACES")
     return trace_coverage(paths, near=near, processes=processes)
+
+
+def _print(counts: Coverage) -> None:
+    """Print a table for each kind of thing that can be covered."""
+    console = stdout_console()
+    basis = "by their traces" if counts.recorded else "as planned"
+    console.print(f"{count_noun(counts.runs, 'run')}, {basis}")
+    console.print()
+    console.print(_feature_table(counts))
+    for rows, table in ((counts.doors, _door_table), (counts.floor, _floor_table)):
+        if rows:
+            console.print()
+            console.print(table(counts))
+    for one in counts.unreadable:
+        say(f"{one.trace}: error: {one.problem}")
 
 
 def _feature_table(counts: Coverage) -> Table:
@@ -116,8 +107,6 @@ def _feature_with_runs(feature: FeatureCount, counts: Coverage) -> str:
 
 
 def _door_table(counts: Coverage) -> Table:
-    from grammars.text.words import format_quantity
-
     near = f"within {counts.near:g} m"
     titles = ("door", "runs", "moving", "moved", "triggered", near, "nearest")
     table = plain_table(*titles, figures=True)
@@ -145,4 +134,4 @@ def _area_cells(area: FloorArea | RoomArea) -> tuple[str, str, str]:
 
 
 def _share(part: float, whole: float) -> str:
-    return f"{part:.1f} m²  {part / whole:4.0%}" if whole else "–"
+    return f"{part:.1f} m²  {part / whole:4.0%}" if whole else NOTHING

@@ -14,6 +14,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Literal, get_type_hints
 
+from daemon.analysis.coverage import Coverage
 from daemon.analysis.rejudge import Rejudgement
 from daemon.analysis.verification import Verifications
 from grammars.variation import WrittenVariants
@@ -21,7 +22,6 @@ from scenario_tui.cli import (
     begin,
     blame,
     compare,
-    coverage,
     export_runs,
     import_building,
     keys,
@@ -71,7 +71,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     report.HistoryOutput,
     recorded_runs.FrameOutput,
     recorded_runs.PlotOutput,
-    coverage.CoverageOutput,
     blame.BlameOutput,
     operate.DoctorOutput,
     operate.GcOutput,
@@ -86,6 +85,7 @@ OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _
 
 
 VALUES: Final[dict[str, type]] = {
+    "coverage": Coverage,
     "error": ErrorValue,
     "export": export_runs.ExportedFiles,
     "judge": Rejudgement,
