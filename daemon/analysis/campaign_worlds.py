@@ -34,7 +34,7 @@ def worlds_of_campaign(
     campaign = load_campaign(path)
     worlds: list[ArtefactWorld] = []
     for cell in campaign.cells:
-        world = _world_of_cell(campaign, cell, repeats)
+        world = world_of_cell(campaign, cell, repeats)
         if not any(
             replace(other, name=world.name, sources=world.sources) == world for other in worlds
         ):
@@ -42,7 +42,10 @@ def worlds_of_campaign(
     return tuple(worlds), campaign.warnings
 
 
-def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) -> ArtefactWorld:
+def world_of_cell(
+    campaign: Campaign, cell: CampaignCell, repeats: int | None = None
+) -> ArtefactWorld:
+    """Return the world of one cell; ``repeats`` limits whose behaviours are drawn."""
     return ArtefactWorld(
         cell.name,
         cell.scene,

@@ -20,7 +20,7 @@ from daemon.campaign._layers import (
     layer_names,
     layer_places,
 )
-from daemon.campaign._loader import examine, load_campaign
+from daemon.campaign._loader import check_campaign, examine, load_campaign
 from daemon.campaign._origin import campaign_origin
 from daemon.campaign._parameters import (
     ParameterValues,
@@ -58,6 +58,7 @@ __all__ = [
     "SutFile",
     "campaign_origin",
     "campaign_text",
+    "check_campaign",
     "examine",
     "expand",
     "find_layer",

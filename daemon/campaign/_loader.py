@@ -42,7 +42,14 @@ from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.oracle import check_joint_limits, check_references
 from grammars.preflight import places_of
-from grammars.text.diagnostics import Finding, InputError, Severity, gather, raise_all
+from grammars.text.diagnostics import (
+    Finding,
+    InputError,
+    Severity,
+    Where,
+    gather,
+    raise_all,
+)
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 
 
@@ -51,27 +58,43 @@ def examine(path: str | Path) -> tuple[Campaign, tuple[Finding, ...]]:
 
     Raises :class:`InputError` as :func:`load_campaign` does.
     """
-    campaign = load_campaign(path)
+    return check_campaign(load_campaign(path))
+
+
+def check_campaign(
+    campaign: Campaign, *, selected: bool = False
+) -> tuple[Campaign, tuple[Finding, ...]]:
+    """Return a campaign with its warnings and with everything the pre-flight finds.
+
+    A campaign of ``selected`` cells need not have every warning that its file allows.
+    """
     problems, allowed = without_allowed(find_problems(campaign.cells), campaign.allow)
     campaign = replace(campaign, allowed=say_once((*campaign.allowed, *allowed)))
-    unmet = find_unmet(campaign.allow, campaign.allowed)
+    unmet = () if selected else find_unmet(campaign.allow, campaign.allowed)
     return campaign, say_once((*campaign.warnings, *problems, *unmet))
 
 
-def load_campaign(path: str | Path) -> Campaign:
+def load_campaign(path: str | Path, *, system: str = "") -> Campaign:
     """Load a campaign file and every layer it names.
 
-    Raises :class:`InputError` with all problems of the first stage that has any.
+    ``system``, a system under test as campaigns name them or a path, takes the place of those of
+    every scenario; the searches are left out then. Raises :class:`InputError` with all problems of
+    the first stage that has any.
     """
     document = load_yaml(path)
     text = read_model(document, CampaignFile)
-    scenarios = resolve_scenarios(text, document)
+    written = resolve_scenarios(text, document)
+    scenarios = dict(written)
+    if system:
+        instead = LayerReference(system, {}, Where(f"system {system}"))
+        scenarios = {name: replace(one, suts=(instead,)) for name, one in written.items()}
     draft = Draft(text, document, LayerLibrary(Path(path).parent), scenarios)
     _refuse_too_many(draft)
     draft = _with_layers(draft)
     draft = replace(draft, cells=_compose_cells(draft))
-    declared, problems = read_declarations(draft)
-    searches, findings = read_searches(draft)
+    # What the file says of its systems is held against those that it names.
+    declared, problems = read_declarations(replace(draft, scenarios=written))
+    searches, findings = ((), ()) if system else read_searches(draft)
     problems += [one for one in findings if one.severity is Severity.ERROR]
     timed = [time_legs(cell, declared, document) for cell in draft.cells]
     raise_all((*problems, *(problem for _, wrong in timed for problem in wrong)))

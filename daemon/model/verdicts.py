@@ -72,6 +72,16 @@ class Verdict:
         """The decisive bound: the lower one, or ``None`` when the margin is unknown."""
         return self.lower if self.outcome is not Outcome.FAIL else self.upper
 
+    @property
+    def moment(self) -> float | None:
+        """The simulated time that decided [s], ``None`` without such a moment."""
+        return self.evidence.time
+
+    @property
+    def about(self) -> str:
+        """The object that was nearest, touched, …; empty where none was involved."""
+        return self.evidence.object
+
 
 def shorten_evidence(verdict: Verdict) -> Verdict:
     """Return a verdict whose evidence says no more than :data:`LONGEST_EVIDENCE` at a time."""

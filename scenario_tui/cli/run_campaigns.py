@@ -252,14 +252,16 @@ def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -
 
     With ``hint`` it is said which searches it has.
     """
-    from scenario_tui.library.submission import prepare_submission, searches_text
+    from scenario_tui.library.campaign import load
+    from scenario_tui.library.submission import searches_text
 
-    prepared = prepare_submission(path, fresh=fresh)
+    campaign = load(path)
+    submission = campaign.submission(fresh=fresh)
     stop_if_interrupted()
-    report_findings(prepared.warnings)
-    if hint and (words := searches_text(path, prepared.searches)):
+    report_findings(campaign.findings)
+    if hint and (words := searches_text(path, campaign.searches)):
         say(words)
-    return prepared.submission
+    return submission
 
 
 def wait(

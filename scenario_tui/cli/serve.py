@@ -171,11 +171,11 @@ class LiveServices:
 def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Scene]:
     """Return the run that is meant, and its scene."""
     from daemon.model.spec import SutReference
-    from scenario_tui.library.submission import prepare_submission
+    from scenario_tui.library.campaign import load
 
-    prepared = prepare_submission(path)
-    submission, warnings = prepared.submission, prepared.warnings
-    report_findings(warnings)
+    campaign = load(path)
+    submission = campaign.submission()
+    report_findings(campaign.findings)
     runs = tuple(map(submission.spec, (*submission.runs, *submission.reserve)))
     found = _matching(runs, scenario, sut, repeat)
     if not sut:

@@ -225,11 +225,11 @@ def _first_moment(
         behaviours: tuple[Behaviour, ...] = ()
         wanted = MapSettings(rule="outline")
     else:
-        from scenario_tui.library.submission import prepare_submission
+        from scenario_tui.library.campaign import load
 
-        prepared = prepare_submission(campaign)
-        submission, warnings = prepared.submission, prepared.warnings
-        report_findings(warning for warning in warnings if warning not in reported)
+        loaded = load(campaign)
+        submission = loaded.submission()
+        report_findings(warning for warning in loaded.findings if warning not in reported)
         spec = submission.spec(submission.runs[0])
         scene = next(one for one in submission.scenes if one.digest == spec.scene)
         robot, mission, behaviours = spec.robot, spec.mission, spec.behaviours

@@ -100,14 +100,15 @@ def _runs(name: str, target: DaemonTarget, every: bool) -> list[tuple[RunSpec, S
     """
     from daemon.trace import read_spec
     from scenario_tui.cli.named_traces import all_traces
-    from scenario_tui.library.submission import prepare_submission
+    from scenario_tui.library.campaign import load
 
     runs: list[tuple[RunSpec, Scene | Path]]
     if Path(name).suffix in (".yaml", ".yml") and Path(name).is_file():
-        prepared = prepare_submission(Path(name))
-        report_findings(prepared.warnings)
-        scenes = {scene.digest: scene for scene in prepared.submission.scenes}
-        runs = [(spec, scenes[spec.scene]) for spec in prepared.submission.specs]
+        campaign = load(name)
+        submission = campaign.submission()
+        report_findings(campaign.findings)
+        scenes = {scene.digest: scene for scene in submission.scenes}
+        runs = [(spec, scenes[spec.scene]) for spec in submission.specs]
     else:
         traces = all_traces([name], target, "RUN|CAMPAIGN", one_of_cell=not every)
         runs = [(read_spec(path), path) for path in traces]

@@ -11,8 +11,9 @@ from grammars.text.sources import is_folder, is_jsonld, refuse_unreadable
 from grammars.text.words import count_noun
 
 if TYPE_CHECKING:
-    from daemon.campaign import Campaign
+    from daemon import campaign as loading
     from grammars.floorplan import FloorPlan
+    from scenario_tui.library.campaign import Campaign
 
 Checker = Callable[[Path], tuple[str, tuple[Finding, ...]]]
 
@@ -138,33 +139,31 @@ def _yaml(path: Path) -> tuple[str, tuple[Finding, ...]]:
 
 
 def _campaign(path: Path) -> tuple[str, tuple[Finding, ...]]:
-    about, found, _ = check_campaign(path)
-    return about, found
+    from scenario_tui.library.campaign import load
+
+    campaign = load(path)
+    findings = tuple(campaign.check())
+    return campaign_words(campaign), findings
 
 
-def check_campaign(path: Path) -> tuple[str, tuple[Finding, ...], Campaign]:
-    """Return what a campaign is in a few words, what was found, and the campaign itself.
-
-    Raises :class:`InputError` when it cannot be read at all.
-    """
-    from daemon.campaign import examine
-
-    campaign, found = examine(path)
-    found = (*found, *_search_findings(campaign))
-    cells, policy = sum(len(cell.suts) for cell in campaign.cells), campaign.declared.policy
+def campaign_words(campaign: Campaign) -> str:
+    """Return how many scenarios, runs and searches a campaign has."""
+    checked = campaign.checked
+    cells, policy = sum(len(cell.suts) for cell in checked.cells), checked.declared.policy
     more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
-    scenarios = count_noun(len(campaign.cells), "scenario")
-    runs = count_noun(campaign.runs, "run")
-    searches = f", {count_noun(len(campaign.searches), 'search', 'searches')}"
-    meant = f", {count_noun(len(campaign.allowed), 'warning')} allowed" if campaign.allowed else ""
-    return (
-        f"{scenarios}, {runs}{more}{searches if campaign.searches else ''}{meant}",
-        found,
-        campaign,
-    )
+    parts = [
+        count_noun(len(checked.cells), "scenario"),
+        count_noun(checked.runs, "run") + more,
+    ]
+    if checked.searches:
+        parts.append(count_noun(len(checked.searches), "search", "searches"))
+    if checked.allowed:
+        parts.append(f"{count_noun(len(checked.allowed), 'warning')} allowed")
+    return ", ".join(parts)
 
 
-def _search_findings(campaign: Campaign) -> tuple[Finding, ...]:
+def search_findings(campaign: loading.Campaign) -> tuple[Finding, ...]:
+    """Return the findings about the searches of a campaign."""
     if not campaign.searches:
         return ()
     from daemon.search.composition import search_case

@@ -22,38 +22,14 @@ from daemon.model.submission import Submission
 from grammars.text import codec
 from grammars.text.diagnostics import Finding, InputError, Severity
 from grammars.text.words import count_noun, duration_text
+from scenario_tui.campaign_files import is_campaign
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import Forecast
-    from daemon.campaign import Campaign
 
 _SUBMIT: Final = "--submit"
 _FRESH: Final = "--fresh"
 _STATE: Final = "--state"
-
-
-@dataclass(frozen=True, slots=True)
-class PreparedSubmission:
-    """A campaign to hand over, with its warnings; its ``searches`` are no part of that."""
-
-    submission: Submission
-    warnings: tuple[Finding, ...]
-    searches: tuple[str, ...]
-
-
-def prepare_submission(path: Path, *, fresh: bool = False) -> PreparedSubmission:
-    """Load, check and expand a campaign.
-
-    Raises :class:`InputError` with everything found when there is an error.
-    """
-    from daemon.campaign import campaign_origin, examine, expand
-
-    campaign, found = examine(path)
-    if any(d.severity is Severity.ERROR for d in found):
-        raise InputError(found)
-    names = tuple(task.name for task in campaign.searches)
-    submission = replace(expand(campaign, fresh=fresh), origin=campaign_origin(campaign, path))
-    return PreparedSubmission(submission, found, names)
 
 
 def searches_text(path: Path, names: tuple[str, ...]) -> str:
@@ -125,35 +101,26 @@ def check_file(
     path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
 ) -> CheckedFile:
     """Examine a file in this process."""
-    if not submit:
-        return _examine(path, state)
-    try:
-        prepared = prepare_submission(path, fresh=fresh)
-    except InputError as error:
-        return CheckedFile("", error.findings)
-    return CheckedFile("", prepared.warnings, prepared.submission)
-
-
-def _examine(path: Path, state: Path | None) -> CheckedFile:
-    from scenario_tui.campaign_files import is_campaign
     from scenario_tui.library import checking
+    from scenario_tui.library.campaign import load
 
-    if not is_campaign(path):
-        return CheckedFile(*checking.check_file(path))
     try:
-        about, found, campaign = checking.check_campaign(path)
-        wrong = any(d.severity is Severity.ERROR for d in found)
-        plan = None if wrong else _plan(campaign, state)
+        if not (submit or is_campaign(path)):
+            return CheckedFile(*checking.check_file(path))
+        campaign = load(path)
+        if submit:
+            return CheckedFile("", campaign.findings, campaign.submission(fresh=fresh))
+        findings = tuple(campaign.check())
+        wrong = any(one.severity is Severity.ERROR for one in findings)
+        plan = None if wrong else _plan(campaign.submission(), state)
+        about = checking.campaign_words(campaign)
     except InputError as error:
         return CheckedFile("", error.findings)
-    return CheckedFile(about, found, None, plan, tuple(task.name for task in campaign.searches))
+    return CheckedFile(about, findings, None, plan, campaign.searches)
 
 
-def _plan(campaign: Campaign, state: Path | None) -> SubmissionPlan:
-    """Return what would be executed of a campaign, asking the ledger below ``state``."""
-    from daemon.campaign import expand
-
-    submission = expand(campaign)
+def _plan(submission: Submission, state: Path | None) -> SubmissionPlan:
+    """Return what would be executed, asking the ledger below ``state``."""
     cells = Counter(run.cell for run in submission.runs)
     repeats = set(cells.values())
     runs = len(submission.runs)

@@ -5,7 +5,7 @@ One drawing, as a file (SVG, PNG, PDF) or within a page, whose style sheet colou
 
 from templates.picture._compose import draw_world
 from templates.picture._drawing import Drawing
-from templates.picture._files import PNG_SCALE, page_svg, write_drawing, write_picture
+from templates.picture._files import PNG_SCALE, page_svg, picture_svg, write_drawing, write_picture
 from templates.picture._page import LARGE, MOMENT, SMALL
 from templates.picture._run import DrivenWay, MeasuredMark, RunOverlay
 
@@ -20,6 +20,7 @@ __all__ = [
     "RunOverlay",
     "draw_world",
     "page_svg",
+    "picture_svg",
     "write_drawing",
     "write_picture",
 ]

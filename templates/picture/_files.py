@@ -26,7 +26,7 @@ def write_drawing(figure: Drawing, path: Path) -> Path:
     A PNG is :data:`PNG_SCALE` times as large as the page. Parts of a PDF have no fixed order.
     """
     if path.suffix == ".svg":
-        path.write_text(_file_text(figure, _FAMILY), encoding="utf-8", newline="\n")
+        path.write_text(picture_svg(figure), encoding="utf-8", newline="\n")
         return path
     # It takes a third of a second to load, which commands without a picture do not spend.
     import vl_convert
@@ -38,6 +38,11 @@ def write_drawing(figure: Drawing, path: Path) -> Path:
     else:
         path.write_bytes(vl_convert.svg_to_pdf(svg))
     return path
+
+
+def picture_svg(figure: Drawing) -> str:
+    """Return the text of a drawing's SVG file."""
+    return _file_text(figure, _FAMILY)
 
 
 def write_picture(job: ExportJob) -> tuple[Path, ...]:

@@ -40,6 +40,7 @@ from templates.picture import (
     LARGE,
     MOMENT,
     SMALL,
+    Drawing,
     DrivenWay,
     RunOverlay,
     draw_world,
@@ -69,7 +70,11 @@ def draw_run(
     Raises :class:`daemon.trace.TraceError` for an unusable trace, and ``ValueError`` for a part
     that lies outside of the run.
     """
-    trace = read_trace(trace_path)
+    write_drawing(run_drawing(read_trace(trace_path), since=since, until=until), picture)
+
+
+def run_drawing(trace: Trace, *, since: float | None = None, until: float | None = None) -> Drawing:
+    """Return the drawing of a run, or of a part of it, as :func:`draw_run` writes it."""
     part = _part(trace, since, until)
     # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
     problems = oracles.trace_problems(trace)
@@ -79,7 +84,7 @@ def draw_run(
         run = RunOverlay((DrivenWay(way),), about=f"not to be trusted: {'; '.join(problems)}")
     else:
         run = _judged_run(SignalSampler(trace), part)
-    write_drawing(draw_world(_world(trace), run), picture)
+    return draw_world(_world(trace), run)
 
 
 def draw_moment(trace_path: Path, verdict: Verdict, label: str) -> Markup | None:

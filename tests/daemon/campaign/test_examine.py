@@ -10,7 +10,7 @@ import pytest
 
 from daemon.campaign import examine
 from grammars.text.diagnostics import InputError
-from scenario_tui.library.submission import prepare_submission
+from scenario_tui.library.campaign import load
 from tests.daemon.campaign.findings import findings_of
 
 CAMPAIGN = """\
@@ -76,7 +76,7 @@ def test_what_is_submitted_is_told_all_of_it_too(folder):
     change(folder, "courier.mission.yaml", ("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
     change(folder, "doors.scenery", ("to 1.98 m,   mass", "to 2.2 m, mass"))
     with pytest.raises(InputError) as caught:
-        prepare_submission(folder / "tiny.yaml")
+        load(folder / "tiny.yaml").submission()
     messages = [d.message for d in caught.value.findings if d.severity == "error"]
     assert [m.split(" reaches")[0].split(" is ")[0] for m in messages] == [
         "the leaf of bedroom_door", "the leaf of kitchen_door", "waypoint kitchen"
@@ -87,7 +87,7 @@ def test_more_runs_than_the_daemon_takes_are_told_before_anything_is_drawn(folde
     changes = (("seed: 3", "seed: 3\nrepeats: 100000"), ("[pilot]", "[pilot, idle]"))
     change(folder, "tiny.yaml", *changes)
     with pytest.raises(InputError, match=r"has 400000 runs.*may have 200000: split") as caught:
-        prepare_submission(folder / "tiny.yaml")
+        load(folder / "tiny.yaml").submission()
     assert caught.value.findings[0].where.line == 3
 
 
@@ -172,6 +172,6 @@ def test_a_warning_that_stands_for_several_is_allowed_as_it_is_said(folder):
 
 def test_what_is_allowed_changes_no_run(folder):
     change(folder, "tiny.yaml")
-    before = prepare_submission(folder / "tiny.yaml").submission
+    before = load(folder / "tiny.yaml").submission()
     change(folder, "tiny.yaml", ("scenarios:\n", ALLOW + "scenarios:\n"))
-    assert prepare_submission(folder / "tiny.yaml").submission.runs == before.runs
+    assert load(folder / "tiny.yaml").submission().runs == before.runs

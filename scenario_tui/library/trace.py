@@ -1,0 +1,136 @@
+"""Recorded runs: their signals, oracles written afterwards, their picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grammars.text.diagnostics import InputError, Where, raise_all
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from daemon.judging.oracles import SignalSampler
+    from daemon.model.verdicts import Verdict
+    from daemon.trace import Trace as RecordedTrace
+    from grammars import oracle as language
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """A signal over simulated time.
+
+    ``time`` [s] and ``value`` [``unit``] are arrays of the shape (n,); values are NaN where the
+    signal is not known. What is true or false has the unit ``bool`` and the values 1 and 0.
+    """
+
+    name: str
+    unit: str
+    time: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+
+class Trace:
+    """A recorded run, an MCAP file at ``path``, which is read when it is first needed.
+
+    Every method raises :class:`InputError` when the file is no complete trace, or one whose
+    signals leap and are not to be trusted.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    def __repr__(self) -> str:
+        return f"Trace({str(self.path)!r})"
+
+    @cached_property
+    def recorded(self) -> RecordedTrace:
+        """Everything in the file, as the simulator recorded it."""
+        from daemon.trace import read_trace
+
+        return read_trace(self.path)
+
+    @cached_property
+    def _sampler(self) -> SignalSampler:
+        from daemon.judging.oracles import SignalSampler, trace_problems
+        from daemon.trace import TraceError
+
+        if problems := trace_problems(self.recorded):
+            message = f"not to be trusted: {'; '.join(problems)}"
+            raise TraceError(self.path, message, "run it again")
+        return SignalSampler(self.recorded)
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The verdicts of the oracles of its campaign, judged now."""
+        from daemon.judging.oracles import judge
+
+        return judge(self.recorded, self.recorded.spec.oracles, sampler=self._sampler)
+
+    def signal(self, name: str) -> Signal:
+        """Return a signal as oracles name it: ``clearance``, ``loc.error``, ``door_17.angle``, ….
+
+        Raises :class:`InputError` for a name that is no signal of this run.
+        """
+        from grammars.oracle import kind_of
+
+        oracle, signal = _parse_signal(name)
+        self._refuse_unknown(oracle)
+        kind = kind_of(signal)
+        values = self._sampler.sample(signal).values
+        unit = "bool" if kind is None else kind.unit
+        return Signal(name, unit, self._sampler.time_base.time, values)
+
+    def judge(self, text: str) -> Verdict:
+        """Return the verdict of an oracle on this run: ``always(clearance >= 0.1 m)``.
+
+        Raises :class:`InputError` with a place in the text for one that cannot be read or speaks
+        of something that this run does not have.
+        """
+        from daemon.judging.oracles import judge
+        from daemon.model.spec import OracleText
+        from grammars.oracle import parse_oracle
+
+        self._refuse_unknown(parse_oracle("oracle", text, Where("oracle", 1, 1)))
+        (verdict,) = judge(self.recorded, (OracleText("oracle", text),), sampler=self._sampler)
+        return verdict
+
+    def _refuse_unknown(self, oracle: language.Oracle) -> None:
+        from grammars.oracle import check_references
+
+        raise_all(check_references(oracle, self.recorded.scene, self.recorded.spec.mission))
+
+    def picture(self) -> str:
+        """Return the run from above as the text of an SVG file, with the place that decided."""
+        from daemon.analysis.report.run_maps import run_drawing
+        from templates.picture import picture_svg
+
+        return picture_svg(run_drawing(self.recorded))
+
+    def _repr_svg_(self) -> str:
+        return self.picture()
+
+
+def _parse_signal(name: str) -> tuple[language.Oracle, language.Signal]:
+    """Return an oracle about a signal, and the signal."""
+    from grammars.oracle import Signal, Statistic, Temporal, parse_oracle
+
+    # Signals have no grammar of their own: a quantity has a maximum, what is true or false may
+    # never be. What is wrong is said of the first try: most signals are quantities.
+    where = Where(f"signal {name}")
+    errors: list[InputError] = []
+    for function in ("max", "never"):
+        try:
+            oracle = parse_oracle(name, f"{function}({name})", where)
+        except InputError as error:
+            errors.append(error)
+            continue
+        match oracle.judgement:
+            case Statistic(signal=Signal() as signal) | Temporal(predicate=Signal() as signal):
+                return oracle, signal
+        hint = "name one, such as clearance or loc.error"
+        raise InputError.at(where, f'"{name}" is no signal', hint)
+    raise errors[0]
