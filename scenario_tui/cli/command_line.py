@@ -99,7 +99,8 @@ def invoke(arguments: Sequence[str]) -> int:
     # tests and the dashboard can call this.
     with printable_streams():
         try:
-            code = app(args=list(arguments), prog_name="scenario", standalone_mode=False)
+            typed = list(arguments)
+            code = app(args=typed, prog_name="scenario", standalone_mode=False, obj=typed)
             return code if isinstance(code, int) else ExitCode.EXPECTED
         except (KeyboardInterrupt, typer.Abort):
             failure = Failure(ExitCode.INTERRUPTED, "interrupted")

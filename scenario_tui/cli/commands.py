@@ -93,10 +93,9 @@ COMMANDS: Final = {
 }
 _MODULES: Final = {
     "demo": "run_campaigns", "check": "run_campaigns", "run": "run_campaigns",
-    "submit": "run_campaigns", "wait": "run_campaigns", "new": "begin", "results": "look",
+    "submit": "run_campaigns", "wait": "run_campaigns", "results": "look",
     "show": "look", "replay": "recorded_runs", "plot": "recorded_runs", "cancel": "steer",
     "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
-    "daemon": "machines", "worker": "machines", "doctor": "operate", "gc": "operate",
     "import": "import_building", "schema": "editors",
 }  # fmt: skip
 """The module of a command that is not in one of its own name."""

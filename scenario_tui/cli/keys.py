@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import shlex
+import socket
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import Annotated, TypeAlias
 
 import typer
 
+from daemon.batch.security import IssuedKey, keys_folder, load_register
+from daemon.model.verbs import Role
+from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import command_of
-from scenario_tui.cli.options import AsJson, Keys
-from scenario_tui.cli.output import Output, say, stdout_console
+from scenario_tui.cli.options import Keys
+from scenario_tui.cli.output import plain_table, say, stdout_console
 from scenario_tui.cli.plain_flags import PlainFlagsGroup
-
-if TYPE_CHECKING:
-    from daemon.batch.security import IssuedKey
 
 app = typer.Typer(
     name="keys",
@@ -41,6 +45,14 @@ KeyName: TypeAlias = Annotated[
 ]
 
 
+@dataclass(frozen=True, slots=True)
+class KeyList:
+    """The keys of a folder."""
+
+    folder: Path
+    keys: tuple[IssuedKey, ...]
+
+
 @command_of(app, "init")
 def init(
     folder: Annotated[
@@ -54,7 +66,6 @@ def init(
 
     Nothing that is there is ever overwritten.
     """
-    from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import create_authority, utc_now
 
     place = keys_folder(folder)
@@ -68,7 +79,7 @@ def init(
 @command_of(app, "issue")
 def issue(
     role: Annotated[
-        str, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
+        Role, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is: a-z 0-9 and -.")],
     keys: Keys = None,
@@ -76,55 +87,33 @@ def issue(
     days: Days = 730,
 ) -> None:
     """Make one more key; a daemon admits it from its next start on."""
-    from daemon.batch.security import keys_folder
-    from daemon.batch.security.authority import issue_key as make
-    from daemon.batch.security.authority import utc_now
-    from daemon.model.verbs import Role
+    from daemon.batch.security.authority import issue_key, utc_now
 
-    try:
-        wanted = Role(role)
-    except ValueError:
-        raise typer.BadParameter(f"{role!r} is no role: {', '.join(Role)}") from None
-    hosts = _certificate_hosts(host) if wanted is Role.DAEMON else tuple(host or ())
-    _print_keys((make(keys_folder(keys), wanted, name, hosts, utc_now(), days),))
-
-
-class KeysOutput(Output, schema="keys"):
-    """The keys of a folder."""
-
-    folder: str
-    keys: tuple[IssuedKey, ...]
-
-    def print(self) -> None:
-        """Print a line for each."""
-        _print_keys(self.keys)
+    hosts = _certificate_hosts(host) if role is Role.DAEMON else tuple(host or ())
+    _print_keys((issue_key(keys_folder(keys), role, name, hosts, utc_now(), days),))
 
 
 @command_of(app, "list")
-def list_(keys: Keys = None, as_json: AsJson = False) -> None:
+def list_(keys: Keys = None) -> Answer[KeyList]:
     """List who has a key, for what, until when, and its fingerprint."""
-    from daemon.batch.security import keys_folder, load_register
-
     place = keys_folder(keys)
-    KeysOutput(str(place), load_register(place).issued).show(as_json)
+    issued = load_register(place).issued
+    return Answer("keys", KeyList(place, issued), partial(_print_keys, issued))
 
 
 @command_of(app, "revoke")
-def revoke(key: KeyName, keys: Keys = None, as_json: AsJson = False) -> None:
+def revoke(key: KeyName, keys: Keys = None) -> Answer[KeyList]:
     """Take a key's rights away, at once; a daemon that runs sees it within a second.
 
     What it has brought so far counts: to have it run again, retry or delete those campaigns.
     """
-    from daemon.batch.security import keys_folder, load_register
-    from daemon.batch.security.authority import revoke_key as withdraw
-    from daemon.batch.security.authority import utc_now
+    from daemon.batch.security.authority import revoke_key, utc_now
 
     place = keys_folder(keys)
-    withdraw(place, key, utc_now())
-    if as_json:
-        revoked = tuple(one for one in load_register(place).issued if one.name == key)
-        KeysOutput(str(place), revoked).emit()
-    say(f'"{key}" is revoked')
+    revoke_key(place, key, utc_now())
+    revoked = tuple(one for one in load_register(place).issued if one.name == key)
+    message = f'"{key}" is revoked'
+    return Answer("keys", KeyList(place, revoked), partial(say, message))
 
 
 @command_of(app, "bundle")
@@ -140,7 +129,6 @@ def bundle(
 
     There: tar -xf FILE.tar -C ~/.config/scenario
     """
-    from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import pack_key
 
     pack_key(keys_folder(keys), key, output)
@@ -148,23 +136,15 @@ def bundle(
 
 
 def _certificate_hosts(chosen: list[str] | None) -> tuple[str, ...]:
-    import socket
-
     # Without loopback among the names, the daemon's own machine could not check its certificate.
-    wanted = [*(chosen or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
-    return tuple(dict.fromkeys(wanted))
+    hosts = [*(chosen or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
+    return tuple(dict.fromkeys(hosts))
 
 
 def _print_keys(issued: tuple[IssuedKey, ...]) -> None:
-    from datetime import UTC, datetime
-
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("KEY", "ROLE", "UNTIL", "FINGERPRINT", "FOR"):
-        table.add_column(title, no_wrap=True)
+    table = plain_table("key", "role", "until", "fingerprint", "for")
     for one in issued:
         until = f"{datetime.fromtimestamp(one.expires_at, UTC):%Y-%m-%d}"
-        end = "revoked" if one.revoked_at is not None else until
+        end = until if one.revoked_at is None else "revoked"
         table.add_row(one.name, one.role, end, one.fingerprint[:16], " ".join(one.hosts))
     stdout_console().print(table)

@@ -7,43 +7,31 @@ import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias, TypeVar
+from typing import Annotated, Any, Final, TypeAlias
 
 import typer
 
-from daemon.batch.amounts import parse_size, parse_time
+from daemon.batch.amounts import parse_time
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files
 
-T = TypeVar("T")
+
+def parse_age(text: str) -> float:
+    """Return ``30d`` in seconds; raises ``ValueError``, which typer reports."""
+    return parse_time(text, "an age", "30d")
 
 
-def read_age(text: str) -> float:
-    """Return ``30d`` in seconds; raises :class:`typer.BadParameter`."""
-    return _read_amount(lambda: parse_time(text, "an age", "30d"))
+def parse_duration(text: str) -> float:
+    """Return ``10min`` in seconds; raises ``ValueError``."""
+    return parse_time(text, "a time", "10min")
 
 
-def read_duration(text: str) -> float:
-    """Return ``10min`` in seconds; raises :class:`typer.BadParameter`."""
-    return _read_amount(lambda: parse_time(text, "a time", "10min"))
-
-
-def read_wall(text: str) -> float:
-    """Return a wall clock limit in seconds: ``90``, ``90s`` or ``2min``; 0 for nothing written.
-
-    Raises :class:`typer.BadParameter`.
-    """
-    if not text:
-        return 0.0
-    seconds = read_duration(f"{text}s" if text.strip().replace(".", "", 1).isdigit() else text)
+def parse_wall(text: str) -> float:
+    """Return a wall clock limit in seconds: ``90``, ``90s`` or ``2min``; raises ``ValueError``."""
+    seconds = parse_duration(f"{text}s" if text.strip().replace(".", "", 1).isdigit() else text)
     if seconds <= 0.0:
-        raise typer.BadParameter("a limit is longer than 0 s")
+        raise ValueError("a limit is longer than 0 s")
     return seconds
-
-
-def read_size(text: str) -> int:
-    """Return ``20GiB`` in bytes; raises :class:`typer.BadParameter`."""
-    return _read_amount(lambda: parse_size(text))
 
 
 def check_writable(path: Path, option: str) -> None:
@@ -72,25 +60,17 @@ def check_folder(path: Path, option: str) -> None:
         raise typer.BadParameter(f"{path} is no folder", param_hint=option)
 
 
-def _read_amount(parse: Callable[[], T]) -> T:
-    try:
-        return parse()
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
+def parse_endpoint(text: str) -> str:
+    """Return the endpoint that was typed, a path as that of a socket; raises ``ValueError``."""
+    from daemon.batch import paths
 
-
-def check_endpoint(value: str) -> str:
-    """Return the endpoint; refuse what is none, as wrong usage."""
-    if not value:
-        return value
-    from daemon.batch.paths import is_endpoint, parse_endpoint
-
-    if not is_endpoint(parse_endpoint(value)):
-        raise typer.BadParameter(
-            f"{value!r} is not an endpoint, write tcp/<host>:<port>, tls/<host>:<port> "
+    endpoint = paths.parse_endpoint(text)
+    if text and not paths.is_endpoint(endpoint):
+        raise ValueError(
+            f"{text!r} is not an endpoint, write tcp/<host>:<port>, tls/<host>:<port> "
             "or the path of a socket"
         )
-    return parse_endpoint(value)
+    return endpoint
 
 
 def check_campaign_file(path: Path) -> Path:
@@ -110,7 +90,7 @@ Connect: TypeAlias = Annotated[
         "--connect",
         "-c",
         metavar="ENDPOINT",
-        callback=check_endpoint,
+        parser=parse_endpoint,
         rich_help_panel=_COMMON,
         help="Daemon to talk to, tls/host:port. Default: $SCENARIO_CONNECT, "
         "then the daemon of this machine.",
@@ -155,10 +135,11 @@ Slots: TypeAlias = Annotated[
     typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
 ]
 Wall: TypeAlias = Annotated[
-    str,
+    float | None,
     typer.Option(
         "--wall",
         metavar="TIME",
+        parser=parse_wall,
         help="Wall clock limit of a run, 90s or 10min: what has not ended by then ends as an error "
         "that says so. Default: ten times its simulated limit, at least 5min.",
     ),
@@ -206,7 +187,7 @@ RunOrTrace: TypeAlias = Annotated[
 def use_keys(folder: Path | None) -> None:
     """Look for keys in ``folder`` from now on, if one was named."""
     if folder is not None:
-        os.environ["SCENARIO_KEYS"] = str(folder)
+        os.environ["SCENARIO_KEYS"] = str(folder.absolute())
 
 
 def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:

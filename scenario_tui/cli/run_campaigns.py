@@ -23,8 +23,7 @@ from scenario_tui.cli.options import (
     State,
     Wall,
     check_writable,
-    read_duration,
-    read_wall,
+    parse_duration,
 )
 from scenario_tui.cli.output import Output, report_findings, say, stdout_console
 from scenario_tui.interrupts import stop_if_interrupted
@@ -90,7 +89,7 @@ def run(
         ),
     ] = None,
     slots: Slots = None,
-    wall: Wall = "",
+    wall: Wall = None,
     attempts: Attempts = None,
     as_json: AsJson = False,
 ) -> None:
@@ -103,7 +102,7 @@ def run(
     from scenario_tui.cli.execute import run_here, typed_path
     from scenario_tui.cli.results import emit_results, print_commands
 
-    limit = read_wall(wall)
+    limit = wall or 0.0
     # Before the runs, not after them; a folder that is made for the traces may hold it as well.
     if junit is not None and (out is None or out not in junit.parents):
         check_writable(junit, "--junit")
@@ -267,8 +266,14 @@ def _prepare_submission(path: Path, *, fresh: bool = False, hint: bool = True) -
 def wait(
     campaign: CampaignName,
     timeout: Annotated[
-        str, typer.Option("--timeout", metavar="TIME", help="At most so long: 30s, 10min, 2h.")
-    ] = "",
+        float | None,
+        typer.Option(
+            "--timeout",
+            metavar="TIME",
+            parser=parse_duration,
+            help="At most so long: 30s, 10min, 2h.",
+        ),
+    ] = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -281,16 +286,16 @@ def wait(
     import time
     from math import inf
 
-    from grammars.text.words import count_noun
+    from grammars.text.words import count_noun, duration_text
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
     from scenario_tui.library.watching import PATIENCE, ask_patiently, watch
     from scenario_tui.text.results import conclude, gather_results
 
-    limit = read_duration(timeout) if timeout else inf
+    limit = inf if timeout is None else timeout
     deadline = time.monotonic() + limit
-    patience = limit if timeout else PATIENCE
+    patience = PATIENCE if timeout is None else timeout
     target = DaemonTarget(connect, state)
     name = campaign
     try:
@@ -312,7 +317,7 @@ def wait(
     if not row.finished:
         runs = count_noun(row.queued + row.running, "run")
         # What is said so far is said, but a campaign that goes on has no verdict yet.
-        say(f"{row.id}: {runs} left after {timeout}, {said}")
+        say(f"{row.id}: {runs} left after {duration_text(limit)}, {said}")
         raise typer.Exit(ExitCode.INCONCLUSIVE)
     say(f"{row.id}: {said}")
     raise typer.Exit(results.assessment.exit_code)

@@ -17,7 +17,6 @@ from scenario_tui.cli.output import Output, say
 if TYPE_CHECKING:
     from daemon.model.status import DeletedCampaign
     from daemon.model.verbs import DaemonClient
-    from scenario_tui.cli.target import DaemonTarget
 
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
@@ -143,13 +142,6 @@ class DeleteOutput(Output, schema="delete"):
     campaigns: tuple[DeletedCampaign, ...]
 
 
-class StopOutput(Output, schema="stop"):
-    """A daemon that leaves with so many runs ``unfinished``."""
-
-    endpoint: str
-    unfinished: int
-
-
 def priority(
     campaign: CampaignName,
     number: Annotated[
@@ -219,22 +211,3 @@ def _ask_whether(what: str) -> None:
         raise typer.BadParameter("there is no terminal to ask at: say --yes", param_hint="--yes")
     say(what)
     typer.confirm("Delete? Nothing brings it back.", abort=True, err=True)
-
-
-def stop_daemon(target: DaemonTarget, *, as_json: bool) -> None:
-    """Ask the daemon to leave.
-
-    Running runs get a while to finish; what is queued goes on with the next daemon.
-    """
-    from daemon.batch.paths import endpoint_text
-
-    # Asked first: once the daemon has left, nothing says where it was.
-    endpoint = target.endpoint
-    with target.open() as daemon:
-        overview = daemon.overview()
-        daemon.shutdown()
-    waiting = overview.queued + overview.running
-    if as_json:
-        StopOutput(endpoint, waiting).emit()
-    kept = f"; {waiting} unfinished runs go on when it is started again" if waiting else ""
-    say(f"the daemon at {endpoint_text(endpoint)} is leaving{kept}")

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Connect, State
-from scenario_tui.cli.output import plain_table, say, stdout_console
-
-if TYPE_CHECKING:
-    from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.cli.output import CommandError, plain_table, say, stdout_console
+from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.terminal.capabilities import why_no_screen
 
 
 def tui(
-    connect: Connect = "",
-    state: State = None,
+    target: DaemonTarget,
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Look only: nothing can be changed from it.")
     ] = False,
@@ -28,21 +27,17 @@ def tui(
         bool,
         typer.Option("--bindings", help="List the ids of all keys, for config.toml, and leave."),
     ] = False,
-) -> None:
+) -> int | None:
     """Open the dashboard; leaving it never stops any work.
 
     A daemon is started on this machine if none answers, unless --read-only or --connect is given.
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
-
     if bindings:
         _print_bindings()
-        return
-    why = _why_no_dashboard()
+        return None
+    why = why_no_screen()
     with nullcontext() if why else _connecting_screen():
-        from dataclasses import replace
-
-        from scenario_tui.cli.target import DaemonTarget
         from scenario_tui.dashboard.app import run_dashboard
         from scenario_tui.dashboard.background import CommandLines
         from scenario_tui.dashboard.config import read_config
@@ -51,35 +46,26 @@ def tui(
         config = read_config()
         check_config(config)
         if why:
-            say(f"scenario: {why}")
-            raise typer.Exit(ExitCode.BAD_INPUT)
+            raise CommandError(
+                f"the dashboard needs a terminal: {why} (scripts: `scenario status --json`)"
+            )
         # The option can only take rights away: who forbade changes in the file meant it.
         config = replace(config, read_only=config.read_only or read_only)
-        equivalent, target = CommandLines(connect, state), DaemonTarget(connect, state)
+        lines = CommandLines(target.connect, target.state)
         launch = None if target.named or config.read_only else partial(_launch_daemon, target)
-        code, farewell = run_dashboard(target.open, config, equivalent, launch)
+        code, farewell = run_dashboard(target.open, config, lines, launch)
     if code:
-        raise typer.Exit(ExitCode.BUG)
+        return ExitCode.BUG
     say(farewell)
+    return None
 
 
 def _launch_daemon(target: DaemonTarget) -> str:
     """Start the daemon of this machine if none answers; return what to say of that."""
+    # In a thread of the dashboard, which is there before.
     from scenario_tui.cli.execute import launch_daemon
 
     return launch_daemon(target)
-
-
-def _why_no_dashboard() -> str:
-    """Say why there can be no dashboard here, empty when there can."""
-    import sys
-
-    from scenario_tui.terminal.capabilities import why_undrawable
-
-    # The dashboard is drawn on standard error, so that standard output stays for words.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return "the dashboard needs a terminal; scripts use `scenario status --json`"
-    return why_undrawable()
 
 
 @contextmanager
@@ -88,7 +74,6 @@ def _connecting_screen() -> Iterator[None]:
 
     The dashboard takes the screen over, and gives it back; an error on the way there does so, too.
     """
-    import sys
 
     def write(text: str) -> None:
         stream = unfiltered(sys.stderr)
@@ -105,14 +90,12 @@ def _connecting_screen() -> Iterator[None]:
 
 
 def _print_bindings() -> None:
-    """One line per binding: its id, its keys, where it works, what it does."""
+    """Print a line for each binding: its id, its keys, where it works, what it does."""
     from scenario_tui.dashboard.config import config_path
     from scenario_tui.dashboard.key_bindings import list_key_bindings
 
     table = plain_table("id", "keys", "where", "what it does")
     for bound in list_key_bindings():
         table.add_row(bound.id, bound.keys.replace(",", " "), bound.place, bound.meaning)
-    console = stdout_console()
-    console.print(table)
-    console.print(f'\nTo change them, write below [keys] in {config_path()}: id = "key"',
-                  markup=False, soft_wrap=True)  # fmt: skip
+    stdout_console().print(table)
+    typer.echo(f'\nTo change them, write below [keys] in {config_path()}: id = "key"')

@@ -12,7 +12,7 @@ from grammars.text.words import format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Wall, read_wall
+from scenario_tui.cli.options import Wall
 from scenario_tui.cli.output import open_progress, plain_table, report_findings, stdout_console
 from scenario_tui.cli.suggestions import refuse_missing_file
 from scenario_tui.cli.target import DaemonTarget
@@ -61,7 +61,7 @@ def verify(
             "--all", help="Every run of a campaign, not only one of each scenario and system."
         ),
     ] = False,
-    wall: Wall = "",
+    wall: Wall = None,
     *,
     target: DaemonTarget,
 ) -> Answer[Verifications]:
@@ -73,7 +73,6 @@ def verify(
     """
     from daemon.analysis.verification import Verifications, verify, verify_spec
 
-    limit = read_wall(wall)
     for name in named:
         refuse_missing_file(name)
     runs = [one for name in named for one in _runs(name, target, every)]
@@ -88,7 +87,7 @@ def verify(
                 execute = partial(verify, recording)
             else:
                 execute = partial(verify_spec, spec, recording)
-            checks.append(execute(count, places=target.paths, wall=limit, advance=advance))
+            checks.append(execute(count, places=target.paths, wall=wall or 0.0, advance=advance))
     value = Verifications(tuple(checks))
     return Answer("verify", value, partial(_print, value.runs), _code(value.runs))
 

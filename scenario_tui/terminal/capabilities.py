@@ -41,6 +41,16 @@ def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
     )
 
 
+def why_no_screen() -> str:
+    """Say why there can be no screen here, empty when there can.
+
+    It is drawn on standard error and takes keys from standard input; standard output is for words.
+    """
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return "there is none at standard input and standard error"
+    return why_undrawable()
+
+
 def terminal_limits(
     colour_system: str | None, environ: Mapping[str, str] = os.environ
 ) -> TerminalLimits:

@@ -14,6 +14,7 @@ from daemon.batch.ledger._connection import (
 from daemon.batch.ledger._reader import LedgerReader
 from daemon.batch.ledger._retention import (
     RetentionPolicy,
+    StoredTrace,
     SweepResult,
     stored_bytes,
     sweep_traces,
@@ -37,6 +38,7 @@ __all__ = [
     "LedgerWriter",
     "PlannedRun",
     "RetentionPolicy",
+    "StoredTrace",
     "StrayFile",
     "SweepResult",
     "TimeLeft",

@@ -9,7 +9,6 @@ systemd.service(5): C escapes in double quotes, ``%`` and, in commands, ``$`` do
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 from daemon.batch.server import STOP_MARGIN, DaemonSettings
@@ -39,32 +38,14 @@ WantedBy=default.target
 """
 
 
-def daemon_unit(
-    command: Path,
-    state: Path,
-    listen: str = "",
-    slots: int | None = None,
-    *,
-    keys: Path | None = None,
-    insecure: bool = False,
-    traces: str = "",
-    quota: str = "",
-    commands: bool | None = None,
-) -> str:
-    """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
+def daemon_unit(words: Sequence[str]) -> str:
+    """Return the unit of a daemon; ``words`` are its command line, the first an absolute path.
 
     It starts again after a failure, not after ``scenario daemon --stop``.
     """
-    words = [str(command), "daemon", "--state", str(state)]
-    words += ["--listen", listen] if listen else []
-    words += ["--keys", str(keys.absolute())] if keys else []
-    words += ["--insecure"] if insecure else []
-    words += ["--traces", traces] if traces else []
-    words += ["--quota", quota] if quota else []
-    words += [] if commands is None else ["--commands" if commands else "--no-commands"]
     return _UNIT.format(
         about="scenario: queue and results of simulated runs",
-        command=_command(words, slots),
+        command=_command(words),
         restart="on-failure",
         pause=2,
         patience=DaemonSettings().patience + STOP_MARGIN + _MARGIN,
@@ -72,28 +53,16 @@ def daemon_unit(
     )
 
 
-def worker_unit(
-    command: Path,
-    connect: str = "",
-    state: Path | None = None,
-    slots: int | None = None,
-    *,
-    limits: RunLimits | None = None,
-    options: Sequence[str] = (),
-) -> str:
+def worker_unit(words: Sequence[str], limits: RunLimits) -> str:
     """Return the unit of a worker; it starts again whenever it ends, the daemon's leaving included.
 
     It is given the time the shortest wall clock limit of a run leaves it, and its processes step
-    back as far as runs do. ``options`` are more words for its command.
+    back as far as runs do.
     """
-    limits = limits or RunLimits()
     longest = limits.wall_of(0.0)
-    words = [str(command), "worker"]
-    words += ["--connect", connect] if connect else []
-    words += ["--state", str(state)] if state else []
     return _UNIT.format(
         about="scenario: worker, executes simulated runs",
-        command=_command((*words, *options), slots),
+        command=_command(words),
         restart="always",
         pause=5,
         patience=longest + spare_time(longest) + _MARGIN,
@@ -101,11 +70,10 @@ def worker_unit(
     )
 
 
-def _command(words: Sequence[str], slots: int | None) -> str:
-    more = () if slots is None else ("--slots", str(slots))
+def _command(words: Sequence[str]) -> str:
     # systemd refuses such names for what it executes itself, whatever the quoting.
     detour = ("/usr/bin/env",) if _UNSAFE & set(words[0]) else ()
-    return " ".join(_quoted(word) for word in (*detour, *words, *more))
+    return " ".join(_quoted(word) for word in (*detour, *words))
 
 
 def _quoted(word: str) -> str:

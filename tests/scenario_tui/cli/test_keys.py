@@ -30,8 +30,8 @@ def test_keys_are_made_issued_listed_and_revoked(scenario, folder):
         ("worker.spare", False)
     ]
     listed = scenario("keys", "list")
-    assert [line.split()[0] for line in listed.out.splitlines()] == [
-        "KEY", "viewer", "operator", "worker", "daemon", "worker.spare",
+    assert [line.split()[0] for line in listed.out.splitlines() if "─" not in line] == [
+        "key", "viewer", "operator", "worker", "daemon", "worker.spare",
     ]  # fmt: skip
     assert "worker.spare  worker    revoked" in listed.out
     told = json.loads(scenario("keys", "list", "--json").out)
@@ -61,9 +61,8 @@ def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path):
 
 
 def test_wrong_words_are_refused(scenario, folder):
-    assert "is no role: viewer, operator, worker, daemon" in scenario(
-        "keys", "issue", "admin", "me"
-    ).err.replace("\n", " ").replace("│ ", "").replace(" │", "")
+    said = scenario("keys", "issue", "admin", "me").err
+    assert "'admin' is not one of 'viewer', 'operator', 'worker', 'daemon'" in said
     assert "is no name of a key" in scenario("keys", "issue", "viewer", "../me").err
     assert 'there is no key "nobody"' in scenario("keys", "revoke", "nobody").err
     assert 'there is no key "nobody"' in scenario("keys", "bundle", "nobody", "-o", "x").err

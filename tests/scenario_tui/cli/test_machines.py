@@ -23,5 +23,5 @@ def test_the_unit_of_a_worker_says_what_was_asked(scenario, tmp_path):
     limits = ("--nice", "5", "--wall", "10min", "--memory", "1GiB", "--state", str(tmp_path))
     unit = scenario("worker", "--print-unit", *scheduler, *limits).out
     assert '"--dask" "tls://host:8786"' in unit
-    assert '"--memory" "1073741824B" "--wall" "600s" "--nice" "5"' in unit
+    assert '"--nice" "5" "--wall" "10min" "--memory" "1GiB"' in unit
     assert "\nNice=5\n" in unit

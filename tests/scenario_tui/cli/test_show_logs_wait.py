@@ -173,7 +173,7 @@ def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch):
     monkeypatch.setattr(watching, "INTERVAL", 0.001)
     said = scenario("wait", "first", "--timeout", "0s")
     assert said.code == 4
-    assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0s")
+    assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0 s")
     said = scenario("wait", "first", "--timeout", "12")
     assert said.code == 2
     assert "is not a time" in said.err

@@ -90,7 +90,7 @@ def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
         launchers.append(given[3])
         return 0, "left"
 
-    monkeypatch.setattr(tui, "_why_no_dashboard", lambda: "")
+    monkeypatch.setattr(tui, "why_no_screen", lambda: "")
     monkeypatch.setattr("scenario_tui.dashboard.app.run_dashboard", run)
     monkeypatch.setattr(
         "scenario_tui.dashboard.config.read_config", lambda: Config(read_only=read_only)

@@ -6,7 +6,6 @@ import re
 import shutil
 import subprocess
 import tempfile
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,7 @@ from daemon.batch.operation import daemon_unit, worker_unit
 from daemon.batch.server import DaemonSettings
 from daemon.model.execution import RunLimits
 
-AWKWARD = Path('/srv/my robots/50%/$HOME/"x"\\y')
+AWKWARD = '/srv/my robots/50%/$HOME/"x"\\y'
 
 
 def parsed(unit):
@@ -32,27 +31,19 @@ def words(line):
 
 
 def test_the_daemon_is_given_the_time_its_drain_takes():
-    service = parsed(daemon_unit(AWKWARD, AWKWARD, "tcp/127.0.0.1:7447", 2))["Service"]
-    assert words(service["ExecStart"]) == [
-        "/usr/bin/env", str(AWKWARD), "daemon", "--state", str(AWKWARD),
-        "--listen", "tcp/127.0.0.1:7447", "--slots", "2",
-    ]  # fmt: skip
+    command = [AWKWARD, "daemon", "--state", AWKWARD, "--traces", "s3://bucket/50%"]
+    service = parsed(daemon_unit(command))["Service"]
+    assert words(service["ExecStart"]) == ["/usr/bin/env", *command]
     assert service["KillMode"] == "mixed"
     # After its patience it gives its worker two last moments of 3 s, then it is gone.
     assert float(service["TimeoutStopSec"]) >= DaemonSettings().patience + 6.0
     assert service["Restart"] == "on-failure"
 
 
-def test_a_daemon_whose_traces_go_elsewhere_keeps_doing_so():
-    unit = daemon_unit(Path("/bin/scenario"), Path("/s"), traces="s3://bucket/50%", quota="20GiB")
-    command = words(parsed(unit)["Service"]["ExecStart"])
-    assert command[command.index("--traces") + 1] == "s3://bucket/50%"
-    assert command[command.index("--quota") + 1] == "20GiB"
-
-
 def test_a_worker_is_given_the_time_of_a_run():
-    service = parsed(worker_unit(Path("/bin/scenario"), "tcp/far:7447"))["Service"]
-    assert words(service["ExecStart"]) == ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
+    command = ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
+    service = parsed(worker_unit(command, RunLimits()))["Service"]
+    assert words(service["ExecStart"]) == command
     assert float(service["TimeoutStopSec"]) > RunLimits().wall_of(0.0)
     assert (service["KillMode"], service["Restart"]) == ("mixed", "always")
     # It starts before its daemon does after a power cut: that it was refused is no reason to stay.
@@ -67,8 +58,9 @@ def test_systemd_takes_them(tmp_path):
         command = folder / "scenario"
         command.write_text("#!/bin/sh\n")
         command.chmod(0o755)
-        (folder / "daemon.service").write_text(daemon_unit(command, folder, "tcp/[::1]:7447", 3))
-        (folder / "worker.service").write_text(worker_unit(command, state=folder))
+        (folder / "daemon.service").write_text(daemon_unit([str(command), "daemon", str(folder)]))
+        words = [str(command), "worker", "--state", str(folder)]
+        (folder / "worker.service").write_text(worker_unit(words, RunLimits()))
         done = _verify(folder)
         assert (done.returncode, done.stderr) == (0, "")
     unit = folder / "daemon.service"

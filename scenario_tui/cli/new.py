@@ -1,47 +1,56 @@
-"""Commands to begin with: a new campaign, and what campaigns can name."""
+"""The command that begins: a new campaign, or a list of what campaigns can name."""
 
 from __future__ import annotations
 
 import os
 import re
 import shlex
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from grammars.text.diagnostics import InputError, Where
 from scenario_tui.cli import completion
-from scenario_tui.cli.completion import plan_files
-from scenario_tui.cli.options import AsJson, why_no_folder
-from scenario_tui.cli.output import Output, OutputPart, plain_table, report_findings, say
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.options import why_no_folder
+from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.campaign import LayerKind
+    from collections.abc import Iterator
+
     from templates.new_campaign import Errand
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 
-class NewOutput(Output, schema="new"):
+@dataclass(frozen=True, slots=True)
+class NewCampaign:
     """A new campaign: its file, and all that was written for it."""
 
     campaign: str
-    files: list[str]
+    files: tuple[str, ...]
 
-    def print(self) -> None:
-        """Print what to type next."""
-        from scenario_tui.cli.results import print_commands
-        from templates.nav2 import NAV2_FILE
 
-        file = shlex.quote(self.campaign)
-        stacks = [shlex.quote(path) for path in self.files if path.endswith(NAV2_FILE)]
-        start = [f"scenario sut check {stack} --campaign {file}" for stack in stacks]
-        print_commands(
-            (f"scenario check {file}", "find every problem before anything runs"),
-            *((command, "start Nav2, and see whether it fits") for command in start),
-            (f"scenario run {file}", "run it here and now"),
-            ("scenario new --layers", "robots and systems under test it can name"),
-        )
+@dataclass(frozen=True, slots=True)
+class NamedLayer:
+    """A layer that a campaign can name; ``file`` is empty for one that ships."""
+
+    kind: str
+    name: str
+    about: str
+    file: str
+    ships: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LayerList:
+    """The layers that a campaign in a folder can name."""
+
+    folder: str
+    layers: tuple[NamedLayer, ...]
 
 
 def new(
@@ -59,7 +68,7 @@ def new(
             "--floorplan",
             metavar="FILE",
             help="Begin with this building instead of a flat of its own.",
-            autocompletion=completion.files(plan_files),
+            autocompletion=completion.files(completion.plan_files),
         ),
     ] = None,
     robot: Annotated[
@@ -86,8 +95,7 @@ def new(
             "can name: robots, systems under test, plans, …",
         ),
     ] = False,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer[NewCampaign] | Answer[LayerList]:
     """Write a small campaign that runs, to change into yours.
 
     A flat with a door, a robot, a mission and oracles, every line explained; nothing is
@@ -97,15 +105,41 @@ def new(
         options = {"--floorplan": floorplan, "--robot": robot, "--nav2": nav2}
         for option in (option for option, value in options.items() if value):
             raise typer.BadParameter("begins a campaign: leave it out", param_hint=option)
-        _list_layers(folder or Path(), as_json=as_json)
-        return
+        layers = LayerList(str(folder or Path()), tuple(_layers(folder or Path())))
+        return Answer("layers", layers, partial(_print_layers, layers))
     if folder is None:
         raise typer.BadParameter("say how the campaign is to be called", param_hint="NAME")
+    name = _campaign_name(folder)
     from grammars.model.robot_files import read_robot
     from grammars.text.documents import load_yaml, parse_yaml
     from templates.nav2 import NAV2, nav2_files
     from templates.new_campaign import ROBOT_FILE, new_campaign
 
+    plan, errand = "", None
+    if floorplan is not None:
+        errand = _errand_in(floorplan)
+        plan = Path(os.path.relpath(floorplan, folder)).as_posix()
+    robot_file = _robot_file(robot, folder) if robot else None
+    reference = "" if robot_file is None else _robot_reference(robot_file, folder)
+    suts = ["pilot", NAV2] if nav2 else ["pilot"]
+    files = new_campaign(name, plan=plan, errand=errand, robot=reference, suts=suts)
+    if nav2:
+        document = (
+            load_yaml(robot_file) if robot_file else parse_yaml(files[ROBOT_FILE], ROBOT_FILE)
+        )
+        files |= nav2_files(read_robot(document))
+    for file, text in files.items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        # Exclusively: whoever wrote there meanwhile keeps what they wrote.
+        with (folder / file).open("x", encoding="utf-8") as target:
+            target.write(text)
+    paths = tuple(str(folder / file) for file in files)
+    say(f"wrote {len(files)} files to {folder}/: {', '.join(files)}")
+    return Answer("new", NewCampaign(paths[0], paths), partial(_print_next_steps, paths))
+
+
+def _campaign_name(folder: Path) -> str:
+    """Return the name of a campaign in a new folder; raises :class:`typer.BadParameter`."""
     name = folder.resolve().name
     if not _NAME.fullmatch(name):
         raise typer.BadParameter(
@@ -118,35 +152,28 @@ def new(
             f"{folder} is there already, and nothing is overwritten: choose another name",
             param_hint="NAME",
         )
-    plan, errand = "", None
-    if floorplan is not None:
-        errand = _errand_in(floorplan)
-        plan = Path(os.path.relpath(floorplan, folder)).as_posix()
-    robot_file = _robot_file(robot, folder) if robot else None
-    named = "" if robot_file is None else _robot_reference(robot_file, folder)
-    suts = ["pilot", NAV2] if nav2 else ["pilot"]
-    files = new_campaign(name, plan=plan, errand=errand, robot=named, suts=suts)
-    if nav2:
-        document = (
-            load_yaml(robot_file) if robot_file else parse_yaml(files[ROBOT_FILE], ROBOT_FILE)
-        )
-        files |= nav2_files(read_robot(document))
-    for file, text in files.items():
-        (folder / file).parent.mkdir(parents=True, exist_ok=True)
-        # Exclusively: whoever wrote there meanwhile keeps what they wrote.
-        with (folder / file).open("x", encoding="utf-8") as target:
-            target.write(text)
-    written = [str(folder / file) for file in files]
-    if not as_json:
-        say(f"wrote {len(files)} files to {folder}/: {', '.join(files)}")
-    NewOutput(written[0], written).show(as_json)
+    return name
+
+
+def _print_next_steps(files: tuple[str, ...]) -> None:
+    from scenario_tui.cli.results import print_commands
+    from templates.nav2 import NAV2_FILE
+
+    file = shlex.quote(files[0])
+    stacks = [shlex.quote(path) for path in files if path.endswith(NAV2_FILE)]
+    start = [f"scenario sut check {stack} --campaign {file}" for stack in stacks]
+    print_commands(
+        (f"scenario check {file}", "find every problem before anything runs"),
+        *((command, "start Nav2, and see whether it fits") for command in start),
+        (f"scenario run {file}", "run it here and now"),
+        ("scenario new --layers", "robots and systems under test it can name"),
+    )
 
 
 def _errand_in(path: Path) -> Errand:
     """Return start and waypoints in a building; raises ``InputError`` for what is none."""
     from daemon.campaign import LayerLibrary, LayerReference
     from grammars.scenery.composition import compile_scene
-    from grammars.text.diagnostics import InputError, Where
     from templates.new_campaign import propose_errand
 
     where = Where(str(path))
@@ -161,13 +188,12 @@ def _errand_in(path: Path) -> Errand:
         raise InputError.at(where, str(error)) from error
 
 
-def _robot_file(named: str, folder: Path) -> Path:
+def _robot_file(robot: str, folder: Path) -> Path:
     """Return the file of a robot, given by its path or its name; raises ``InputError``."""
     from daemon.campaign import ROBOT, LayerReference, find_layer
-    from grammars.text.diagnostics import Where
 
-    is_path = "/" in named or named.endswith(ROBOT.endings)
-    name = str(Path(named).absolute()) if is_path else named
+    is_path = "/" in robot or robot.endswith(ROBOT.endings)
+    name = str(Path(robot).absolute()) if is_path else robot
     # From above the new folder, which is not there yet.
     return find_layer(folder.parent, LayerReference(name, {}, Where("--robot")), ROBOT)
 
@@ -181,73 +207,47 @@ def _robot_reference(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
-class NamedLayer(OutputPart):
-    """A layer that a campaign can name; ``file`` is empty for one that ships."""
+def _layers(folder: Path) -> Iterator[NamedLayer]:
+    """Iterate over the layers of a folder, then the shared ones, then those that ship.
 
-    kind: str
-    name: str
-    about: str
-    file: str
-    ships: bool
-
-
-class LayersOutput(Output, schema="layers"):
-    """The layers that a campaign in a folder can name."""
-
-    folder: str
-    layers: list[NamedLayer]
-
-    def print(self) -> None:
-        """Print a table of them."""
-        from rich.text import Text
-
-        from scenario_tui.cli.output import stdout_console
-
-        table = plain_table("kind", "name", "about", "where")
-        before = ""
-        for layer in self.layers:
-            kind = "" if layer.kind == before else layer.kind
-            where = "ships" if layer.ships else layer.file
-            table.add_row(*map(Text, (kind, layer.name, layer.about, where)))
-            before = layer.kind
-        stdout_console().print(table)
-
-
-def _list_layers(folder: Path, *, as_json: bool) -> None:
-    """List the layers of a folder, then the shared ones, then those that ship.
-
-    Of several with one name the first counts.
+    Of several with one name the first counts. Raises :class:`typer.BadParameter`.
     """
-    if why := why_no_folder(folder):
-        raise typer.BadParameter(f"{folder} {why}", param_hint="NAME")
-    from daemon.campaign import LAYER_KINDS
-
-    found = [layer for kind in LAYER_KINDS for layer in _layers_of(folder, kind)]
-    LayersOutput(str(folder), found).show(as_json)
-
-
-def _layers_of(folder: Path, kind: LayerKind) -> list[NamedLayer]:
-    from daemon.campaign import layer_names, layer_places
+    from daemon.campaign import LAYER_KINDS, layer_names, layer_places
     from grammars.text.sources import shipped_folder
 
-    found: dict[str, NamedLayer] = {}
-    for place in layer_places(folder, kind):
-        ships = place.resolve().is_relative_to(shipped_folder()) and kind.ships
-        for name in sorted(layer_names(place, kind)):
-            path = place / f"{name}{kind.endings[0]}"
-            about = _about(path) if kind.key else ""
-            file = "" if ships else os.path.normpath(path)
-            found.setdefault(name, NamedLayer(kind.title, name, about, file, ships))
-    return list(found.values())
+    if why := why_no_folder(folder):
+        raise typer.BadParameter(f"{folder} {why}", param_hint="NAME")
+    for kind in LAYER_KINDS:
+        layers: dict[str, NamedLayer] = {}
+        for place in layer_places(folder, kind):
+            ships = kind.ships and place.resolve().is_relative_to(shipped_folder())
+            for name in sorted(layer_names(place, kind)):
+                path = place / f"{name}{kind.endings[0]}"
+                about = _about(path) if kind.key else ""
+                file = "" if ships else os.path.normpath(path)
+                layers.setdefault(name, NamedLayer(kind.title, name, about, file, ships))
+        yield from layers.values()
 
 
 def _about(path: Path) -> str:
     """Return what a file says it is about."""
-    from grammars.text.diagnostics import InputError
     from grammars.text.documents import load_yaml
 
     try:
-        said = load_yaml(path).data.get("about", "")
+        about = load_yaml(path).data.get("about", "")
     except InputError as error:
         return f"cannot be read: {error.findings[0].message}"
-    return said if isinstance(said, str) else ""
+    return about if isinstance(about, str) else ""
+
+
+def _print_layers(listed: LayerList) -> None:
+    from rich.text import Text
+
+    table = plain_table("kind", "name", "about", "where")
+    previous = ""
+    for layer in listed.layers:
+        kind = "" if layer.kind == previous else layer.kind
+        where = "ships" if layer.ships else layer.file
+        table.add_row(*map(Text, (kind, layer.name, layer.about, where)))
+        previous = layer.kind
+    stdout_console().print(table)

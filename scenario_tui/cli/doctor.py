@@ -1,0 +1,110 @@
+"""The command that examines an installation: what is configured, what answers, what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from daemon.batch.operation import DoctorFinding, FindingLevel, examine, guarded
+from daemon.batch.paths import Endpoint, find_endpoint
+from grammars.text.diagnostics import InputError
+from grammars.text.words import count_noun
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.output import open_progress, stdout_console
+from scenario_tui.cli.target import DaemonTarget
+
+if TYPE_CHECKING:
+    from daemon.batch.ledger import VerificationProgress
+
+_SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """Findings about the installation whose state directory is ``state``."""
+
+    state: Path
+    endpoint: Endpoint
+    findings: tuple[DoctorFinding, ...]
+
+
+def doctor(
+    target: DaemonTarget,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Verify the newest results only, and no files.")
+    ] = False,
+    traces: Annotated[
+        bool, typer.Option("--traces", help="Read every trace and verify its digest too.")
+    ] = False,
+) -> Answer[Examination]:
+    """Say what is configured, what answers, and what is wrong, each with its remedy.
+
+    Every result is held against its digest. Changes nothing. Leaves with 3 when there is a problem.
+    """
+    if quick and traces:
+        raise typer.BadParameter("cannot be quick: leave one out", param_hint="--traces")
+    endpoint = find_endpoint(target.connect, target.state)
+    with _verification_progress() as progress:
+        findings = examine(target.paths, endpoint, quick=quick, traces=traces, progress=progress)
+    # The settings of the dashboard are examined here: the daemon's side knows no dashboard.
+    findings = (*findings, *guarded("config", lambda: [_check_settings()]))
+    value = Examination(target.paths.state, endpoint, findings)
+    is_ill = any(finding.level is FindingLevel.PROBLEM for finding in findings)
+    code = ExitCode.INFRASTRUCTURE if is_ill else ExitCode.EXPECTED
+    return Answer("doctor", value, partial(_print_findings, findings), code)
+
+
+@contextmanager
+def _verification_progress() -> Iterator[VerificationProgress]:
+    """Show on a terminal how much has been verified: a large ledger takes a while."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+
+    columns = (TextColumn("verifying {task.description}"), BarColumn(), MofNCompleteColumn())
+    with open_progress(*columns) as shown:
+        task = shown.add_task("", total=None)
+        yield lambda what, done, total: shown.update(
+            task, description=what, completed=done, total=total
+        )
+
+
+def _check_settings() -> DoctorFinding:
+    """Say which file the dashboard takes its settings from, and whether it can."""
+    from scenario_tui.dashboard.config import config_path, read_config
+
+    level, message, remedy = (
+        FindingLevel.OK,
+        f"{config_path()} is not there: everything as usual",
+        "",
+    )
+    try:
+        config = read_config()
+    except InputError as error:
+        level, message = FindingLevel.PROBLEM, str(error).splitlines()[0]
+        remedy = "correct it: the dashboard does not start until then"
+    else:
+        if config.path is not None:
+            parts = [count_noun(len(config.keys), "key")] if config.keys else []
+            parts += [f"theme {config.theme}"] if config.theme else []
+            parts += ["read-only"] if config.read_only else []
+            message = f"{config.path} {', '.join(parts)}".rstrip()
+    return DoctorFinding(level, "config", message, remedy)
+
+
+def _print_findings(findings: tuple[DoctorFinding, ...]) -> None:
+    """Print a line for each finding, and its remedy below."""
+    from rich.text import Text
+
+    for finding in findings:
+        sign, style = _SIGNS[finding.level]
+        line = Text(f"{sign} {finding.level:<8}", style=style)
+        line.append(f"{finding.subject:<11} {finding.message}", style="default")
+        if finding.remedy:
+            line.append(f"\n            {finding.remedy}", style="cyan")
+        stdout_console().print(line, soft_wrap=True)

@@ -1,0 +1,98 @@
+"""The command that gives space back: traces of finished campaigns, and files nobody needs."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daemon.batch.amounts import parse_size, size_text
+from daemon.batch.ledger import (
+    RetentionPolicy,
+    StoredTrace,
+    StrayFile,
+    find_strays,
+    remove_strays,
+    sweep_traces,
+)
+from daemon.batch.paths import StatePaths
+from grammars.text.words import count_noun
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.options import State, parse_age
+from scenario_tui.cli.output import stdout_console
+
+
+@dataclass(frozen=True, slots=True)
+class Removal:
+    """Traces and stray files that were removed, or would be; ``freed`` and ``kept`` are bytes.
+
+    Both are about traces alone.
+    """
+
+    state: Path
+    dry_run: bool
+    freed: int
+    kept: int
+    traces: tuple[StoredTrace, ...]
+    strays: tuple[StrayFile, ...]
+
+
+def gc(
+    keep: Annotated[
+        int | None,
+        typer.Option("--keep", min=0, help="Keep the traces of this many finished campaigns."),
+    ] = None,
+    older_than: Annotated[
+        float | None,
+        typer.Option(
+            "--older-than", metavar="AGE", parser=parse_age, help="Remove older ones: 30d, 12h."
+        ),
+    ] = None,
+    max_size: Annotated[
+        int | None,
+        typer.Option(
+            "--max-size", metavar="SIZE", parser=parse_size, help="Remove until they fit: 20GiB."
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", "-n", help="Say what would go; remove nothing.")
+    ] = False,
+    state: State = None,
+) -> Answer[Removal]:
+    """Remove what nobody needs, and traces of finished campaigns, the oldest first.
+
+    Results stay, and say that the trace is gone; a daemon may be running. A trace goes when any
+    of the options says so; without one no trace goes, only strays: temporary files, uploads
+    given up, scenes and files of no campaign, spools of workers long dead.
+    """
+    paths, policy = StatePaths.find(state), RetentionPolicy(keep, older_than, max_size)
+    swept = sweep_traces(paths, policy, time.time(), dry=dry_run)
+    strays = (find_strays if dry_run else remove_strays)(paths, time.time())
+    value = Removal(paths.state, dry_run, swept.freed, swept.kept, swept.gone, strays)
+    return Answer("gc", value, partial(_print_removal, value))
+
+
+def _print_removal(removal: Removal) -> None:
+    """Print a line for each campaign and stray file, and one for all."""
+    console = stdout_console()
+    sizes = defaultdict[str, list[int]](list)
+    for trace in removal.traces:
+        sizes[trace.campaign].append(trace.size)
+    lines = [
+        f"{campaign}  {count_noun(len(of), 'trace')}  {size_text(sum(of))}"
+        for campaign, of in sizes.items()
+    ]
+    lines += [f"{one.what}  {one.path}  {size_text(one.bytes)}" for one in removal.strays]
+    verb = "would remove" if removal.dry_run else "removed"
+    total = f"{verb} {count_noun(len(removal.traces), 'trace')}, {size_text(removal.freed)}"
+    total += f"; {size_text(removal.kept)} of traces stay"
+    if removal.strays:
+        size = size_text(sum(stray.bytes for stray in removal.strays))
+        total += f"; {count_noun(len(removal.strays), 'stray')}, {size}"
+    for line in (*lines, total):
+        console.print(line, markup=False, soft_wrap=True)
