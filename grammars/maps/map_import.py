@@ -5,6 +5,7 @@ This module takes scipy, which campaigns that only read a walls layer do without
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -27,7 +28,13 @@ from grammars.maps._borders import (
 from grammars.maps._cells import tidied
 from grammars.maps._doorways import DoorwaySizes, MapGap, find_doorways
 from grammars.maps._straight_lines import StraightArc, main_directions
-from grammars.maps._walls_layer import AreaText, EntrywayText, StandingText, WallsText
+from grammars.maps._walls_layer import (
+    AreaText,
+    EntrywayText,
+    ImportReport,
+    StandingText,
+    WallsText,
+)
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.grid import OccupancyGrid
 
@@ -65,30 +72,6 @@ class ImportSettings:
     least_room: float = 1.0
     height: float = 2.5
     doorways: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class ImportReport:
-    """Sizes of a building made of a map, and how far it is from the map.
-
-    ``largest_error`` is the greatest distance between a corner of the cells and the line drawn for
-    it, in cells; ``directions`` are the main directions of the walls [rad]; ``dropped_floor`` is
-    the area of pockets that were left out [m²]. ``dropped_walls`` and ``filled_cells`` count cells
-    that were taken for noise. Floor ends without a wall along ``open_border`` [m], the longest
-    piece of which has its middle at ``widest_opening`` [m].
-    """
-
-    resolution: float
-    width: float
-    depth: float
-    corners: int
-    largest_error: float
-    directions: tuple[float, ...]
-    dropped_floor: float
-    dropped_walls: int
-    filled_cells: int
-    open_border: float
-    widest_opening: Point2 | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +153,12 @@ def vectorise(
         resolution=per_cell,
         width=width,
         depth=depth,
+        spaces=tuple(building.spaces),
+        walls=len(building.standing),
+        doorways={
+            name: round(math.dist(door.start, door.end), _DECIMALS)
+            for name, door in building.entryways.items()
+        },
         corners=sum(len(line) - 1 for line in lines),
         largest_error=max(arc.error() for arc in straight),
         directions=directions,

@@ -25,7 +25,7 @@ from scenario_tui.cli import (
     doctor,
     export_runs,
     gc,
-    import_building,
+    import_,
     keys,
     logs,
     look,
@@ -73,7 +73,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     blame.BlameOutput,
     sut.SutOutput,
     sut_check.InspectionOutput,
-    import_building.ImportOutput,
 )
 """In the order they are published in."""
 
@@ -85,6 +84,7 @@ VALUES: Final[dict[str, type]] = {
     "doctor": doctor.Examination,
     "error": ErrorValue,
     "export": export_runs.ExportedFiles,
+    "import": import_.ImportedBuilding,
     "judge": Rejudgement,
     "gc": gc.Removal,
     "keys": keys.KeyList,

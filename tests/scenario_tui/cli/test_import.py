@@ -52,12 +52,9 @@ def test_it_never_writes_over_a_layer_unless_told(scenario, map_file):
 def test_scripts_get_an_object(scenario, map_file):
     body = json.loads(scenario("import", "office.yaml", "--no-doorways", "--json").out)
     assert body["schema"] == "scenario/import/1"
-    assert (body["file"], body["spaces"], body["doorways"]) == (
-        "office.walls.yaml",
-        ["room_1"],
-        [],
-    )
-    assert body["map"]["directions_deg"] == [0.0]
+    report = body["report"]
+    assert (body["file"], report["spaces"]) == ("office.walls.yaml", ["room_1"])
+    assert (report["doorways"], report["directions"]) == ({}, [0.0])
 
 
 def test_what_cannot_be_imported_is_told(scenario, map_file):

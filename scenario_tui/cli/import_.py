@@ -1,0 +1,201 @@
+"""The command that makes a building, a walls layer, of a map or a drawing."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from grammars.maps import ImportReport
+from grammars.text.diagnostics import Findings, InputError, Where
+from grammars.text.quantity import read_as
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.output import report_findings, say
+
+if TYPE_CHECKING:
+    from grammars.model.grid import OccupancyGrid
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedBuilding:
+    """The file of a walls layer, and the report on the building in it."""
+
+    file: str
+    report: ImportReport
+
+
+def _parse_length(text: str) -> float:
+    """Return a size of a building in metres; raises ``ValueError``."""
+    value = read_as(text, "length")
+    if not 0.0 < value <= 100.0:
+        raise ValueError(f"{text} is no size for a building")
+    return value
+
+
+def import_(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MAP.yaml|DRAWING.dxf",
+            help="A map (the YAML of map_server, its image beside it) or a drawing.",
+            exists=True,
+            dir_okay=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="NAME", help="NAME.walls.yaml is written. Default: as the file."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(min=0.4, max=5.0, help="How far walls may lie off their cells, in cells."),
+    ] = 1.0,
+    specks: Annotated[
+        int, typer.Option(min=1, help="Fewer unknown cells than this are noise.")
+    ] = 4,
+    least_room: Annotated[
+        float, typer.Option(min=0.0, help="Smallest piece of floor that is kept, m².")
+    ] = 1.0,
+    doorways: Annotated[
+        bool,
+        typer.Option(
+            "--doorways/--no-doorways",
+            help="Gaps of 0.7 to 1.3 m between walls become doorways between rooms.",
+        ),
+    ] = True,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LENGTH",
+            parser=_parse_length,
+            help="Height of the walls, which neither shows. Default: 2.5 m.",
+        ),
+    ] = None,
+    layer: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATTERN", help="For drawings: layers that hold walls."),
+    ] = None,
+    standing: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATTERN", help="For drawings: layers of racks, columns and the like."
+        ),
+    ] = None,
+    unit: Annotated[
+        str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: as the file says.")
+    ] = "",
+    thickness: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LENGTH",
+            parser=_parse_length,
+            help="For drawings: of walls drawn as one line. Default: 0.1 m.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write over a walls layer that is there.")
+    ] = False,
+) -> Answer[ImportedBuilding]:
+    """Make a building, NAME.walls.yaml, of the map of a robot or of a drawing (DXF).
+
+    Campaigns name it in place of a floor plan: floorplan: NAME.
+    """
+    from grammars.maps import walls_text
+    from grammars.maps.map_import import EmptyMapError, ImportSettings, vectorise
+    from grammars.model.map_files import read_map
+
+    target = _target(file, out)
+    if target.exists() and not force:
+        remedy = "take another name (-o), or write over it: --force"
+        raise InputError.at(Where(str(target)), "is there already", remedy)
+    yaw = 0.0
+    if file.suffix.lower() in (".dxf", ".dwg"):
+        grid = _drawn(file, layer, standing or (), unit, thickness or 0.1)
+    elif file.suffix.lower() in (".yaml", ".yml"):
+        saved = read_map(file, turned=True)
+        report_findings(saved.warnings)
+        grid, yaw = saved.grid, saved.yaw
+    else:
+        message = "is neither the YAML file of a map nor a drawing"
+        remedy = "of a map, name the YAML file that map_server reads, not its image"
+        raise InputError.at(Where(str(file)), message, remedy)
+    settings = ImportSettings(
+        _name_in(target), tolerance, specks, least_room, height or 2.5, doorways
+    )
+    try:
+        imported = vectorise(grid, settings, yaw=yaw)
+    except EmptyMapError as error:
+        remedy = "look at its free_thresh and negate"
+        raise InputError.at(Where(str(file)), str(error), remedy) from error
+    target.write_text(walls_text(imported.building), encoding="utf-8")
+    value = ImportedBuilding(str(target), imported.report)
+    return Answer("import", value, partial(_print_report, value))
+
+
+def _drawn(
+    file: Path, layers: Sequence[str] | None, standing: Sequence[str], unit: str, thickness: float
+) -> OccupancyGrid:
+    """Return the map of a drawing; print warnings, also when it cannot be read."""
+    from grammars.text.plugins import load_extra
+
+    for library in ("ezdxf", "PIL"):
+        load_extra(library, "import", "a drawing", "import")
+    from grammars.maps.drawing import WALL_LAYERS, draw_map
+
+    findings = Findings()
+    try:
+        return draw_map(file, layers or WALL_LAYERS, standing, unit, thickness, findings)
+    finally:
+        report_findings(findings.warnings)
+
+
+def _target(file: Path, out: Path | None) -> Path:
+    """Return the file to write: NAME.walls.yaml, whether or not its ending was given."""
+    path = out if out is not None else Path(file.stem)
+    return path if path.name.endswith(".walls.yaml") else path.with_name(f"{path.name}.walls.yaml")
+
+
+def _name_in(target: Path) -> str:
+    """Return a name a walls layer may have, from the name of its file."""
+    name = re.sub(r"[^A-Za-z0-9._-]+", "_", target.name.removesuffix(".walls.yaml"))
+    return (name.lstrip("._-") or "building")[:100]
+
+
+def _print_report(imported: ImportedBuilding) -> None:
+    report = imported.report
+    doors = ", ".join(f"{name} {width:.2f} m" for name, width in report.doorways.items())
+    lines = [
+        f"{imported.file}: {report.width:.2f} m by {report.depth:.2f} m",
+        f"  spaces    {len(report.spaces)}: {', '.join(report.spaces)}",
+        f"  walls     {report.walls}, {report.corners} corners",
+        f"  doorways  {len(report.doorways)}{': ' if doors else ''}{doors}",
+        f"  error     at most {report.largest_error:.2f} cells of {report.resolution:g} m"
+        f" ({report.largest_error * report.resolution:.3f} m)",
+    ]
+    if report.widest_opening is not None:
+        x, y = report.widest_opening
+        lines.append(
+            f"  open      floor ends without a wall along {report.open_border:.1f} m,"
+            f" most of it at [{x}, {y}]"
+        )
+    dropped = {
+        f"{report.dropped_floor:.2f} m² of floor in small pockets": report.dropped_floor,
+        f"{report.dropped_walls} occupied cells outside": report.dropped_walls,
+        f"{report.filled_cells} unknown cells as noise": report.filled_cells,
+    }
+    if any(dropped.values()):
+        lines.append(f"  left out  {', '.join(text for text, size in dropped.items() if size)}")
+    typer.echo("\n".join(lines))
+    name = Path(imported.file).name.removesuffix(".walls.yaml")
+    say(
+        f"Look at it: scenario export {shlex.quote(imported.file)} picture. "
+        f"Campaigns name it in place of a floor plan: floorplan: {name}"
+    )
