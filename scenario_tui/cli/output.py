@@ -15,16 +15,16 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Finding
 from grammars.text.terminal_text import printable, printable_streams
 from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.text.formatting import plain_table as plain_table
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, ProgressColumn
-    from rich.table import Table
 
 T = TypeVar("T")
 
@@ -124,19 +124,6 @@ def wrap_parts(parts: Iterable[str], width: int) -> str:
         else:
             lines.append(part)
     return "\n".join(lines)
-
-
-def plain_table(*titles: str, figures: bool = False) -> Table:
-    """Return a table without lines, columns folded; ``figures`` are all but the first column."""
-    from rich import box
-    from rich.table import Table
-
-    # Folded, never cut: scripts and people look for whole names.
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for index, title in enumerate(titles):
-        side: Literal["left", "right"] = "right" if figures and index else "left"
-        table.add_column(title, overflow="fold", justify=side)
-    return table
 
 
 class CommandError(Exception):

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.terminal_text import printable, without_escapes
 from grammars.text.words import NOTHING, duration_text, format_quantity
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from daemon.model.status import CampaignRow, DaemonOverview, RunRow
 
 # Pale, for dark backgrounds: terminal.filters.BrightThemeColours darkens them on bright ones.
@@ -199,3 +201,16 @@ def last_lines(text: str, most: int | None = SHOWN_LINES) -> tuple[list[str], in
     lines = printed_lines(text)
     hidden = 0 if most is None else max(0, len(lines) - most)
     return lines[hidden:], hidden
+
+
+def plain_table(*titles: str, figures: bool = False) -> Table:
+    """Return a table without lines, columns folded; ``figures`` are all but the first column."""
+    from rich import box
+    from rich.table import Table
+
+    # Folded, never cut: scripts and people look for whole names.
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, title in enumerate(titles):
+        side: Literal["left", "right"] = "right" if figures and index else "left"
+        table.add_column(title, overflow="fold", justify=side)
+    return table

@@ -1,0 +1,132 @@
+"""Results of a campaign in one look: matrix, comparisons, surprises, conclusion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from daemon.judging.statistics import at_least, cut_percentage
+from daemon.model.assessments import ComparisonVerdict
+from grammars.text.words import NOTHING, count_noun
+from scenario_tui.text.assessment_text import (
+    BOUNDS,
+    Footnotes,
+    attention_lists,
+    comparison_cell_text,
+    matrix_rows,
+    repeatability_text,
+)
+from scenario_tui.text.formatting import (
+    NOT_REPEATABLE,
+    TERMINAL_STYLES,
+    fine_duration,
+    plain_table,
+    quiet_style,
+)
+from scenario_tui.text.results import CampaignResults, conclude
+from scenario_tui.text.run_state import progress_text, unfinished_text
+
+_LISTED: Final = 12
+"""Lines of each list of what is to be looked at."""
+
+
+def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
+    """Return one row for each scenario and one column for each system under test."""
+    suts, rows = matrix_rows(results, notes, TERMINAL_STYLES)
+    marked = (f"{s} ({NOT_REPEATABLE})" if s in results.not_repeatable else s for s in suts)
+    table = plain_table("scenario", *marked)
+    for scenario, cells in rows:
+        table.add_row(scenario, *cells)
+    return table
+
+
+def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Table:
+    """Return one row for each comparison and one column for each system under test."""
+    found = {(cell.comparison, cell.sut): cell for cell in cells}
+    suts = tuple(dict.fromkeys(cell.sut for cell in cells))
+    table = plain_table("comparison", *suts, "is to be")
+    for name, text in {cell.comparison: cell.text for cell in cells}.items():
+        row = (found.get((name, sut)) for sut in suts)
+        shown = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)
+        table.add_row(
+            name, *(one or NOTHING for one in shown), Text(text, style=quiet_style(TERMINAL_STYLES))
+        )
+    return table
+
+
+def summary_parts(
+    results: CampaignResults, *, took: float | None = None
+) -> Iterator[RenderableType]:
+    """Yield the matrix of cells, the comparisons, and what is not as expected.
+
+    ``took`` is how long it took [s]. Print them without cropping: some lines are never broken.
+    """
+    notes, judged = Footnotes(), results.assessment
+    yield _headline(results, took)
+    yield ""
+    yield matrix_table(results, notes)
+    if judged.comparisons:
+        yield ""
+        yield comparison_table(judged.comparisons, notes)
+        yield Text(BOUNDS, style="dim")
+    yield from notes.lines()
+    if words := repeatability_text(results):
+        yield _unbroken(Text(words, style="dim"))
+    yield ""
+    for title, lines in attention_lists(results, TERMINAL_STYLES):
+        yield Text(f"{title}:", style="bold")
+        yield from map(_unbroken, lines[:_LISTED])
+        if len(lines) > _LISTED:
+            yield f"and {len(lines) - _LISTED} more"
+        yield ""
+    yield Text(_conclusion_line(results))
+    yield ""
+
+
+def _unbroken(line: Text) -> Text:
+    """Return a line that is never broken: people and scripts look for whole names."""
+    line.no_wrap, line.overflow = True, "ignore"
+    return line
+
+
+def _headline(results: CampaignResults, took: float | None) -> Text:
+    row = results.row
+    text = Text.assemble((row.name, "bold"))
+    if row.about:
+        text.append(f"  {row.about}", style="dim")
+    text.append(f"\n{progress_text(row)}")
+    if row.cached:
+        text.append(f", {row.cached:,} cached")
+    if took is not None:
+        text.append(f" in {fine_duration(took)}")
+    return text
+
+
+def _conclusion_line(results: CampaignResults) -> str:
+    """Return the last word: whether all is as expected, and how little that shows."""
+    code, row = results.assessment.exit_code, results.row
+    said = {
+        0: "everything is as expected",
+        1: "not as expected",
+        3: "some runs could not be executed or judged",
+    }.get(code, "not everything is decided")
+    if code == 4 and row.cancelled:
+        said = f"not everything is decided: {count_noun(row.cancelled, 'run')} cancelled"
+    if not row.finished:
+        standing = conclude(results.assessment, finished=False).text
+        if code == 1:
+            standing = "not as expected already"
+        return f"{standing}; {unfinished_text(row)}"
+    # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
+    # and Pearson.
+    # More than the policy says where no system of the campaign is repeatable and nobody said how
+    # often it is run.
+    cells = results.assessment.cells
+    n = max(results.declared.policy.n, min((len(cell.runs) for cell in cells), default=0))
+    if code == 0 and results.declared.policy.rule == "all":
+        said += f"; {n} of {n} shows a pass rate of at least {cut_percentage(at_least(n, n))}"
+    return said
