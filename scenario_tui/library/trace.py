@@ -32,6 +32,20 @@ class Signal:
     time: NDArray[np.float64]
     value: NDArray[np.float64]
 
+    def _repr_svg_(self) -> str:
+        from daemon.analysis.charts import LINE, draw_charts, layer, quantity, standalone_svg
+
+        columns = {"time": self.time.tolist(), "value": self.value.tolist()}
+        ends = [float(self.time[0]), float(self.time[-1])]
+        over_time = {
+            "x": quantity("time", "time [s]", domain=ends),
+            "y": quantity("value", f"{self.name} [{self.unit}]"),
+        }
+        curve = layer("line", columns, over_time, color=LINE, strokeWidth=1.2)
+        size = {"width": 720, "height": 180, "background": "var(--paper)"}
+        (drawing,) = draw_charts([curve | size], processes=1)
+        return standalone_svg(drawing)
+
 
 class Trace:
     """A recorded run, an MCAP file at ``path``, which is read when it is first needed.
