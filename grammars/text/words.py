@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Final
@@ -21,6 +22,14 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
 def enumerate_words(words: Sequence[str], conjunction: str = "and") -> str:
     """Return ``a, b and c``; nothing for no words."""
     return f" {conjunction} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def command_line(*words: object) -> str:
+    """Return a command for people to type, each word quoted for a shell where it has to be.
+
+    Of ``report`` and a path it is ``scenario report 'my results'``.
+    """
+    return shlex.join(("scenario", *map(str, words)))
 
 
 def format_quantity(

@@ -93,8 +93,8 @@ COMMANDS: Final = {
 }
 _MODULES: Final = {
     "demo": "run_campaigns", "check": "run_campaigns", "run": "run_campaigns",
-    "submit": "run_campaigns", "wait": "run_campaigns", "results": "look",
-    "show": "look", "replay": "recorded_runs", "plot": "recorded_runs", "cancel": "steer",
+    "submit": "run_campaigns", "wait": "run_campaigns", "results": "look", "show": "look",
+    "cancel": "steer",
     "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
     "import": "import_", "schema": "editors",
 }  # fmt: skip

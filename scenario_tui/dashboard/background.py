@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 import subprocess
 import threading
 import time
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
 from grammars.text.diagnostics import Finding, InputError, Where
+from grammars.text.words import command_line
 from scenario_tui.campaign_files import newest_change
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class CommandLines:
         # A negative number is no option: it must come last, behind a bare --.
         last = ("--", arguments[-1]) if _negative(arguments) else ()
         plain = arguments[:-1] if last else arguments
-        return shlex.join(("scenario", command, *plain, *self._daemon, *last))
+        return command_line(command, *plain, *self._daemon, *last)
 
     def local_arguments(self, state: Path, command: str, *arguments: str) -> tuple[str, ...]:
         """Return the arguments of something done here, on the state directory ``state``."""
@@ -114,11 +114,6 @@ class CommandLines:
 
 def _negative(arguments: tuple[str, ...]) -> bool:
     return bool(arguments) and arguments[-1][:1] == "-" and arguments[-1][1:].isdigit()
-
-
-def command_line(arguments: tuple[str, ...]) -> str:
-    """Return what to type for these arguments."""
-    return shlex.join(("scenario", *arguments))
 
 
 def command_argv(arguments: tuple[str, ...]) -> list[str]:
@@ -148,10 +143,10 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
     except ValueError as error:
         said = [line for line in done.stderr.splitlines() if line.strip()]
         last = said[-1] if said else f"it left with code {done.returncode}"
-        message = f"{command_line(arguments)}: {last.removeprefix('scenario: ')}"
+        message = f"{command_line(*arguments)}: {last.removeprefix('scenario: ')}"
         raise DaemonError(message) from error
     if answer.get("schema") == _ERROR:
-        raise DaemonError(f"{command_line(arguments)}: {answer['error']}")
+        raise DaemonError(f"{command_line(*arguments)}: {answer['error']}")
     return answer
 
 

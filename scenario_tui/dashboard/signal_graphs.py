@@ -16,7 +16,7 @@ from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip, limit
 from scenario_tui.dashboard.widgets.cell_view import Codes, segments
 from scenario_tui.dashboard.widgets.timeline import label_signals
 from scenario_tui.dashboard.widgets.timeline_drawing import FAIL, STYLES, TimelineDrawing
-from scenario_tui.text.signal_plot import Curve
+from scenario_tui.library.trace import Signal
 
 _COLOURS: Final = (
     "yellow", "bold yellow", "cyan", "red", "cyan", "green", "bold red", "dim", "bold", "bold",
@@ -30,7 +30,7 @@ AXES: Final = 2
 
 
 def draw_signals(
-    trace: Trace, curves: Sequence[Curve], width: int, rows: int, *, marks: Sequence[float] = ()
+    trace: Trace, signals: Sequence[Signal], width: int, rows: int, *, marks: Sequence[float] = ()
 ) -> list[Text]:
     """Return signals one above the other, with upright lines at ``marks`` [s].
 
@@ -40,11 +40,11 @@ def draw_signals(
     waypoints = trace.spec.mission.waypoints
     limits = limits_of(trace.spec.oracles)
     timeline = RunTimeline(
-        start, end, tuple(_strip(curve, limits) for curve in curves), None,
+        start, end, tuple(_strip(signal, limits) for signal in signals), None,
         reached_moments(trace), len(waypoints), tuple(marks), tuple(w.id for w in waypoints),
     )  # fmt: skip
     timeline = with_limits(timeline, limits)
-    least = sum(1 if curve.unit == "bool" else LEAST_ROWS for curve in curves)
+    least = sum(1 if signal.unit == "bool" else LEAST_ROWS for signal in signals)
     drawing = TimelineDrawing((timeline,), timeline.strips, width, max(rows, least + AXES))
     codes, owners = drawing.codes, drawing.owners
     for mark in marks:
@@ -58,9 +58,9 @@ def draw_signals(
     return [_text(codes[row], owners[row], styles) for row in range(len(codes))]
 
 
-def _strip(curve: Curve, limits: Sequence[ComparedLimit]) -> SignalStrip:
-    asked = sorted({limit.value for limit in limits if limit.signal == curve.name})
-    return SignalStrip(curve.name, curve.unit, curve.time, curve.values, tuple(asked))
+def _strip(signal: Signal, limits: Sequence[ComparedLimit]) -> SignalStrip:
+    asked = sorted({limit.value for limit in limits if limit.signal == signal.name})
+    return SignalStrip(signal.name, signal.unit, signal.time, signal.value, tuple(asked))
 
 
 def _text(codes: Codes, owners: Codes, styles: Sequence[Style]) -> Text:

@@ -7,7 +7,6 @@ when a process of its own does it: ``python -m scenario_tui.library.submission F
 from __future__ import annotations
 
 import os
-import shlex
 import subprocess
 import sys
 from collections import Counter
@@ -21,7 +20,7 @@ from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
 from grammars.text import codec
 from grammars.text.diagnostics import Finding, InputError, Severity
-from grammars.text.words import count_noun, duration_text
+from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.campaign_files import is_campaign
 
 if TYPE_CHECKING:
@@ -36,10 +35,10 @@ def searches_text(path: Path, names: tuple[str, ...]) -> str:
     """Say which searches a campaign has besides, and what starts them; nothing without any."""
     if not names:
         return ""
-    command = f"scenario search {shlex.quote(str(path))}"
     if len(names) == 1:
-        return f"{names[0]} is a search: start it with `{command}`"
-    return f"{', '.join(names)} are searches: start one with `{command} NAME`"
+        return f"{names[0]} is a search: start it with `{command_line('search', path)}`"
+    command = command_line("search", path, names[0])
+    return f"{', '.join(names)} are searches: start one with `{command}`"
 
 
 def receipt_text(receipt: SubmissionReceipt) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -21,7 +20,7 @@ from daemon.search.answers.sentences import (
     search_word,
 )
 from daemon.search.points import is_as_written, position_in_range
-from grammars.text.words import NOTHING, count_noun
+from grammars.text.words import NOTHING, command_line, count_noun
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
@@ -151,7 +150,7 @@ def _written(parameter: SearchParameter, value: PointValue) -> str:
 
 def resuming_command(row: SearchRow) -> str:
     """Return the command that goes on with a search, in the folder in which it was begun."""
-    return shlex.join(("scenario", "search", row.file, row.campaign))
+    return command_line("search", row.file, row.campaign)
 
 
 def search_line(row: SearchRow) -> str:

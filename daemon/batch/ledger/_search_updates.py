@@ -7,7 +7,6 @@ position, and does so again after a crash: those that are there already must be 
 from __future__ import annotations
 
 import hashlib
-import shlex
 import sqlite3
 
 from daemon.batch.errors import Refused
@@ -21,6 +20,7 @@ from daemon.model.search import MOST_SEARCH_RUNS, SearchSubmission
 from daemon.model.search_answer import SearchProgress
 from daemon.model.submission import Submission
 from grammars.text import codec
+from grammars.text.words import command_line
 
 
 class SearchUpdates(RunUpdates):
@@ -145,5 +145,5 @@ class SearchUpdates(RunUpdates):
             "SELECT file FROM search WHERE campaign = ? AND state <> 'finished'", (campaign,)
         ).fetchone()
         if row is not None:
-            again = shlex.join(("scenario", "search", row[0], campaign))
+            again = command_line("search", row[0], campaign)
             raise Refused(f"{campaign} is a search: `{again}` goes on with it")

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.paths import StatePaths
+from grammars.text.words import command_line
 from scenario_tui.campaign_files import find_files, relative_name
-from scenario_tui.dashboard.background import CommandAnswer, command_line
+from scenario_tui.dashboard.background import CommandAnswer
 from scenario_tui.dashboard.screens.dialogs import Menu, TextDialog, numbered_choices
 
 if TYPE_CHECKING:
@@ -51,11 +52,11 @@ def _choose_oracles(
         ways.append(
             (name, dashboard.command_lines.local_arguments(state, "judge", what, "--oracles", name))
         )
-    choices = numbered_choices([(words, command_line(way)) for words, way in ways], 0)
+    choices = numbered_choices([(words, command_line(*way)) for words, way in ways], 0)
 
     def decided(index: int | None) -> None:
         if index is not None:
-            done = partial(_tell_judged, dashboard, command_line(ways[index][1]))
+            done = partial(_tell_judged, dashboard, command_line(*ways[index][1]))
             _ask(dashboard, f"judging {what} again", ways[index][1], done)
 
     dashboard.push_screen(Menu(f"Judge {what} again by", choices), decided)
@@ -85,7 +86,7 @@ def make_report(dashboard: BaseDashboard, row: CampaignRow) -> None:
         dashboard.notify(f"… {doing} already", markup=False)
         return
     dashboard.running_jobs.add(doing)
-    done = partial(_tell_report, dashboard, Path.cwd() / page, command_line(way), doing)
+    done = partial(_tell_report, dashboard, Path.cwd() / page, command_line(*way), doing)
     _ask(dashboard, doing, way, done)
 
 
@@ -104,7 +105,7 @@ def _ask(
     way: tuple[str, ...],
     then: Callable[[CommandAnswer], None],
 ) -> None:
-    dashboard.say(f"{doing} …", command_line(way))
+    dashboard.say(f"{doing} …", command_line(*way))
 
     def failed(why: str) -> None:
         dashboard.running_jobs.discard(doing)

@@ -102,10 +102,10 @@ def test_what_cannot_be_fetched_is_said(here, capsys):
 
 
 def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
-    assert invoke(["replay", "corr.1", "--frame", "1", "--json"]) == 0
-    body = json.loads(capsys.readouterr().out)
+    assert invoke(["plot", "corr-1.1", "speed", "--json"]) == 0
+    body = declared(capsys.readouterr().out)
     assert [body["trace"]] == [str(path) for path in cached(here)]
-    assert invoke(["plot", "corr-1.1", "speed"]) == 0
+    assert invoke(["replay", "corr.1", "--frame", "1"]) == 0
     invoke(["judge", "corr", "-j", "1", "--json"])
     out = capsys.readouterr().out
     assert len(json.loads(out[out.index('{\n  "schema"') :])["traces"]) == 2

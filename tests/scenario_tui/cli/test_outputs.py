@@ -16,7 +16,7 @@ from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN
 
 DOC = Path(__file__).parents[3] / "docs" / "command-line.md"
-SILENT = {"tui", "serve", "worker", "schema"}
+SILENT = {"tui", "serve", "worker", "schema", "replay"}
 """Commands that stay, or write files for editors: the others answer with ``--json``."""
 
 

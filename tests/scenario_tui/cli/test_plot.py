@@ -8,7 +8,7 @@ import pytest
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from scenario_tui.dashboard.signal_graphs import draw_signals
-from scenario_tui.text.signal_plot import Curve
+from scenario_tui.library.trace import Signal
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.recorded import record_run
 
@@ -43,9 +43,9 @@ def test_machines_get_every_sample(trace, capsys):
     assert body["schema"] == "scenario/plot/1"
     error, contact, door = body["signals"]
     assert (error["unit"], contact["unit"], door["unit"]) == ("m", "bool", "rad")
-    assert len(error["time"]) == len(error["values"]) == 201
-    assert sum(contact["values"]) == 1.0
-    assert door["values"][-1] == pytest.approx(-1.0)
+    assert len(error["time"]) == len(error["value"]) == 201
+    assert sum(contact["value"]) == 1.0
+    assert door["value"][-1] == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,9 @@ def test_limits_and_the_mission_are_drawn_with_the_signals(trace, capsys):
 
 
 @pytest.mark.parametrize("values", [[0.0], [3.0, 3.0], [-1e9, 1e9], [1e-9, 2e-9], [np.nan]])
-def test_any_curve_can_be_drawn(trace, values):
+def test_any_signal_can_be_drawn(trace, values):
     read = read_trace(Path(trace))
-    curve = Curve("x", "1", np.arange(float(len(values))), np.array(values))
-    drawn = [line.plain for line in draw_signals(read, [curve], 40, 6, marks=(0.0,))]
+    signal = Signal("x", "1", np.arange(float(len(values))), np.array(values))
+    drawn = [line.plain for line in draw_signals(read, [signal], 40, 6, marks=(0.0,))]
     assert max(map(len, drawn)) <= 40
     assert len(drawn) == 6

@@ -12,6 +12,7 @@ from daemon.model.messages import Empty
 from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
 from daemon.search.preparation import PreparedSearch
+from grammars.text.words import command_line
 from scenario_tui.cli import search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.search import _read_changes, search_code
@@ -356,12 +357,14 @@ def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campai
     said = scenario("submit", str(file))
     assert said.code == 0
     assert f"doors-in-time is a search: start it with `scenario search {file}`" in said.err
-    assert searches_text(file, ("a", "b")).startswith("a, b are searches: start one with")
+    both = f"a, b are searches: start one with `scenario search {file} a`"
+    assert searches_text(file, ("a", "b")) == both
     assert searches_text(file, ()) == ""
 
 
 def test_commands_about_files_can_be_copied():
     spaced = Path("a b/campaign.yaml")
+    assert shlex.split(command_line("report", spaced)) == ["scenario", "report", str(spaced)]
     assert "`scenario search 'a b/campaign.yaml'`" in searches_text(spaced, ("a",))
     written = {kind: f"a b/{kind}" for kind in ("found", "smallest", "gazebo")}
     commands = [shlex.split(command) for command, _ in file_commands(written)]

@@ -119,7 +119,7 @@ def test_coverage_has_the_runs_of_a_search(ledger, capsys):
     assert invoke(["coverage", SEARCH]) == 0
     assert capsys.readouterr().out.startswith("2 runs, by their traces")
     assert invoke(["coverage", SEARCH, "--json", "--processes", "1"]) == 0
-    assert declared(capsys.readouterr().out)["coverage"]["recorded"] == 2
+    assert declared(capsys.readouterr().out)["recorded"] == 2
     assert invoke(["coverage", f"{SEARCH}.1"]) == 0
     assert capsys.readouterr().out.startswith("1 run, by their traces")
 

@@ -1,0 +1,100 @@
+"""The command that draws signals of a recorded run."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.model.verdicts import Outcome, Verdict
+from grammars.text.words import format_quantity
+from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.named_traces import one_trace
+from scenario_tui.cli.options import RunOrTrace
+from scenario_tui.cli.output import stdout_console
+from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.text.formatting import glyph_word, moment_text
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from scenario_tui.library.trace import Signal, Trace
+
+
+@dataclass(frozen=True, slots=True)
+class PlottedSignal:
+    """A signal over ``time`` [s]; a value is null where it is not known or not finite."""
+
+    name: str
+    unit: str
+    time: list[float]
+    value: list[float]
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """Signals of a run, and what its oracles say."""
+
+    run: str
+    trace: str
+    signals: tuple[PlottedSignal, ...]
+    verdicts: tuple[Verdict, ...]
+
+
+def plot(
+    run: RunOrTrace,
+    signals: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SIGNAL",
+            help="Signals as oracles name them: clearance speed loc.error door_17.angle "
+            "'clearance(0.35 m, 0.2 m)'.",
+            autocompletion=completion.signals,
+        ),
+    ],
+    *,
+    target: DaemonTarget,
+) -> Answer[Plot]:
+    """Draw signals of a recorded run over time, with the moments that decided against it."""
+    from scenario_tui.library.trace import Trace
+
+    trace = Trace(one_trace(run, target, "RUN"))
+    sampled = [trace.signal(name) for name in signals]
+    plotted = (PlottedSignal(s.name, s.unit, s.time.tolist(), s.value.tolist()) for s in sampled)
+    value = Plot(trace.recorded.spec.label, str(trace.path), tuple(plotted), trace.verdicts)
+    return Answer("plot", value, partial(_print, trace, sampled, value.verdicts))
+
+
+def _print(trace: Trace, signals: list[Signal], verdicts: tuple[Verdict, ...]) -> None:
+    from scenario_tui.dashboard.signal_graphs import draw_signals
+
+    console = stdout_console()
+    size = shutil.get_terminal_size((80, 24))
+    against = [v for v in verdicts if v.outcome is Outcome.FAIL]
+    marks = tuple(v.evidence.time for v in against if v.evidence.time is not None)
+    for signal in signals:
+        console.print(_summary(signal), soft_wrap=True)
+    rows = size.lines - 1 - len(against) - len(signals)
+    for row in draw_signals(trace.recorded, signals, size.columns, rows, marks=marks):
+        console.print(row, soft_wrap=True)
+    for one in against:
+        parts = (f"{glyph_word(one.outcome)}  {one.oracle}", moment_text(one.evidence.time))
+        console.print(" ".join(filter(None, parts)), markup=False, soft_wrap=True)
+
+
+def _summary(signal: Signal) -> Text:
+    """Return a signal in a line: between which values, and the last one."""
+    import numpy as np
+    from rich.text import Text
+
+    known = signal.value[np.isfinite(signal.value)]
+    words = "never known in this run"
+    if len(known):
+        unit = "" if signal.unit == "bool" else signal.unit
+        low, high = format_quantity(float(known.min())), format_quantity(float(known.max()), unit)
+        words = f"{low} to {high}, at the end {format_quantity(float(known[-1]), unit)}"
+    return Text.assemble((signal.name, "bold"), f"  {words}")

@@ -1,0 +1,113 @@
+"""The command that plays a recorded run, or two of them side by side."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from grammars.text.words import command_line
+from scenario_tui.cli import completion
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
+from scenario_tui.cli.named_traces import one_trace
+from scenario_tui.cli.options import RunOrTrace
+from scenario_tui.cli.output import CommandError, stdout_console
+from scenario_tui.cli.target import DaemonTarget
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.playback import Playback
+    from scenario_tui.terminal.capabilities import Blocks
+
+
+def replay(
+    run: RunOrTrace,
+    other: Annotated[
+        str,
+        typer.Argument(
+            metavar="[OTHER]",
+            help="Another run, to see both side by side.",
+            autocompletion=completion.runs_or_traces,
+        ),
+    ] = "",
+    start: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="SECONDS|ORACLE",
+            help="Begin there: a moment, or when that oracle was decided.",
+            autocompletion=completion.oracles,
+        ),
+    ] = "",
+    speed: Annotated[
+        float,
+        typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds a second."),
+    ] = 1.0,
+    frame: Annotated[
+        str,
+        typer.Option(
+            "--frame",
+            metavar="SECONDS|ORACLE",
+            help="Only print this moment as text: a time in seconds, such as 124.2, or an oracle; "
+            "needs no terminal.",
+            autocompletion=completion.oracles,
+        ),
+    ] = "",
+    *,
+    target: DaemonTarget,
+) -> ExitCode:
+    """Watch a recorded run from above, with what its oracles say, or two of them side by side."""
+    from scenario_tui.dashboard.playback import open_playback
+    from scenario_tui.terminal.capabilities import why_undrawable
+
+    if frame and other:
+        raise typer.BadParameter("goes with one run only", param_hint="--frame")
+    trace = one_trace(run, target, "RUN")
+    if frame:
+        _print_frame(open_playback(trace), frame)
+        return ExitCode.EXPECTED
+    reason = why_undrawable()
+    # Drawn on standard error like the dashboard, with keys from standard input.
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        scripts = command_line("replay", run, "--frame", "10")
+        reason = f"a replay needs a terminal; scripts use `{scripts}`"
+    if reason and not other:
+        raise CommandError(reason)
+    first = open_playback(trace)
+    begin = _moment(first, start, "--from") if start else first.start
+    second = open_playback(one_trace(other, target, "OTHER")) if other else None
+    if second is not None and reason:
+        from scenario_tui.text.comparison_text import comparison_text
+
+        pairs = (first.verdicts, second.verdicts, first.trace.spec, second.trace.spec)
+        stdout_console().print(comparison_text(*pairs), soft_wrap=True)
+        return ExitCode.EXPECTED
+    from scenario_tui.dashboard.screens.compare import CompareScreen
+    from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
+
+    if second is None:
+        failed = run_replay(ReplayScreen(first, begin, speed))
+    else:
+        failed = run_replay(CompareScreen(first, second, begin=begin, speed=speed))
+    return ExitCode.BUG if failed else ExitCode.EXPECTED
+
+
+def _moment(playback: Playback, text: str, option: str) -> float:
+    with wrong_usage(option):
+        return playback.time_of(text)
+
+
+def _print_frame(playback: Playback, moment: str) -> None:
+    from scenario_tui.dashboard.playback import render_frame
+    from scenario_tui.terminal.filters import text_in_ascii
+
+    time = _moment(playback, moment, "--frame")
+    size = shutil.get_terminal_size((80, 24))
+    # What is printed may go anywhere: only who says so gets ASCII.
+    plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
+    blocks: Blocks = "cells" if plain else "quadrants"
+    for line in render_frame(playback, time, size.columns, size.lines - 1, blocks=blocks):
+        shown = text_in_ascii(line) if plain else line
+        stdout_console().print(shown, no_wrap=True, soft_wrap=True)
