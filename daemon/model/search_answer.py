@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
@@ -88,16 +87,11 @@ class Influence:
 
 @dataclass(frozen=True, slots=True)
 class ShrunkScenario:
-    """The least of the nearest failure that still fails, told in lines, with its files.
-
-    ``files`` are those of a campaign that runs by itself in base64, by their paths,
-    ``campaign.yaml`` among them. ``left`` names in a few words what is left.
-    """
+    """The least of the nearest failure that still fails; ``left`` names what is left of it."""
 
     story: tuple[str, ...]
     minimal: bool
     runs: int
-    files: Mapping[str, str] = field(default_factory=dict)
     left: str = ""
 
 

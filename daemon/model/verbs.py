@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAlias, TypeVar
@@ -373,3 +374,7 @@ class DaemonClient(CampaignSource):
         Whoever executes it makes either only while somebody watches. Calls come from other
         threads, one per kind.
         """
+
+
+ClientOpener: TypeAlias = Callable[[], AbstractContextManager[DaemonClient]]
+"""Opens a client of a daemon that may be away."""

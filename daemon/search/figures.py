@@ -45,16 +45,13 @@ _TOOLTIP: Final = tooltip({"run": "run", "words": "margin", "point": "point"})
 """Words of a run under the pointer: its number, its margin, its point."""
 
 
-def margins_chart(task: SearchTask, trials: Sequence[Trial], baseline: Sequence[Trial]) -> Chart:
+def margins_chart(task: SearchTask, trials: Sequence[Trial]) -> Chart:
     """Return the margin of every run and the smallest so far, and below how many have failed.
 
-    A guided search stands beside the ``baseline``, runs of another one that was not, or beside
-    those of its own runs that were chosen without looking at results.
+    A guided search stands beside those of its own runs that were chosen without looking at results.
     """
-    unguided = baseline or [trial for trial in trials if not trial.proposal.guided]
+    unguided = [trial for trial in trials if not trial.proposal.guided]
     name = f"{task.drawn_word} runs alone"
-    if baseline:
-        name = f"{baseline[-1].proposal.method} alone, another search"
     kinds = [
         "fails" if one.fails else "guided" if one.proposal.guided else task.drawn_word
         for one in trials
@@ -83,7 +80,7 @@ def margins_chart(task: SearchTask, trials: Sequence[Trial], baseline: Sequence[
         "encoding": {"x": {**runs, "axis": {"labels": False, "title": None}}},
         "layer": [_zero(), layer("line", courses, smallest, **line), dots],
     }
-    top = max(1, sum(one.fails for one in trials), sum(one.fails for one in baseline))
+    top = max(1, sum(one.fails for one in trials))
     failures = {
         "x": {**runs, "title": "run"},
         "y": quantity("failures", "failures", axis={"values": [0, top]}),

@@ -42,15 +42,13 @@ def search_page(
     row: SearchRow,
     proposals: Sequence[RunRow],
     *,
-    baseline: Sequence[RunRow] = (),
     traces: Mapping[str, Path] = NO_TRACES,
     commands: Sequence[tuple[str, str]] = (),
 ) -> str:
     """Return the page of a search as HTML that needs nothing else.
 
-    ``proposals`` are all of its runs, ``baseline`` those of another search of the same parameters
-    that was not guided. ``traces`` has the files of runs by their ids. ``commands`` is what to type
-    next, each with what it does.
+    ``proposals`` are all of its runs. ``traces`` has the files of runs by their ids. ``commands``
+    is what to type next, each with what it does.
     """
     task, answer = row.task, row.answer
     trials = point_trials(task, proposals)
@@ -58,7 +56,7 @@ def search_page(
     nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
     charts: list[tuple[str, str, Chart]] = []
     if trials:
-        margins = margins_chart(task, trials, point_trials(task, baseline))
+        margins = margins_chart(task, trials)
         charts.append((_OVER_RUNS, "", margins))
     for caption, chart in space_charts(task, trials, steps, nearest):
         charts.append((f"{_OVER_SPACE}, {caption}" if caption else _OVER_SPACE, caption, chart))
@@ -99,7 +97,6 @@ def search_page(
         left_out=len(ordered) - MOST_LISTED,
         thinned=sum(not trial.fails for trial in trials) > MOST_LINES,
         steps=steps,
-        other_baseline=bool(baseline),
         shown=shown,
         commands=commands,
         glyphs=GLYPHS,

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 from daemon.analysis.blame import (
     Blame,
-    BlameResult,
     BudgetSpentError,
     Candidate,
     CandidateResult,
@@ -20,17 +16,14 @@ from daemon.analysis.blame import (
     RunCase,
     explain_failure,
     judge_verdict,
-    save_campaign,
     story_lines,
     unresolved_candidate,
 )
-from daemon.model.messages import LARGEST_EXTENSION
 from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import ShrunkScenario
 from daemon.model.trials import Trial
 from daemon.search.point_runner import PointRunner
-from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun, enumerate_words
 
 SHRINK_RUNS: Final = 100
@@ -51,13 +44,7 @@ def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
         # A system that is not repeatable, say, which passes this time.
         return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
     story, words = story_lines(result.story, case.settings.like), remaining_words(result.story)
-    files: dict[str, str] = {}
-    try:
-        files = _saved_files(case, result, runner)
-    except (InputError, ValueError, OSError) as error:
-        problem = f"it cannot be written as a campaign: {error}"
-        story, words = (*story, problem), f"{words}; {problem}"
-    return ShrunkScenario(story, result.story.minimal, executor.issued, files, words)
+    return ShrunkScenario(story, result.story.minimal, executor.issued, words)
 
 
 def remaining_words(story: Blame) -> str:
@@ -76,24 +63,6 @@ def _some(names: Sequence[str], whole: int, noun: str) -> str:
     more = ["…"] if len(names) > _NAMED else []
     in_brackets = f" ({', '.join([*names[:_NAMED], *more])})" if names else ""
     return f"{len(names)} of {count_noun(whole, noun)}{in_brackets}"
-
-
-def _saved_files(case: RunCase, result: BlameResult, runner: CandidateRunner) -> dict[str, str]:
-    """Return the files of a campaign in base64, by their paths.
-
-    Raises ``ValueError`` when an answer has no room for them.
-    """
-    with tempfile.TemporaryDirectory(prefix="scenario-shrink-") as parent:
-        folder = Path(parent) / "minimal"
-        save_campaign(case, result, folder, runner)
-        paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-        size = sum(path.stat().st_size for path in paths)
-        if size > LARGEST_EXTENSION // 2:
-            raise ValueError(f"its files have {size >> 20} MiB")
-        return {
-            path.relative_to(folder).as_posix(): base64.b64encode(path.read_bytes()).decode()
-            for path in paths
-        }
 
 
 @dataclass(slots=True)

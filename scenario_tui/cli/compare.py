@@ -28,8 +28,7 @@ if TYPE_CHECKING:
         VerdictChange,
     )
     from daemon.model.status import CampaignRow
-    from daemon.model.verbs import DaemonClient
-    from scenario_tui.client import ClientOpener
+    from daemon.model.verbs import ClientOpener, DaemonClient
     from scenario_tui.text.results import CampaignResults
 
 LAST_GREEN: Final = "last-green"

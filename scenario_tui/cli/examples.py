@@ -23,7 +23,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "submit": ("scenario submit campaign.yaml", "scenario submit campaign.yaml --fresh --watch"),
     "search": (
         "scenario search campaign.yaml doors-in-time --budget 4 --detach",
-        "scenario search --list",
+        "scenario search",
     ),
     "wait": ("scenario wait nightly --timeout 10min",),
     "serve": ("scenario serve campaign.yaml --scenario open-house --headless",),

@@ -110,13 +110,18 @@ def _show_search(
     as_json: bool,
 ) -> None:
     """Show a search in place of a matrix of verdicts, which it has not."""
-    from scenario_tui.cli.search import search_code, search_output
+    from scenario_tui.cli.answer import write_json
+    from scenario_tui.cli.search import search_answer
 
-    search_output(*answer).show(as_json)
+    found = search_answer(*answer)
+    if as_json:
+        write_json(found.schema, found.value)
+    else:
+        found.text()
     if runs and not as_json:
         _print_runs(runs)
     if exit_status:
-        raise typer.Exit(search_code(answer[0]))
+        raise typer.Exit(found.code)
 
 
 def _refuse_baseline(baseline: str) -> None:
@@ -252,7 +257,7 @@ def show(
         return
     from scenario_tui.cli.named_traces import pointing_to_traces, why_no_trace
     from scenario_tui.cli.target import find_run
-    from scenario_tui.client import latest_snapshot
+    from scenario_tui.library.watching import latest_snapshot
 
     with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
         detail = find_run(daemon, run)

@@ -287,6 +287,7 @@ def wait(
     from math import inf
 
     from grammars.text.words import count_noun, duration_text
+    from scenario_tui.cli.answer import write_json
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
@@ -304,8 +305,11 @@ def wait(
         )
         name, left = meant.id, max(0.0, deadline - time.monotonic())
         if meant.search:
-            code = wait_for_search(target, name, as_json, patience=patience, limit=left)
-            raise typer.Exit(code)
+            answer = wait_for_search(target, name, patience=patience, limit=left)
+            if as_json:
+                write_json(answer.schema, answer.value)
+            answer.text()
+            raise typer.Exit(answer.code)
         row = watch(target.open, name, patience=patience, limit=left)
         results = ask_patiently(target, lambda daemon: gather_results(daemon, row), PATIENCE)
     except KeyboardInterrupt:

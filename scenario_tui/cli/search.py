@@ -1,86 +1,62 @@
-"""The command that searches a scenario for failures."""
+"""The command that searches a scenario for failures, and the campaign file of what it finds."""
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import os
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from daemon.model.search_answer import SearchRow
+from daemon.model.status import RunRow
+from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode, exit_code, wrong_usage
-from scenario_tui.cli.options import AsJson, Connect, Slots, State
-from scenario_tui.cli.output import Output, plain_table, report_findings, say, stdout_console
+from scenario_tui.cli.options import Slots
+from scenario_tui.cli.output import (
+    CommandError,
+    plain_table,
+    report_findings,
+    say,
+    stdout_console,
+)
+from scenario_tui.cli.suggestions import refuse_missing_campaign
+from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
-    from daemon.model.search_answer import SearchRow
-    from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
     from daemon.search.client import SearchClient
     from daemon.search.preparation import PreparedSearch
-    from scenario_tui.cli.search_progress import SearchWatch
-    from scenario_tui.cli.target import DaemonTarget
 
 _PATIENCE: Final = 30.0
 """Seconds to wait for an answer of the daemon before it is asked again."""
 _LOOK_EVERY: Final = 0.2
+_LAYERS: Final = "campaign"
 
 
-class SearchOutput(Output, schema="search"):
-    """A search with its answer and its runs, and the files ``written`` about it by their kind.
-
-    The files of the least that fails are among those, not in the answer.
-    """
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """A search with its answer and its runs; ``found`` is the campaign file of the failure."""
 
     search: SearchRow
     proposals: tuple[RunRow, ...]
-    written: dict[str, str]
-
-    def print(self) -> None:
-        """Print the answer, what was written, and what to type next."""
-        from scenario_tui.cli.results import print_commands
-        from scenario_tui.cli.search_files import file_commands
-        from scenario_tui.text.formatting import TERMINAL_STYLES
-        from scenario_tui.text.search_text import answer_lines, search_commands
-
-        console = stdout_console()
-        for line in answer_lines(self.search, styles=TERMINAL_STYLES):
-            console.print(line, soft_wrap=True)
-        console.print()
-        if page := self.written.get("page"):
-            console.print(f"a page with figures: {page}", markup=False, soft_wrap=True)
-        print_commands(*file_commands(self.written), *search_commands(self.search))
+    found: str = ""
 
 
-class SearchesOutput(Output, schema="searches"):
-    """The searches a daemon has, the newest first; answers without their files."""
+@dataclass(frozen=True, slots=True)
+class Searches:
+    """The searches of a daemon, the newest first; answers have no campaign file."""
 
     searches: tuple[SearchRow, ...]
-
-    def print(self) -> None:
-        """Print a line for each."""
-        from rich.text import Text
-
-        from daemon.search.answers.sentences import search_word
-        from scenario_tui.cli.results import print_commands
-        from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
-        from scenario_tui.text.search_text import search_line
-
-        console = stdout_console()
-        if not self.searches:
-            console.print("No searches yet. Type: scenario search CAMPAIGN.yaml")
-            return
-        table = plain_table("search", "", "how it stands")
-        for row in self.searches:
-            word = search_word(row)
-            shown = Text(glyph_word(word), style=TERMINAL_STYLES[word])
-            table.add_row(Text(row.campaign), shown, Text(search_line(row)))
-        console.print(table)
-        print_commands((f"scenario search {self.searches[0].campaign}", "its answer"))
 
 
 def search(
@@ -146,34 +122,22 @@ def search(
             "--out",
             "-o",
             metavar="DIR",
-            help="Where the found scenario, its world for Gazebo and a page with figures go. "
-            "Default: scenario-results/search/SEARCH/.",
+            help="Where the found scenario goes. Default: scenario-results/search/SEARCH/.",
         ),
     ] = None,
-    gazebo: Annotated[
-        bool, typer.Option("--gazebo/--no-gazebo", help="Export the found world for Gazebo.")
-    ] = True,
-    listed: Annotated[bool, typer.Option("--list", help="List the searches there are.")] = False,
     slots: Slots = None,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[SearchResult] | Answer[Searches]:
     """Search for values that make a scenario fail, and for the failure nearest to it.
 
     The search runs here and has its runs executed by the daemon; one is started on this machine if
     none answers. After Ctrl-C the same command goes on where it was.
     """
-    from scenario_tui.cli.search_progress import SearchWatch
-    from scenario_tui.cli.target import DaemonTarget
-
-    target = DaemonTarget(connect, state)
-    if listed or not campaign:
-        if campaign:
-            raise typer.BadParameter("lists all of them: name none", param_hint="--list")
+    if not campaign:
         with target.open() as daemon:
-            SearchesOutput(daemon.searches()).show(as_json)
-        return
+            searches = daemon.searches()
+        return Answer("searches", Searches(searches), partial(_print_searches, searches))
     if not _is_file(campaign):
         changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
                    "--confirm": confirm, "--fresh": fresh or None, "--detach": detach or None,
@@ -182,74 +146,103 @@ def search(
         if given:
             message = "is for campaign files: a search that is there is shown as it was asked for"
             raise typer.BadParameter(message, param_hint=given[0])
-        watched = SearchWatch(_find_search(target, campaign))
-        raise typer.Exit(watch_search(target, watched, as_json, out=out, gazebo=gazebo))
+        return _watch(target, _find_search(target, campaign), out)
     file = Path(campaign)
     change = _read_changes(budget, stop, method, seed, confirm)
     prepared = _begin(file, name, change, target, slots, fresh=fresh)
     submission = prepared.submission
-    if detach:
-        with target.open() as daemon:
-            row = daemon.searches(submission.campaign)[0]
-        if not row.ended:
-            row = _detach(submission, target, out, gazebo=gazebo)
-        search_output(row, ()).show(as_json)
-        return
-    client = _client_of(prepared, target)
-    client.start()
-    watched = SearchWatch(submission.campaign, client)
-    raise typer.Exit(watch_search(target, watched, as_json, out=out, gazebo=gazebo, file=file))
-
-
-def watch_search(
-    target: DaemonTarget,
-    watched: SearchWatch,
-    as_json: bool,
-    *,
-    out: Path | None,
-    gazebo: bool,
-    file: Path | None = None,
-) -> int:
-    """Watch a search to its end, write its files, print its answer, return its exit code.
-
-    ``file`` is its campaign file, if that is here. Ctrl-C ends the watching, and the search if it
-    runs here.
-    """
-    from scenario_tui.cli.search_files import write_search_files
-    from scenario_tui.library.watching import watch_work
-
-    campaign = watched.campaign
-    try:
-        row = watch_work(target.open, campaign, watched)
-    except KeyboardInterrupt:
-        if watched.client is not None:
-            watched.client.leave()
-        words = ("scenario", "search", *([str(file)] if file is not None else []), campaign)
-        again = shlex.join(words)
-        say(f"\ngo on with `{again}`, end it with `scenario cancel {campaign}`")
-        return ExitCode.INTERRUPTED
+    if not detach:
+        return _watch(target, submission.campaign, out, file, _client_of(prepared, target))
     with target.open() as daemon:
-        folder = out or Path("scenario-results") / "search" / campaign
-        written = write_search_files(daemon, row, watched.rows, folder, file, gazebo=gazebo)
-    files = {kind: str(path) for kind, path in written.items()}
-    search_output(row, watched.rows, files).show(as_json)
-    return search_code(row)
+        row = daemon.searches(submission.campaign)[0]
+    if not row.ended:
+        row = _detach(submission, target, out)
+    return replace(search_answer(row, ()), code=ExitCode.EXPECTED)
+
+
+def _watch(
+    target: DaemonTarget,
+    campaign: str,
+    out: Path | None,
+    file: Path | None = None,
+    client: SearchClient | None = None,
+) -> Answer[SearchResult]:
+    """Watch a search to its end, write what it found, return its answer.
+
+    ``file`` is its campaign file, if that is here. Ctrl-C ends the watching, and the search if its
+    ``client`` runs here.
+    """
+    from scenario_tui.library.watching import WatchedSearch, watch_work
+
+    if client is not None:
+        client.start()
+    try:
+        row = watch_work(target.open, campaign, WatchedSearch(campaign, client))
+    except KeyboardInterrupt:
+        if client is not None:
+            client.leave()
+        again = command_line("search", *([file] if file else []), campaign)
+        message = f"go on with `{again}`, end it with `scenario cancel {campaign}`"
+        raise CommandError(message, ExitCode.INTERRUPTED) from None
+    with target.open() as daemon:
+        runs = daemon.all_runs(campaign, results=True)
+    found = write_found(row, out or Path("scenario-results") / "search" / campaign, file)
+    return search_answer(row, runs, found)
+
+
+def search_answer(
+    row: SearchRow, runs: tuple[RunRow, ...], found: Path | None = None
+) -> Answer[SearchResult]:
+    """Return the answer about a search, ``found`` being the campaign file of its failure."""
+    value = SearchResult(row, runs, str(found or ""))
+    return Answer("search", value, partial(_print_search, row, value.found), search_code(row))
+
+
+def _print_search(row: SearchRow, found: str) -> None:
+    from scenario_tui.cli.results import print_commands
+    from scenario_tui.text.formatting import TERMINAL_STYLES
+    from scenario_tui.text.search_text import answer_lines, search_commands
+
+    console = stdout_console()
+    for line in answer_lines(row, styles=TERMINAL_STYLES):
+        console.print(line, soft_wrap=True)
+    console.print()
+    print_commands(*search_commands(row, found))
+
+
+def _print_searches(searches: tuple[SearchRow, ...]) -> None:
+    from rich.text import Text
+
+    from daemon.search.answers.sentences import search_word
+    from scenario_tui.cli.results import print_commands
+    from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
+    from scenario_tui.text.search_text import search_line
+
+    console = stdout_console()
+    if not searches:
+        console.print("No searches yet. Type: scenario search CAMPAIGN.yaml")
+        return
+    table = plain_table("search", "", "how it stands")
+    for row in searches:
+        word = search_word(row)
+        shown = Text(glyph_word(word), style=TERMINAL_STYLES[word])
+        table.add_row(Text(row.campaign), shown, Text(search_line(row)))
+    console.print(table)
+    print_commands((f"scenario search {searches[0].campaign}", "its answer"))
 
 
 def wait_for_search(
-    target: DaemonTarget, campaign: str, as_json: bool, *, patience: float, limit: float
-) -> int:
-    """Watch a search to its end or for ``limit`` seconds, say how it stands; nothing is written."""
-    from scenario_tui.cli.search_progress import SearchWatch
-    from scenario_tui.library.watching import watch_work
+    target: DaemonTarget, campaign: str, *, patience: float, limit: float = inf
+) -> Answer[SearchResult]:
+    """Watch a search to its end or for ``limit`` seconds; its answer is one line."""
+    from scenario_tui.library.watching import WatchedSearch, ask_patiently, watch_work
     from scenario_tui.text.search_text import search_line
 
-    watched = SearchWatch(campaign)
-    row = watch_work(target.open, campaign, watched, patience=patience, limit=limit)
-    if as_json:
-        search_output(row, watched.rows).emit()
-    say(f"{row.campaign}: {search_line(row)}")
-    return search_code(row)
+    work = WatchedSearch(campaign)
+    row = watch_work(target.open, campaign, work, patience=patience, limit=limit)
+    runs = ask_patiently(target, lambda daemon: daemon.all_runs(campaign, results=True), patience)
+    line = f"{row.campaign}: {search_line(row)}"
+    return replace(search_answer(row, runs), text=partial(say, line))
 
 
 def search_code(row: SearchRow) -> ExitCode:
@@ -308,7 +301,6 @@ def _begin(
     from daemon.search.client import client_name
     from daemon.search.preparation import prepare_search
     from scenario_tui.cli.execute import start_daemon_if_needed
-    from scenario_tui.cli.suggestions import refuse_missing_campaign
     from scenario_tui.library.watching import SUBMIT_PATIENCE, ask_patiently
 
     refuse_missing_campaign(path)
@@ -351,19 +343,14 @@ def _client_of(prepared: PreparedSearch, target: DaemonTarget) -> SearchClient:
     )
 
 
-def _detach(
-    submission: SearchSubmission, target: DaemonTarget, out: Path | None, *, gazebo: bool
-) -> SearchRow:
+def _detach(submission: SearchSubmission, target: DaemonTarget, out: Path | None) -> SearchRow:
     """Let a process of its own run a search; return how it stands once that has begun."""
-    import time
-
     from daemon.batch.errors import LaunchFailed
     from daemon.batch.launch import start_detached
     from daemon.model.execution import python_command
 
     words = ["search", submission.file, submission.campaign, *target.words]
     words += ["--out", str(out)] if out is not None else []
-    words += [] if gazebo else ["--no-gazebo"]
     target.paths.make_folders()
     command = python_command("-c", "from scenario_tui.cli import main; main()", *words)
     process = start_detached(command, target.paths.search_log)
@@ -380,8 +367,6 @@ def _detach(
 
 def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str:
     """Say what became of a search that was handed over."""
-    from grammars.text.words import count_noun
-
     task, id_ = submission.task, submission.campaign
     if before is None:
         about = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario}"
@@ -394,31 +379,66 @@ def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str
 
 
 def _budget_text(task: SearchTask) -> str:
-    from grammars.text.words import count_noun, duration_text
-
     runs = f"at most {count_noun(task.runs, 'run')}"
     return f"{runs} or {duration_text(task.seconds)}" if task.seconds else runs
 
 
 def _find_search(target: DaemonTarget, wanted: str) -> str:
-    """Return the id of the search meant; raises :class:`Refused` when there is none."""
-    from daemon.batch.errors import Refused
-    from scenario_tui.cli.search_report import find_search_id
-
+    """Return the id of the search meant."""
     with target.open() as daemon:
-        found = find_search_id(daemon, wanted)
-    if not found:
-        hint = f"its results are shown by `scenario results {wanted}`"
-        raise Refused(f"{wanted} is no search: {hint}")
+        row = find_campaign_or_search(daemon, wanted)
+    if not row.search:
+        raise CommandError(
+            f"{wanted} is no search: its results are shown by `scenario results {wanted}`"
+        )
+    return row.id
+
+
+def write_found(row: SearchRow, folder: Path, campaign: Path | None) -> Path | None:
+    """Write the failure that a search found below a folder; return its campaign file.
+
+    It stands where the searched ``campaign`` stood among its layers, which are copied, so that the
+    folder can be handed on. Without that file here it is the one that was written before, if any.
+    """
+    from grammars.text.files import write_atomically
+    from templates.naming import file_name
+
+    name, answer = f"{file_name(row.task.name)}.found.yaml", row.answer
+    if answer is None or not answer.found:
+        return None
+    if campaign is None:
+        return next(iter(sorted((folder / _LAYERS).rglob(name))), None)
+    found = copy_campaign(campaign, folder / _LAYERS) / name
+    write_atomically(found, answer.found.encode("utf-8"))
     return found
 
 
-def search_output(
-    row: SearchRow, rows: tuple[RunRow, ...], written: Mapping[str, str] | None = None
-) -> SearchOutput:
-    """Return what to say of a search, without the contents of files."""
-    answer = row.answer
-    if answer is not None and answer.shrunk is not None:
-        shrunk = replace(answer.shrunk, files={})
-        row = replace(row, answer=replace(answer, shrunk=shrunk))
-    return SearchOutput(row, rows, dict(written or {}))
+def copy_campaign(path: Path, folder: Path) -> Path:
+    """Copy the files that a campaign is made of below ``folder``; return its folder there.
+
+    They lie to each other as they do, shipped layers beside the campaign, where it looks first.
+    Raises :class:`grammars.text.diagnostics.InputError`, and ``OSError``.
+    """
+    from daemon.campaign import load_campaign
+    from grammars.text.sources import recording_reads, shipped_folder
+
+    # Its folder without links: ".." of a link leads elsewhere than its text says.
+    file = path.parent.resolve() / path.name
+    with recording_reads() as read:
+        load_campaign(file)
+    places = {Path(os.path.normpath(one.absolute())) for one in (file, *read)}
+    shipped = shipped_folder()
+    # In a checkout the shipped campaigns are files like others.
+    own = file.parent.is_relative_to(shipped)
+    ships = {place for place in places if not own and place.is_relative_to(shipped)}
+    root = os.path.commonpath([place.parent for place in places - ships])
+    beside = folder / file.parent.relative_to(root)
+    for place in places:
+        target = (
+            beside / place.relative_to(shipped)
+            if place in ships
+            else folder / place.relative_to(root)
+        )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(place, target)
+    return beside

@@ -1,8 +1,8 @@
-"""The page of a search: its runs, its baseline and its traces, from a ledger or a daemon."""
+"""The page of a search: its runs and its traces, from a ledger or a daemon."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,22 +12,17 @@ from daemon.batch.errors import Refused, TraceUnavailable
 from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
-    from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import RunRow
     from daemon.model.verbs import CampaignSource
 
-_UNGUIDED = ("halton", "random")
-"""Methods whose runs are chosen without looking at results."""
-
 
 @dataclass(frozen=True, slots=True)
 class SearchMaterial:
-    """A search for its page: its runs, those of a baseline, and the files of traces by run."""
+    """A search for its page: its runs, and the files of traces by run."""
 
     row: SearchRow
     proposals: tuple[RunRow, ...]
-    baseline: tuple[RunRow, ...]
     traces: Mapping[str, Path]
 
 
@@ -79,51 +74,21 @@ def search_material(
     from daemon.model.verbs import DaemonClient
 
     daemon = source if isinstance(source, DaemonClient) else None
-    base = baseline_search(row, source.searches())
-    baseline = source.all_runs(base, results=True) if base else ()
     shown = row.answer.shown if row.answer is not None else None
     traces: dict[str, Path] = {}
     # A trace that is gone leaves its pictures out.
     with suppress(TraceUnavailable, Refused):
         if shown is not None and shown.run:
             traces[shown.run] = local_copy(trace_reference(source.run(shown.run).row), daemon)
-    return SearchMaterial(row, proposals, baseline, traces)
+    return SearchMaterial(row, proposals, traces)
 
 
-def baseline_search(row: SearchRow, searches: Sequence[SearchRow]) -> str:
-    """Return the id of the newest finished search of the same that was not guided, or nothing.
-
-    The same are scenario, system, oracles and ranges. A search that was not guided has no baseline.
-    """
-    if row.task.method in _UNGUIDED:
-        return ""
-    baselines = (
-        other.campaign
-        for other in searches
-        if other.state == "finished"
-        and other.task.method in _UNGUIDED
-        and _subject(other.task) == _subject(row.task)
-    )
-    return next(baselines, "")
-
-
-def _subject(task: SearchTask) -> tuple[object, ...]:
-    ranges = [(p.name, p.low, p.high, p.choices, p.unit, p.log) for p in task.parameters]
-    return task.scenario, task.sut, task.minimise, task.scales, task.constraints, ranges
-
-
-def write_search_page(
-    material: SearchMaterial, page: Path, commands: Sequence[tuple[str, str]] = ()
-) -> None:
-    """Write the page of a search; ``commands`` stand on it besides those about its runs."""
+def write_search_page(material: SearchMaterial, page: Path) -> None:
+    """Write the page of a search."""
     from daemon.search.page import search_page
     from scenario_tui.text.search_text import search_commands
 
-    text = search_page(
-        material.row,
-        material.proposals,
-        baseline=material.baseline,
-        traces=material.traces,
-        commands=(*commands, *search_commands(material.row)),
-    )
+    row = material.row
+    commands = search_commands(row)
+    text = search_page(row, material.proposals, traces=material.traces, commands=commands)
     page.write_text(text, encoding="utf-8")

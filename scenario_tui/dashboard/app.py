@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import work
 from textual.binding import Binding, BindingType
@@ -15,7 +15,6 @@ from textual.screen import ModalScreen, Screen
 
 from daemon.model.run_state import RunState
 from grammars.text.words import count_noun
-from scenario_tui.client import ClientOpener
 from scenario_tui.dashboard.background import CommandLines
 from scenario_tui.dashboard.base_app import BaseDashboard
 from scenario_tui.dashboard.config import Config
@@ -24,6 +23,9 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
+
+if TYPE_CHECKING:
+    from daemon.model.verbs import ClientOpener
 
 FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found, live maps included."""

@@ -25,8 +25,7 @@ from scenario_tui.dashboard.state import (
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, ChangeEvent
-    from daemon.model.verbs import DaemonClient
-    from scenario_tui.client import ClientOpener
+    from daemon.model.verbs import ClientOpener, DaemonClient
 
 T = TypeVar("T")
 

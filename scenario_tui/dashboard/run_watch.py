@@ -21,9 +21,8 @@ from scenario_tui.dashboard.state import DashboardState
 
 if TYPE_CHECKING:
     from daemon.model.status import LiveSnapshot, RunDetail
-    from daemon.model.verbs import Closeable, DaemonClient
+    from daemon.model.verbs import ClientOpener, Closeable, DaemonClient
     from grammars.model.scene import Scene
-    from scenario_tui.client import ClientOpener
 
 _RecordingKey: TypeAlias = tuple[str, str, str]
 """A run, and the place and the digest of its trace."""

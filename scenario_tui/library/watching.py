@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
-from typing import Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 from rich.console import Group, RenderableType
 from rich.live import Live as Screen
@@ -27,10 +27,10 @@ from daemon.model.status import (
     PreparationPhase,
     RunRow,
 )
-from daemon.model.verbs import DaemonClient
+from daemon.model.verbs import ClientOpener, DaemonClient
+from daemon.search.answers.sentences import margin_words, phase_words
 from grammars.text.terminal_text import printable_streams
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.client import ClientOpener
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.terminal.printable_console import open_console
 from scenario_tui.text.formatting import (
@@ -41,6 +41,13 @@ from scenario_tui.text.formatting import (
     run_counts,
     run_label,
 )
+from scenario_tui.text.run_text import reached_text
+from scenario_tui.text.search_text import search_line
+
+if TYPE_CHECKING:
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.spec import Snapshot
+    from daemon.search.client import SearchClient
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -59,21 +66,12 @@ _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
-WAITING: Final = "waiting for a free slot"
+_WAITING: Final = "waiting for a free slot"
 _SAY_AGAIN: Final = 5.0
 """Seconds between two lines about what a worker prepares, where there is no terminal."""
+_LIVE_PATIENCE: Final = 0.5
+"""Seconds for a run to say how far it is: it does so several times a second while it is watched."""
 _NO_WORKER: Final = "waiting for a worker: none is connected"
-
-
-@dataclass(slots=True)
-class CampaignProgress:
-    """What a watcher has seen last."""
-
-    row: CampaignRow
-    running: tuple[RunRow, ...] = ()
-    live: Mapping[str, LiveSnapshot] = field(default_factory=dict)
-    per_minute: float = 0.0
-    preparing: str = ""
 
 
 class ProgressDisplay:
@@ -90,10 +88,10 @@ class ProgressDisplay:
         """Whether anything is drawn at all."""
         return self._screen is not None
 
-    def show(self, draw: Callable[[int], RenderableType]) -> None:
-        """Draw what stands for a terminal as wide as this one."""
+    def show(self, draw: Callable[[], RenderableType]) -> None:
+        """Draw what stands, if anything is drawn at all."""
         if self._screen is not None:
-            self._screen.update(draw(self._screen.console.width), refresh=True)
+            self._screen.update(draw(), refresh=True)
 
     def note(self, message: str) -> None:
         """Say something that must not be overwritten: on a terminal it stands above the bar."""
@@ -118,55 +116,43 @@ def open_display() -> Iterator[ProgressDisplay]:
         yield ProgressDisplay(screen)
 
 
-def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
-    """Return the lines that show how far a campaign is, on a terminal ``width`` cells wide."""
-    # What is dispensable goes first, until the bar fits: the rate, then the words of verdicts.
-    for words, pace in ((True, True), (True, False), (False, False)):
-        head, tail = _campaign_line(progress, words=words, pace=pace)
-        if head.cell_len + tail.cell_len + _BAR + 4 <= width:
-            break
-    row = progress.row
-    line = Table.grid(padding=(0, 2))
-    for _ in range(3):
-        line.add_column(no_wrap=True)
-    bar = ProgressBar(total=max(1, row.total), completed=_over(row), width=_BAR)
-    line.add_row(head, bar, tail)
-    waiting = progress.preparing
-    if row.paused:
-        waiting = f"paused: `scenario pause {row.id} --off` lets it go on"
-    elif not progress.running and not waiting and not row.finished:
-        waiting = WAITING
-    return Group(line, *run_lines(progress.running, progress.live, waiting))
+def progress_lines(
+    row: CampaignRow,
+    running: Sequence[RunRow] = (),
+    live: Mapping[str, LiveSnapshot] | None = None,
+    *,
+    per_minute: float = 0.0,
+    waiting: str = "",
+    search: str = "",
+) -> Group:
+    """Return how far a campaign is: its line, that of its ``search``, a line for each running run.
 
-
-def run_lines(
-    running: Sequence[RunRow], live: Mapping[str, LiveSnapshot], waiting: str
-) -> list[Text]:
-    """Return a line for each running run that is shown, and one for what is waited for."""
-    lines = [_run_line(run, live.get(run.id)) for run in running[:_SHOWN_RUNS]]
-    hidden = len(running) - len(lines)
-    if waiting:
-        lines.append(Text(f"  {waiting}", style="dim"))
-    if hidden > 0:
-        lines.append(Text(f"  and {hidden} more", style="dim"))
-    return lines
-
-
-def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
-    """Return what stands before and after the bar, with or without words and rate."""
-    row = progress.row
+    ``waiting`` says what keeps runs from starting. Where a terminal is narrow, the end of a line is
+    left out: the rate, then counts.
+    """
     tail = Text(f"{_over(row)}/{count_noun(row.total, 'run')}")
-    for word, count in run_counts(row).items():
-        if word not in ("queued", "running"):
-            tail.append(
-                f"  {GLYPHS[word]} {count}{' ' + word if words else ''}",
-                style=TERMINAL_STYLES[word],
-            )
     if row.seconds_left is not None:
         tail.append(f"  {duration_text(row.seconds_left)} left", style="default")
-    if pace and progress.per_minute:
-        tail.append(f"  {rate_text(progress.per_minute)}", style="default")
-    return Text(row.name, style="bold"), tail
+    for word, count in run_counts(row).items():
+        if word not in ("queued", "running"):
+            tail.append(f"  {GLYPHS[word]} {count} {word}", style=TERMINAL_STYLES[word])
+    if per_minute:
+        tail.append(f"  {rate_text(per_minute)}", style="default")
+    line = Table.grid(padding=(0, 2), expand=True)
+    line.add_column(no_wrap=True)
+    line.add_column(width=_BAR)
+    line.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    bar = ProgressBar(total=max(1, row.total), completed=_over(row), width=_BAR)
+    line.add_row(Text(row.name, style="bold"), bar, tail)
+    if row.paused:
+        waiting = f"paused: `scenario pause {row.id} --off` lets it go on"
+    elif not (running or waiting or row.finished):
+        waiting = _WAITING
+    hidden = len(running) - _SHOWN_RUNS
+    words = (search, waiting, f"and {hidden} more" if hidden > 0 else "")
+    about, *rest = (_fitting(Text(f"  {text}", style="dim")) if text else None for text in words)
+    runs = [_run_line(run, (live or {}).get(run.id)) for run in running[:_SHOWN_RUNS]]
+    return Group(line, *filter(None, (about, *runs, *rest)))
 
 
 def _over(row: CampaignRow) -> int:
@@ -178,31 +164,14 @@ def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
     text = Text.assemble(
         (f"  {glyph_word('running')}  ", TERMINAL_STYLES["running"]), run_label(row)
     )
-    if live is not None and live.snapshot.waiting:
-        text.append(f"  {live.snapshot.waiting}", style="dim")
-        text.no_wrap, text.overflow = True, "ellipsis"
-    elif live is not None:
-        seen = live.snapshot
-        text.append(f"  waypoint {min(seen.reached + 1, seen.waypoints)} of {seen.waypoints}")
-        text.append(f"  {seen.time:.0f} s simulated, limit {seen.limit:.0f} s", style="dim")
-    else:
-        text.append("  starting", style="dim")
+    seen = None if live is None else live.snapshot
+    return _fitting(text.append(f"  {reached_text(seen)}", style="dim"))
+
+
+def _fitting(text: Text) -> Text:
+    """Return a text that is cut where its line ends."""
+    text.no_wrap, text.overflow = True, "ellipsis"
     return text
-
-
-@dataclass(slots=True)
-class RunRate:
-    """Measures how fast runs finish while somebody watches."""
-
-    started: float
-    before: int
-
-    def look(self, over: int, now: float) -> float:
-        """Return runs per minute when so many are ``over``."""
-        # What was over before somebody looked says nothing about the pace: it may be cached.
-        since = over - self.before
-        elapsed = now - self.started
-        return 60.0 * since / elapsed if since > 0 and elapsed > 0 else 0.0
 
 
 @dataclass(slots=True)
@@ -253,35 +222,94 @@ class WatchedWork(Protocol[T_co]):
     def finished(self) -> bool:
         """Whether nothing more comes."""
 
-    def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
+    def draw(self, live: Mapping[str, LiveSnapshot], preparing: str) -> RenderableType:
         """Return how it stands; ``preparing`` is what keeps runs from starting."""
 
 
 @dataclass(slots=True)
-class _WatchedRuns:
+class WatchedRuns:
     """The runs of a campaign, as far as they are shown."""
 
     campaign: str
     row: CampaignRow | None = None
     running: tuple[RunRow, ...] = ()
-    pace: RunRate | None = None
+    began: tuple[float, int] | None = None
 
     def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
-        row = self.row = ask_campaign(daemon, self.campaign)
-        self.running = ask_running(daemon, row) if shown.on_screen else ()
-        self.pace = self.pace or RunRate(time.monotonic(), _over(row))
+        """Return how the campaign stands."""
+        row = self.row = daemon.campaign(self.campaign)
+        if row is None:
+            raise Refused(f"the daemon does not know the campaign {self.campaign} (any more)")
+        # One more than is shown tells whether there are more.
+        most = _SHOWN_RUNS + 1
+        if shown.on_screen:
+            self.running = daemon.runs(row.id, state="running", limit=most).rows
+        # Runs that were over before somebody looked say nothing about the rate: they may be cached.
+        self.began = self.began or (time.monotonic(), _over(row))
         return row
 
     @property
     def finished(self) -> bool:
+        """Whether no run waits or runs."""
         return self.row is not None and self.row.finished
 
-    def draw(self, live: Mapping[str, LiveSnapshot], preparing: str, width: int) -> RenderableType:
-        if self.row is None or self.pace is None:
+    def draw(
+        self, live: Mapping[str, LiveSnapshot], preparing: str, search: str = ""
+    ) -> RenderableType:
+        """Return the lines of the campaign, with that of its ``search``."""
+        if self.row is None or self.began is None:
             return Text(preparing)
-        per_minute = self.pace.look(_over(self.row), time.monotonic())
-        found = CampaignProgress(self.row, self.running, live, per_minute, preparing)
-        return progress_lines(found, width)
+        minutes, over = (time.monotonic() - self.began[0]) / 60.0, _over(self.row) - self.began[1]
+        rate = over / minutes if minutes > 0.0 else 0.0
+        return progress_lines(
+            self.row, self.running, live, per_minute=rate, waiting=preparing, search=search
+        )
+
+
+@dataclass(slots=True)
+class WatchedSearch:
+    """A search as it was seen last, and what has been told of it; ``client`` runs it here."""
+
+    campaign: str
+    client: SearchClient | None = None
+    row: SearchRow | None = None
+    runs: WatchedRuns = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.runs = WatchedRuns(self.campaign)
+
+    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> SearchRow:
+        """Return how it stands; tell the first failure and what the search goes on with."""
+        row, before = daemon.search_row(self.campaign), self.row
+        if row is None:
+            raise Refused(f"the daemon does not know the search {self.campaign} (any more)")
+        if shown.on_screen:
+            self.runs.look(daemon, shown)
+        first = row.answer.first if row.answer is not None else None
+        was_told = before is not None and before.answer is not None and before.answer.first
+        # Of a search that was over when somebody came, the answer tells.
+        if first is not None and not was_told and not (before is None and row.ended):
+            oracle = first.verdict.oracle if first.verdict else row.task.minimise
+            margin = margin_words(first)
+            by = f" by {margin}" if margin else ""
+            shown.note(f"run {first.number} fails: {oracle}{by} ({first.run})")
+        phase = before.phase if before is not None else "explore"
+        if row.phase != phase and row.state == "running":
+            shown.note(phase_words(row))
+        self.row = row
+        return row
+
+    @property
+    def finished(self) -> bool:
+        """True once the search has ended, or waits for a client and has none here."""
+        if self.row is None or self.row.state == "running":
+            return False
+        return self.row.ended or self.client is None or not self.client.is_alive()
+
+    def draw(self, live: Mapping[str, LiveSnapshot], preparing: str) -> RenderableType:
+        """Return the lines of its campaign and one about the search."""
+        about = search_line(self.row) if self.row is not None else ""
+        return self.runs.draw(live, preparing, about)
 
 
 def watch(
@@ -296,7 +324,7 @@ def watch(
 
     It is watched as :func:`watch_work` says.
     """
-    work = _WatchedRuns(campaign)
+    work = WatchedRuns(campaign)
     return watch_work(
         open_daemon, campaign, work, patience=patience, endurance=endurance, limit=limit
     )
@@ -408,15 +436,20 @@ def _listen(
         subscription.close()
 
 
-def ask_campaign(daemon: DaemonClient, campaign: str) -> CampaignRow:
-    """Return how a campaign stands; raises :class:`Refused` when the daemon has it no more."""
-    row = daemon.campaign(campaign)
-    if row is None:
-        raise Refused(f"the daemon does not know the campaign {campaign} (any more)")
-    return row
+def latest_snapshot(
+    daemon: DaemonClient, run: str, patience: float = _LIVE_PATIENCE
+) -> Snapshot | None:
+    """Return how far a run is, ``None`` when it does not tell within ``patience`` seconds."""
+    heard: list[Snapshot] = []
+    came = threading.Event()
 
+    def take(message: LiveSnapshot) -> None:
+        heard.append(message.snapshot)
+        came.set()
 
-def ask_running(daemon: DaemonClient, row: CampaignRow) -> tuple[RunRow, ...]:
-    """Return those of its runs that run, as many as are shown."""
-    # One more than is shown tells whether there are more.
-    return daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows
+    watch = daemon.watch(run, take)
+    try:
+        came.wait(patience)
+    finally:
+        watch.close()
+    return heard[-1] if heard else None

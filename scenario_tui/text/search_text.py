@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
@@ -38,33 +36,15 @@ if TYPE_CHECKING:
     from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
     from daemon.model.search_answer import SearchAnswer, SearchRow
 
-BLOCKS: Final = "▁▂▃▄▅▆▇█"
-"""Signs of a sparkline, the lowest first."""
 _RANGE, _LEAST_NAME = 11, 12
 """Cells of the range of a parameter, and of its name at least."""
-_INFLUENCE: Final = 7
 _LEGEND: Final = "│ as written  ● in this run  ≠ not as written"
 _HALF: Final = 8
 """Cells on either side of a bar of influence."""
+GAZEBO_KINDS: Final = ("map", "sdf", "keyframes", "tasks", "launch")
+"""Artefacts of a world in Gazebo: its map, models, doors that move, waypoints, launch files."""
 _STATES: Final = {"cancelled": "cancelled", "failed": "error"}
 """Words of searches that did not come to their end."""
-
-
-def sparkline(values: Sequence[float], width: int = 24) -> str:
-    """Return values as a line of blocks, at most ``width`` long; nought is always in its range.
-
-    Where there are more values than cells, a cell shows the smallest of its values. What is no
-    finite number is left out.
-    """
-    cells = [value for value in values if math.isfinite(value)]
-    if len(cells) > width:
-        edges = [len(cells) * cell // width for cell in range(width + 1)]
-        cells = [min(cells[a:b]) for a, b in pairwise(edges)]
-    low, high = min([*cells, 0.0]), max([*cells, 0.0])
-    if high == low:
-        return BLOCKS[0] * len(cells)
-    top = len(BLOCKS) - 1
-    return "".join(BLOCKS[round(top * (value - low) / (high - low))] for value in cells)
 
 
 def proposal_text(
@@ -77,7 +57,7 @@ def proposal_text(
     if proposal.note:
         purpose += f": {proposal.note}"
     about = f"point {proposal.number} of the search {task.name}, {purpose}\n"
-    parameters = parameters_text(task, proposal.values, width, styles=styles)
+    parameters = parameters_text(task, proposal.values, width, styles)
     return Text(about, style=quiet_style(styles)).append(parameters)
 
 
@@ -96,56 +76,38 @@ def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE
 
 
 def parameters_text(
-    task: SearchTask,
-    values: Point,
-    width: int,
-    influence: Mapping[str, float] | None = None,
-    styles: Styles = DASHBOARD_STYLES,
+    task: SearchTask, values: Point, width: int, styles: Styles = DASHBOARD_STYLES
 ) -> Text:
-    """Return a line for each parameter, at most ``width`` cells; those not as written stand out.
-
-    ``influence`` are correlations with the margin, shown where there is room for them.
-    """
+    """Return a line for each parameter, at most ``width`` cells; those not as written stand out."""
     unsure, quiet = styles["inconclusive"], quiet_style(styles)
     pairs = list(zip(task.parameters, values, strict=True))
-    texts = [
-        ("" if is_as_written(one, value) else _written(one, value), one.shown(value))
-        for one, value in pairs
-    ]
-    sizes = [max((len(pair[i]) for pair in texts), default=0) for i in (0, 1)]
     names = [task.short_name(one.name) for one, _ in pairs]
-    longest = max(map(len, names), default=0)
-    most = max((width - _RANGE - 7 - _LEAST_NAME) // 2, 4)
-    sizes[0] = min(sizes[0], most)
-    sizes[1] = min(sizes[1], 2 * most - sizes[0])
-    rest = width - sum(sizes) - _RANGE - 7
-    correlations = influence if influence and rest - longest >= _INFLUENCE else {}
-    name_cells = max(min(longest, rest), _LEAST_NAME)
+    amounts = [_change_text(one, value) for one, value in pairs]
+    room = width - _RANGE - 4
+    name_cells = min(max(map(len, names)), max(_LEAST_NAME, room - max(map(len, amounts))))
+    cells = min(max(map(len, amounts)), room - name_cells)
     text = Text(no_wrap=True, overflow="ellipsis")
-    for name, (one, value), (written, now) in zip(names, pairs, texts, strict=True):
+    for name, amount, (one, value) in zip(names, amounts, pairs, strict=True):
         changed = not is_as_written(one, value)
         text.append("≠ " if changed else "  ", style=unsure)
         text.append(keep_end(name, name_cells), style="bold" if changed else quiet)
-        text.append(f" {keep_start(written, sizes[0]):>{sizes[0]}} ", style=quiet)
-        text.append("→ " if changed else "  ", style=quiet)
-        text.append(
-            f"{keep_start(now, sizes[1]):<{sizes[1]}} ", style=f"bold {unsure}" if changed else ""
-        )
-        text.append(range_bar(one, value), style="" if changed else quiet)
-        if one.name in correlations:
-            text.append(f"  {minus(f'{correlations[one.name]:+.2f}')}", style=quiet)
-        text.append("\n")
+        style = f"bold {unsure}" if changed else ""
+        text.append(f" {keep_start(amount, cells):>{cells}} ", style=style)
+        text.append(f"{range_bar(one, value)}\n", style="" if changed else quiet)
     text.append(_LEGEND if width >= len(_LEGEND) else "│ written  ● here", style=quiet)
     return text
 
 
-def _written(parameter: SearchParameter, value: PointValue) -> str:
-    """Return the written value, without its unit where that of the other one follows."""
-    if parameter.written is None:
-        return NOTHING
-    words = parameter.shown(parameter.written)
-    numbers = isinstance(value, float | int) and isinstance(parameter.written, float | int)
-    return words.removesuffix(f" {parameter.unit}") if numbers and parameter.unit else words
+def _change_text(parameter: SearchParameter, value: PointValue) -> str:
+    """Return ``8 → 8.54 s``; the value alone where it is as written."""
+    words, written = parameter.shown(value), NOTHING
+    if is_as_written(parameter, value):
+        return words
+    if parameter.written is not None:
+        written = parameter.shown(parameter.written)
+    if parameter.unit and isinstance(value, float | int):
+        written = written.removesuffix(f" {parameter.unit}")
+    return f"{written} → {words}"
 
 
 def resuming_command(row: SearchRow) -> str:
@@ -260,8 +222,11 @@ def influence_lines(
     return lines
 
 
-def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:
-    """Return what to type next about a search: commands and what they do."""
+def search_commands(row: SearchRow, found: str = "") -> tuple[tuple[str, str], ...]:
+    """Return what to type next about a search: commands and what they do.
+
+    ``found`` is the campaign file of its failure, if that is here.
+    """
     if not row.ended:
         watch = (f"scenario search {row.campaign}", "watch it")
         return (
@@ -275,5 +240,14 @@ def search_commands(row: SearchRow) -> tuple[tuple[str, str], ...]:
         what = "watch the failure" if shown.fails else "watch the run nearest to failing"
         commands.append((f"scenario replay {shown.run}{begin}", what))
         commands.append((f"scenario show {shown.run}", "what each oracle says"))
+    if shown is not None and found:
+        cell = shown.label.split("/")[:2]
+        export = command_line("export", found, *GAZEBO_KINDS, "-o", "gazebo")
+        commands += [
+            (command_line("run", found), "the failure again, on its own"),
+            (command_line("blame", found, *cell), "the least of it that still fails"),
+            (export, "its world for Gazebo"),
+        ]
+    commands.append((f"scenario report {row.campaign}", "a page with figures"))
     commands.append((f"scenario results {row.campaign} --runs", "every run of the search"))
     return tuple(commands)

@@ -106,7 +106,6 @@ def make_answer():
             ("minimal: kitchen_door (of 3 objects)",),
             minimal=True,
             runs=9,
-            files={"campaign.yaml": "Y2FtcGFpZ246IHNocnVuawo="},
         ),
         findings=(
             DistinctFailure(

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES
 from daemon.model.search import SearchTask
-from daemon.model.search_answer import SearchAnswer, SearchProgress, SearchQuery, SearchRow
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from grammars.text import codec
 
 _SEARCHES: Final = (
@@ -52,16 +52,11 @@ def read_searches(db: sqlite3.Connection, query: SearchQuery) -> tuple[SearchRow
     ):
         search = _search_row(row)
         if not query.campaign and search.answer is not None:
-            answer = _without_files(search.answer) if room > 0 else None
+            answer = replace(search.answer, found="") if room > 0 else None
             search = replace(search, answer=answer)
             room -= len(codec.to_json(answer))
         rows.append(search)
     return tuple(rows)
-
-
-def _without_files(answer: SearchAnswer) -> SearchAnswer:
-    shrunk = answer.shrunk and replace(answer.shrunk, files={})
-    return replace(answer, shrunk=shrunk, found="")
 
 
 def _search_row(row: Any) -> SearchRow:

@@ -195,11 +195,9 @@ class SearchScreen(SteeringScreen, MapActions):
         front, search = self._front(), self._shown
         if front is None or search is None:
             return
-        answer = search.row.answer
-        influence = {one.parameter: one.correlation for one in answer.influence} if answer else {}
         width = (self.query_one("#parameters").size.width or self.size.width) - 2
         text = Text.assemble((front.what, "bold"), f"  {front.trial.label}\n", overflow="ellipsis")
-        text.append(parameters_text(search.row.task, front.trial.point, width, influence))
+        text.append(parameters_text(search.row.task, front.trial.point, width))
         self.query_one("#parameters-text", Static).update(text)
 
     def _show_map(self, state: DashboardState) -> None:

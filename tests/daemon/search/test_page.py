@@ -114,7 +114,7 @@ def test_every_run_has_its_place_on_the_axis_of_a_parameter(parameter):
 def test_every_failure_is_a_cross_and_the_smallest_margin_a_line():
     row, rows = searched(DOOR, *OTHERS)
     trials = point_trials(row.task, rows)
-    above, below = margins_chart(row.task, trials, ())["vconcat"]
+    above, below = margins_chart(row.task, trials)["vconcat"]
     _, smallest, dots = above["layer"]
     kinds = [one["kind"] for one in rows_of(dots["data"])]
     assert kinds.count("fails") == sum(one.fails for one in trials) > 0
@@ -123,14 +123,6 @@ def test_every_failure_is_a_cross_and_the_smallest_margin_a_line():
     assert [one["smallest"] for one in courses] == pytest.approx([*least, least[-1]])
     assert courses[-1]["failures"] == kinds.count("fails")
     assert below["data"] == smallest["data"]
-
-
-def test_another_search_that_was_not_guided_is_the_baseline():
-    row, rows = searched(DOOR, *OTHERS)
-    _, others = searched(DOOR, *OTHERS, method="random", seed=3)
-    trials, baseline = (point_trials(row.task, each) for each in (rows, others))
-    for unguided, name in ((baseline, "random alone, another search"), ((), "space-filling runs")):
-        assert name in str(margins_chart(row.task, trials, unguided))
 
 
 def test_runs_without_a_margin_leave_gaps():

@@ -1,6 +1,5 @@
 """The least of a failure that still fails, its candidates being runs of the search."""
 
-import base64
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -78,7 +77,7 @@ def explored(case, fails):
     return points, runs, points.finish(begun)
 
 
-def test_one_door_and_what_it_does_are_left(case, tmp_path):
+def test_one_door_and_what_it_does_are_left(case):
     def fails(spec):
         doing = any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
         return doing and any(w.id == "kitchen" for w in spec.mission.waypoints)
@@ -101,13 +100,6 @@ def test_one_door_and_what_it_does_are_left(case, tmp_path):
     assert {p.values for p in tried} == {(1.5,)}
     assert any("without" in p.note and "bedroom" in p.note for p in tried)
     assert len(set(runs.digests)) == len(runs.digests)
-    folder = tmp_path / "minimal"
-    for name, data in shrunk.files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(base64.b64decode(data))
-    (run,) = expand(load_campaign(folder / "campaign.yaml")).specs
-    assert fails(run)
-    assert [w.id for w in run.mission.waypoints] == ["kitchen"]
 
 
 def test_what_does_not_fail_is_not_shrunk(case):
@@ -117,7 +109,7 @@ def test_what_does_not_fail_is_not_shrunk(case):
         "nothing to shrink: near.0/pilot/0 does not fail keeps-clear: "
         "reached pass, keeps-clear pass",
     )
-    assert (shrunk.files, shrunk.runs) == ({}, 0)
+    assert shrunk.runs == 0
 
 
 def test_what_was_left_out_is_told(case):
@@ -144,7 +136,6 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(case):
     answer = run_search(searched, runs)
     assert answer.nearest is not None
     assert answer.shrunk is not None
-    assert answer.shrunk.files
     file = case.folder / "near.found.yaml"
     file.write_text(answer.found)
     (run,) = expand(load_campaign(file)).specs

@@ -34,13 +34,13 @@ def place(tmp_path, campaigns):
 def test_what_is_found_says_the_same_on_its_own(place):
     state, file = place / "state", "campaigns/demo/campaign.yaml"
     try:
-        done = call("search", file, "--no-gazebo", "--json", state=state, cwd=place)
+        done = call("search", file, "--json", state=state, cwd=place)
         assert done.returncode == 1, done.stderr
         body = declared(done.stdout)
         search = body["search"]
         assert search["state"] == "finished"
         assert search["answer"]["explored"] == len(body["proposals"]) == 3
-        found = load_campaign(place / body["written"]["found"])
+        found = load_campaign(place / body["found"])
         assert [run.digest for run in expand(found).specs] == [search["answer"]["first"]["digest"]]
         again = call_here("search", file, "--detach", state=state, cwd=place)
         assert (again.returncode, "is known already" in again.stderr) == (0, True)

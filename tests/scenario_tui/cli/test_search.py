@@ -1,27 +1,22 @@
 """Searching from the command line: what is handed over, watched, told and written."""
 
-import shlex
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import typer
 from rich.console import Console
+from rich.live import Live
 
 from daemon.model.messages import Empty
-from daemon.model.run_state import RunState
 from daemon.model.search import SearchSubmission
 from daemon.search.preparation import PreparedSearch
-from grammars.text.words import command_line
 from scenario_tui.cli import search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.search import _read_changes, search_code
-from scenario_tui.cli.search_files import file_commands
-from scenario_tui.cli.search_progress import SearchWatch
-from scenario_tui.client import newer_runs
 from scenario_tui.library import watching
 from scenario_tui.library.submission import searches_text
-from scenario_tui.library.watching import ProgressDisplay
+from scenario_tui.library.watching import ProgressDisplay, WatchedSearch
 from scenario_tui.text.search_text import search_line
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row
@@ -30,7 +25,6 @@ from tests.scenario_tui.fake_search import (
     SEARCH,
     TASK,
     make_answer,
-    make_proposal_row,
     make_proposals,
     make_search,
 )
@@ -54,39 +48,29 @@ def _have(fake, row):
     fake.rows = (*fake.rows, *runs)
 
 
-def test_a_search_that_is_over_is_told_with_its_files_and_commands(scenario, fake):
+def test_a_search_that_is_over_is_told_with_its_found_file_and_commands(scenario, fake):
     _have(fake, make_search())
-    folder = Path("scenario-results") / "search" / SEARCH
     # Its client wrote that one, with the layers of the campaign.
-    found = folder / "campaign" / "house" / "doors-in-time.found.yaml"
+    found = Path("scenario-results", "search", SEARCH, "campaign/house/doors-in-time.found.yaml")
     found.parent.mkdir(parents=True)
     found.touch()
     said = scenario("search", SEARCH)
     assert said.code == ExitCode.UNEXPECTED
     assert said.out.startswith("doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats")
-    assert (folder / "smallest" / "campaign.yaml").read_text() == "campaign: shrunk\n"
-    assert "can it fail?" in (folder / "report.html").read_text()
-    assert str(folder / "report.html") in said.out
     assert f"scenario run {found}" in said.out
+    assert f"scenario report {SEARCH}" in said.out
     assert f"scenario replay {SEARCH}.4 --from keeps-clear" in said.out
+    assert declared(scenario("search", SEARCH, "--json").out)["found"] == str(found)
 
 
-def test_a_daemon_cannot_have_files_written_elsewhere(scenario, fake, tmp_path):
-    shrunk = replace(make_answer().shrunk, files={"../../../courier.yaml": ""})
-    _have(fake, make_search(answer=replace(make_answer(), shrunk=shrunk)))
-    said = scenario("search", SEARCH, "--out", "deep/deeper")
-    assert said.code == ExitCode.INFRASTRUCTURE
-    assert "courier.yaml" in said.err
-    assert not list(tmp_path.rglob("courier.yaml"))
-
-
-def test_as_json_a_search_has_its_runs_and_the_names_of_its_files(scenario, fake):
+def test_watching_a_search_without_its_campaign_file_writes_nothing(scenario, fake, tmp_path):
     _have(fake, make_search())
-    body = declared(scenario("search", SEARCH, "-o", "out", "--json").out)
+    before = set(tmp_path.rglob("*"))
+    body = declared(scenario("search", SEARCH, "--json").out)
     assert body["search"]["campaign"] == SEARCH
     assert len(body["proposals"]) == len(MARGINS)
-    assert body["written"] == {"page": "out/report.html", "smallest": "out/smallest/campaign.yaml"}
-    assert body["search"]["answer"]["shrunk"]["files"] == {}
+    assert body["found"] == ""
+    assert set(tmp_path.rglob("*")) == before
 
 
 def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake):
@@ -115,14 +99,12 @@ def test_options_are_for_campaign_files(scenario, fake):
 def test_searches_are_listed(scenario, fake):
     assert "No searches yet" in scenario("search").out
     _have(fake, make_search())
-    for words in ((), ("--list",)):
-        said = scenario("search", *words)
-        assert said.code == 0
-        assert SEARCH in said.out
-        assert "2 failures" in said.out
-    body = declared(scenario("search", "--list", "--json").out)
+    said = scenario("search")
+    assert said.code == 0
+    assert SEARCH in said.out
+    assert "2 failures" in said.out
+    body = declared(scenario("search", "--json").out)
     assert [row["campaign"] for row in body["searches"]] == [SEARCH]
-    assert scenario("search", SEARCH, "--list").code == ExitCode.BAD_INPUT
 
 
 @pytest.mark.parametrize(
@@ -267,10 +249,12 @@ def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fak
     def later(daemon):
         nonlocal looks
         looks += 1
-        if looks == 10:
+        if looks == 8:
+            daemon.found = (replace(daemon.found[0], answer=make_answer()),)
+        if looks == 14:
             daemon.found = (replace(daemon.found[0], phase="nearest"),)
         if looks == 20:
-            daemon.found = (make_search(answer=replace(make_answer(), found="", shrunk=None)),)
+            daemon.found = (make_search(answer=replace(make_answer(), found="")),)
 
     fake.before = later
     said = scenario("search", SEARCH)
@@ -297,57 +281,25 @@ def test_leaving_ends_the_watching_only(scenario, fake):
     assert f"end it with `scenario cancel {SEARCH}`" in said.err
 
 
-@pytest.mark.parametrize("width", [60, 80, 200])
-def test_progress_fits_its_terminal(fake, width):
-    _have(fake, make_search("running"))
-    watched = SearchWatch(SEARCH)
-    watched.look(fake, ProgressDisplay(None))
-    console = Console(width=width, record=True)
-    console.print(watched.draw({}, "", width))
-    line = console.export_text().splitlines()[0]
-    assert line.startswith("doors-in-time")
-    assert "8/60 runs" in line
-    assert ("▆" in line) == (width > 60)
-
-
-def test_a_search_before_its_first_run_says_what_it_waits_for(fake):
-    fake.found = (make_search("running"),)
-    watched = SearchWatch(SEARCH)
-    watched.look(fake, ProgressDisplay(None))
-    console = Console(width=100, record=True)
-    console.print(watched.draw({}, "", 100))
-    console.print(watched.draw({}, "compiling kernels 7/42", 100))
-    text = console.export_text()
-    assert "waiting for a free slot" in text
-    assert "compiling kernels 7/42" in text
-
-
-def test_only_runs_that_may_have_changed_are_asked_for_again(fake):
-    open_row = make_proposal_row(len(MARGINS), state=RunState.RUNNING)
-    fake.found, fake.proposed = (make_search("running"),), (*make_proposals(), open_row)
-    known = newer_runs(fake, SEARCH)
-    fake.calls.clear()
-    fake.proposed = (*make_proposals(), make_proposal_row(len(MARGINS)), open_row)
-    assert newer_runs(fake, SEARCH, known) == fake.proposed
-    assert [call[7] for call in fake.calls] == [len(MARGINS)]
-
-
 @pytest.mark.parametrize(
     ("phase", "note", "shown"),
     [
         ("confirm", "run 1 again, 5 times with other noise", True),
-        # The bar has newer numbers.
+        # The line has newer numbers.
         ("explore", "1 of 60 runs, best -7.3 m", False),
     ],
 )
 def test_what_a_search_does_is_said_where_it_is_watched(fake, phase, note, shown):
     row = make_search("running", phase=phase, note=note)
     _have(fake, row)
-    watched = SearchWatch(SEARCH)
-    watched.look(fake, ProgressDisplay(None))
+    watched = WatchedSearch(SEARCH)
+    watched.look(fake, ProgressDisplay(Live(console=Console())))
     console = Console(width=100, record=True)
-    console.print(watched.draw({}, "", 100))
-    assert (note in console.export_text()) is shown
+    console.print(watched.draw({}, "compiling kernels 7/42"))
+    _, about, *_, waiting = console.export_text().splitlines()
+    assert about.startswith("  doors-in-time: ")
+    assert waiting == "  compiling kernels 7/42"
+    assert (note in about) is shown
     assert (note in search_line(row)) is shown
 
 
@@ -364,11 +316,7 @@ def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campai
 
 def test_commands_about_files_can_be_copied():
     spaced = Path("a b/campaign.yaml")
-    assert shlex.split(command_line("report", spaced)) == ["scenario", "report", str(spaced)]
     assert "`scenario search 'a b/campaign.yaml'`" in searches_text(spaced, ("a",))
-    written = {kind: f"a b/{kind}" for kind in ("found", "smallest", "gazebo")}
-    commands = [shlex.split(command) for command, _ in file_commands(written)]
-    assert [words[-1] for words in commands] == list(written.values())
 
 
 def test_cancelling_a_search_says_that_it_has_ended(scenario, fake):

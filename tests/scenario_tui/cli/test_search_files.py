@@ -7,7 +7,9 @@ from xml.etree import ElementTree
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from scenario_tui.cli.search_files import copy_campaign, export_found
+from scenario_tui.cli import invoke
+from scenario_tui.cli.search import copy_campaign
+from scenario_tui.text.search_text import GAZEBO_KINDS
 
 FOUND = """\
 # Found by the search doors-in-time: kitchen_opens 8.54 s.
@@ -40,16 +42,15 @@ def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
     file.write_text(FOUND)
     (run,) = expand(load_campaign(file)).specs
     assert run.label == "doors-in-time.4/pilot/0"
-    exported = export_found(file, folder / "gazebo")
-    assert set(exported.made) == {"map", "sdf", "keyframes", "tasks", "launch"}
-    assert all(path.is_relative_to(folder / "gazebo") for path in exported.paths)
-    worlds = [path for path in exported.made["sdf"] if path.suffix in (".sdf", ".world")]
+    gazebo = folder / "gazebo"
+    assert invoke(["export", str(file), *GAZEBO_KINDS, "-o", str(gazebo)]) == 0
+    worlds = [path for path in gazebo.rglob("*") if path.suffix in (".sdf", ".world")]
     assert worlds
     assert all(ElementTree.parse(path).getroot().tag == "sdf" for path in worlds)
     # The map server of a launch file dies without its file.
-    launch = exported.made["launch"][0].read_text(encoding="utf-8")
+    launch = next(path for path in gazebo.rglob("*.launch*")).read_text(encoding="utf-8")
     (named,) = re.findall(r'default="[^"/]*\)/(maps/[^"]*)"', launch)
-    assert (folder / "gazebo" / named).is_file()
+    assert list(gazebo.rglob(named))
 
 
 def test_a_copied_campaign_means_the_same_runs_without_any_file_around_it(folder, tmp_path):

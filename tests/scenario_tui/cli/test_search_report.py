@@ -20,12 +20,10 @@ from daemon.model.trials import Trial
 from daemon.trace import read_trace
 from grammars.text import codec
 from scenario_tui.cli import invoke
-from scenario_tui.cli.search_report import baseline_search
 from tests.daemon.analysis.report.recordings import SHUT, SUTS, record, spec
 from tests.daemon.batch.samples import TASK, make_proposal, make_search
 from tests.daemon.judging.oracles.traces import CORRIDOR
 from tests.scenario_tui.cli.outputs import declared
-from tests.scenario_tui.fake_search import make_search as searched
 
 SEARCH = "corridor-doors-1"
 
@@ -127,22 +125,3 @@ def test_coverage_has_the_runs_of_a_search(ledger, capsys):
 def test_a_campaign_file_says_which_searches_it_has(campaigns, capsys):
     assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
     assert "name its id here once it has run" in capsys.readouterr().err
-
-
-def test_the_baseline_is_a_finished_search_of_the_same_that_was_not_guided():
-    row = searched()
-
-    def other(name, state="finished", **changes):
-        task = replace(row.task, **({"method": "halton"} | changes))
-        return searched(state, campaign=name, task=task)
-
-    narrow = tuple(replace(p, high=p.high - 0.1) for p in row.task.parameters)
-    others = (
-        other("running", "running"),
-        other("guided", method="tpe"),
-        other("elsewhere", scenario="open-house"),
-        other("narrow", parameters=narrow),
-    )
-    assert baseline_search(row, others) == ""
-    assert baseline_search(row, (*others, other("new"), other("old"))) == "new"
-    assert baseline_search(other("new"), (other("old"),)) == ""

@@ -382,8 +382,7 @@ def test_parameters_fit_and_say_what_is_not_as_written():
         lines = parameters_text(TASK, values, width).plain.splitlines()
         assert all(len(line) <= width for line in lines)
         assert [line[0] for line in lines[:-1]] == list("  ≠    ≠")
-    wide = parameters_text(TASK, values, 100, {"doors_moving.kitchen_opens": -0.81}).plain
+    wide = parameters_text(TASK, values, 100).plain
     assert "8 → 8.54 s" in wide
-    assert "−0.81" in wide
     assert "≠ kitchen_opens" in wide
     assert "doors_moving." not in wide

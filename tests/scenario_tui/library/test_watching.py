@@ -11,7 +11,7 @@ from daemon.model.run_state import RunState
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
 from daemon.model.verdicts import Outcome
 from scenario_tui.library import watching
-from scenario_tui.library.watching import CampaignProgress, progress_lines, watch
+from scenario_tui.library.watching import progress_lines, watch
 from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, make_live, make_row
 
 PREPARING = "compiling kernels 7/42 (once on this machine)"
@@ -75,58 +75,45 @@ def test_a_campaign_the_daemon_forgot_is_not_waited_for(fake):
         watch(fake.open, "never-submitted")
 
 
+def _drawn(width, *shown, **words):
+    console = Console(width=width)
+    with console.capture() as capture:
+        console.print(progress_lines(*shown, **words))
+    return capture.get().splitlines()
+
+
 def test_waiting_for_the_first_run_is_explained(fake):
     fake.rows = tuple(replace(row, state=RunState.QUEUED, outcome=None) for row in fake.rows)
-    console = Console(width=80)
-    with console.capture() as capture:
-        console.print(progress_lines(CampaignProgress(fake.campaigns()[0]), 80))
-    assert "0/10 runs" in capture.get()
-    assert "waiting for a free slot" in capture.get()
-    with console.capture() as capture:
-        progress = CampaignProgress(fake.campaigns()[0], preparing=PREPARING)
-        console.print(progress_lines(progress, 80))
-    assert PREPARING in capture.get()
+    campaign, waiting = _drawn(80, fake.campaigns()[0])
+    assert "0/10 runs" in campaign
+    assert waiting == "  waiting for a free slot"
+    assert _drawn(80, fake.campaigns()[0], waiting=PREPARING)[1] == f"  {PREPARING}"
 
 
 def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake):
     running = tuple(make_row(k, state=RunState.RUNNING) for k in range(10))
-    console = Console(width=80)
-    with console.capture() as capture:
-        progress = CampaignProgress(fake.campaigns()[0], running, preparing=PREPARING)
-        console.print(progress_lines(progress, 80))
-    assert capture.get().splitlines()[-2:] == [f"  {PREPARING}", "  and 2 more"]
+    lines = _drawn(80, fake.campaigns()[0], running, waiting=PREPARING)
+    assert lines[-2:] == [f"  {PREPARING}", "  and 2 more"]
 
 
 @pytest.mark.parametrize("width", [80, 140])
 def test_progress_shows_counts_pace_and_what_runs(fake, width):
-    row = replace(fake.campaigns()[0], seconds_left=95.0)
-    live = make_live(7, time=61.0)
-    sight = CampaignProgress(row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5)
-    console = Console(width=width)
-    with console.capture() as capture:
-        console.print(progress_lines(sight, width))
-    campaign, run = capture.get().splitlines()
-    assert "8/10 runs" in campaign
-    assert ("✗ 2 fail" if width > 100 else "✗ 2  ! 1") in campaign
+    row, live = replace(fake.campaigns()[0], seconds_left=95.0), make_live(7, time=61.0)
+    running = (make_row(7, state=RunState.RUNNING),)
+    campaign, run = _drawn(width, row, running, {live.run: live}, per_minute=12.5)
+    assert len(campaign) <= width
+    assert "8/10 runs  1 min 35 s left  ✗ 2 fail  ! 1" in campaign
     assert ("12.5 runs/min" in campaign) == (width > 100)
-    assert "1 min 35 s left" in campaign
-    assert "S2/pilot/2  waypoint 2 of 3  61 s simulated" in run
+    assert run == "  ▶ running  S2/pilot/2  1/3 wp  61 s of 1200 s"
 
 
 @pytest.mark.parametrize("width", [60, 140])
 def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width):
-    live = make_live(7, waiting=WAITING)
-    sight = CampaignProgress(
-        fake.campaigns()[0], (make_row(7, state=RunState.RUNNING),), {live.run: live}
-    )
-    console = Console(width=width)
-    with console.capture() as capture:
-        console.print(progress_lines(sight, width))
-    _, run = capture.get().splitlines()
+    live, running = make_live(7, waiting=WAITING), (make_row(7, state=RunState.RUNNING),)
+    _, run = _drawn(width, fake.campaigns()[0], running, {live.run: live})
     assert len(run) <= width
     assert "S2/pilot/2  starting my-nav2: 3 of" in run
     assert ("planner_server" in run) == (width > 100)
-    assert "simulated" not in run
 
 
 @pytest.mark.parametrize("pause", [1000.0, 0.0])

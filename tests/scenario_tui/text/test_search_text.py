@@ -1,6 +1,7 @@
 """A search in words: how far it is, what it found, what decides."""
 
 import math
+import shlex
 from dataclasses import replace
 
 import pytest
@@ -14,7 +15,6 @@ from scenario_tui.text.search_text import (
     proposal_text,
     search_commands,
     search_line,
-    sparkline,
 )
 from tests.scenario_tui.fake_search import (
     SEARCH,
@@ -25,29 +25,12 @@ from tests.scenario_tui.fake_search import (
 )
 
 
-def test_a_sparkline_always_has_nought_in_its_range():
-    assert sparkline([0.4, 0.2, 0.0]) == "█▅▁"
-    assert sparkline([0.1, 0.1]) == "██"
-    assert sparkline([-0.1, 0.1]) == "▁█"
-    assert sparkline([0.0, 0.0]) == "▁▁"
-    assert sparkline([]) == ""
-
-
-def test_a_sparkline_of_many_values_shows_the_smallest_of_each_cell():
-    values = [1.0] * 2000
-    values[1234] = -1.0
-    shown = sparkline(values, 20)
-    assert len(shown) == 20
-    assert shown.index("▁") == 12
-    assert sparkline([math.inf, 1.0, math.nan]) == "█"
-
-
 def test_a_run_of_a_search_is_shown_with_what_it_was_for_and_its_values():
     proposal = make_proposal_row(1).proposal
     assert proposal_text(TASK, proposal, 80).plain.splitlines() == [
         "point 1 of the search doors-in-time, looking for failures (halton)",
-        "≠ kitchen_opens            8 → 8.1 s        ─────│●────",
-        "≠ laser.noise           0.01 → 0.02 m       │───●──────",
+        "≠ kitchen_opens                   8 → 8.1 s ─────│●────",
+        "≠ laser.noise                 0.01 → 0.02 m │───●──────",
         "≠ leading       bedroom_door → kitchen_door │─────────●",
         "│ as written  ● in this run  ≠ not as written",
     ]
@@ -152,3 +135,12 @@ def test_what_to_type_about_a_search():
     assert f"scenario cancel {SEARCH}" in running
     done = dict(search_commands(make_search()))
     assert f"scenario replay {SEARCH}.4 --from keeps-clear" in done
+    assert f"scenario report {SEARCH}" in done
+    assert not [command for command in done if command.startswith("scenario blame")]
+
+
+def test_commands_about_the_found_file_can_be_copied():
+    lines = [shlex.split(line) for line, _ in search_commands(make_search(), "a b/x.found.yaml")]
+    about = [words for words in lines if "a b/x.found.yaml" in words]
+    assert [words[1] for words in about] == ["run", "blame", "export"]
+    assert about[1][3:] == ["doors-in-time.4", "pilot"]
