@@ -66,6 +66,10 @@ class StackKind(ABC, Generic[S]):
         """Return the default of each parameter, of kinds whose parameters have no namespaces."""
         return {}
 
+    def schemas(self) -> dict[str, dict[str, Any]]:
+        """Return JSON Schemas for editors by name; that of the kind's name is of all parameters."""
+        return {}
+
 
 def speed_over_ground(drive: Drive, along: float = math.inf) -> float:
     """Return the highest speed of a drive [m/s] with at most ``along`` on either axis."""

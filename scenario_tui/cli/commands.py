@@ -96,7 +96,7 @@ _MODULES: Final = {
     "submit": "run_campaigns", "wait": "run_campaigns", "results": "look", "show": "look",
     "cancel": "steer",
     "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
-    "import": "import_", "schema": "editors",
+    "import": "import_",
 }  # fmt: skip
 """The module of a command that is not in one of its own name."""
 

@@ -165,7 +165,7 @@ def used(language, text):
 
 def words(language):
     """Return every quoted word of a grammar that consists of letters."""
-    from grammars.editor import literals
+    from grammars.editor.oracles import literals
 
     found = literals(f"grammars.{GRAMMARS[language].parent.name}", f"{language}.tx")
     return frozenset(f"'{word}'" for rule in found.values() for word in rule if word.isalpha())

@@ -41,5 +41,12 @@ class _PilotKind(StackKind[PilotParameters]):
     def defaults(self) -> Mapping[str, Any]:
         return {each.name: each.default for each in fields(PilotParameters)}
 
+    def schemas(self) -> dict[str, dict[str, Any]]:
+        from grammars.editor import editor_schema
+
+        schema = editor_schema(PilotParameters, "Parameters of the pilot")
+        del schema["$schema"]
+        return {self.name: schema}
+
 
 PILOT: Final = _PilotKind()

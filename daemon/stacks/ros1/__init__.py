@@ -51,5 +51,10 @@ class _RosKind(StackKind["RosParameters"]):
             return min(planner.max_vel_trans, bound)
         return bound
 
+    def schemas(self) -> dict[str, dict[str, Any]]:
+        from daemon.stacks.ros1.schema import ros_definitions
+
+        return ros_definitions()
+
 
 ROS: Final = _RosKind()

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from grammars.editor import literals
+from grammars.editor.oracles import literals
 from grammars.text.units import UNIT_WORDS
 from tests.grammars.editor.textmate import SYNTAXES, grammar, tokens
 

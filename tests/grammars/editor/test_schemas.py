@@ -16,7 +16,7 @@ from grammars.model.robot_files import load_robot
 from grammars.oracle import load_oracles
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.documents import load_yaml, parse_yaml, read_model
-from scenario_tui.cli.editors import FileKind, schema_of, schema_text
+from scenario_tui.cli.schema import FileKind, schema_of, schema_text
 
 SCHEMAS = Path(grammars.editor.__file__).parent / "schemas"
 MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")

@@ -4,7 +4,7 @@ import re
 import pytest
 
 import grammars.scenery
-from grammars.editor import literals
+from grammars.editor.oracles import literals
 from grammars.scenery import load_scenery, parse_scenery
 from grammars.scenery.measure import Measure
 from grammars.scenery.model import At, Goes, In, Moves, Stays, Toggles, Word

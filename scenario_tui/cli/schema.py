@@ -1,0 +1,179 @@
+"""The command that serves editors: JSON Schemas of the YAML files people write, the extension.
+
+The schemas come from the models that read the files; that of systems under test includes the
+parameters of the kinds that ship.
+"""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
+
+import typer
+
+Schema: TypeAlias = dict[str, Any]
+
+
+class FileKind(StrEnum):
+    """The kinds of YAML files; each has a schema file of its name."""
+
+    CAMPAIGN = "campaign"
+    MISSION = "mission"
+    ROBOT = "robot"
+    SUT = "sut"
+    ORACLES = "oracles"
+    WALLS = "walls"
+
+    @property
+    def file(self) -> str:
+        """Name of the published schema."""
+        return f"{self.value}.schema.json"
+
+    @property
+    def heading(self) -> str:
+        """Title of the published schema."""
+        name = {"sut": "System under test", "walls": "Walls layer"}.get(self, self.capitalize())
+        return f"{name} of scenario-tui"
+
+
+def schema(
+    kind: Annotated[
+        FileKind | None,
+        typer.Argument(
+            metavar="[" + "|".join(FileKind) + "]",
+            help="Kind of YAML file. With --out, all of them when left out.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", help="Write KIND.schema.json files there."),
+    ] = None,
+    outputs: Annotated[
+        bool, typer.Option("--outputs", help="Instead the schema of what --json writes.")
+    ] = False,
+    extension: Annotated[
+        Path | None,
+        typer.Option(
+            "--vscode",
+            metavar="DIR",
+            help="Instead write the extension for Visual Studio Code there, scenario.vsix.",
+        ),
+    ] = None,
+) -> None:
+    """Print or write what editors use: JSON Schemas of YAML files, the VS Code extension.
+
+    Install the extension with: code --install-extension scenario.vsix
+    """
+    if extension is not None:
+        if kind is not None or outputs or out is not None:
+            raise typer.BadParameter("goes with nothing else", param_hint="--vscode")
+        from grammars.editor import pack_extension
+
+        _write(extension / "scenario.vsix", pack_extension())
+        return
+    if outputs:
+        if kind is not None:
+            raise typer.BadParameter("is about no kind of file", param_hint="--outputs")
+        from scenario_tui.cli.output_schemas import SCHEMA_FILE, outputs_schema
+
+        _publish(outputs_schema(), out, SCHEMA_FILE)
+        return
+    if out is None and kind is None:
+        raise typer.BadParameter("name a kind to print, or a folder to write to with --out")
+    for each in FileKind if kind is None else (kind,):
+        _publish(schema_of(each), out, each.file)
+
+
+def schema_of(kind: FileKind) -> Schema:
+    """Return the JSON Schema (draft 2020-12) of one kind of file."""
+    from daemon.campaign import CampaignFile
+    from grammars.editor import editor_schema
+    from grammars.editor.oracles import oracle_schema
+    from grammars.maps import WallsText
+    from grammars.model.mission_files import MissionText
+    from grammars.model.robot_files import RobotText
+
+    if kind is FileKind.ORACLES:
+        return oracle_schema(kind.heading)
+    if kind is FileKind.SUT:
+        return _sut_schema(kind.heading)
+    models: dict[FileKind, type[Any]] = {
+        FileKind.CAMPAIGN: CampaignFile,
+        FileKind.MISSION: MissionText,
+        FileKind.ROBOT: RobotText,
+        FileKind.WALLS: WallsText,
+    }
+    return editor_schema(models[kind], kind.heading)
+
+
+def _sut_schema(title: str) -> Schema:
+    """Return the schema of SUT files, with the parameters of the kinds that ship."""
+    from daemon.campaign import SutFile
+    from daemon.stacks.kind import IDLE
+    from daemon.stacks.pilot import PILOT
+    from daemon.stacks.ros1 import ROS
+    from daemon.stacks.ros2 import ROS2
+    from grammars.editor import editor_schema, nullable
+
+    schema = editor_schema(SutFile, title)
+    definitions, kinds = dict[str, Schema](), dict[str, Schema]()
+    for kind in (PILOT, ROS, IDLE, ROS2):
+        schemas = kind.schemas()
+        definitions |= schemas
+        kinds[kind.name] = {"$ref": f"#/$defs/{kind.name}"} if schemas else {"maxProperties": 0}
+    schema["properties"]["kind"]["examples"] = list(kinds)
+    schema["properties"]["like"]["examples"] = ["pilot"]
+    schema["anyOf"] = [{"required": ["kind"]}, {"required": ["like"]}]
+    schema["allOf"] = [
+        {
+            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+            "then": {"properties": {"parameters": parameters}},
+        }
+        for kind, parameters in kinds.items()
+    ]
+    # The kind that another file says cannot be known here: offer what any of them takes.
+    any_kind = [parameters for parameters in kinds.values() if "$ref" in parameters]
+    schema["allOf"].append(
+        {
+            "if": {"required": ["like"], "not": {"required": ["kind"]}},
+            "then": {"properties": {"parameters": {"anyOf": any_kind}}},
+        }
+    )
+    schema["$defs"] = dict(sorted((schema["$defs"] | definitions).items()))
+    # Every file has the others; editors offer keys in this order.
+    keys: Schema = {k: v for k, v in schema["properties"].items() if k not in ROS2.keys}
+    ros2 = {key: nullable(schema["properties"][key]) for key in ROS2.keys}
+    for name in [name for name in schema["$defs"] if name.startswith("ros2")]:
+        section = schema["$defs"][name]["properties"]
+        section |= {key: nullable(body) for key, body in section.items()}
+    schema["properties"] = keys | ros2
+    nothing: Schema = {"not": {}, "errorMessage": "only kind ros2 has this key"}
+    schema["allOf"].append(
+        {
+            "if": {"properties": {"kind": {"not": {"const": "ros2"}}}, "required": ["kind"]},
+            "then": {"properties": dict.fromkeys(ros2, nothing)},
+        }
+    )
+    return schema
+
+
+def schema_text(schema: Schema) -> str:
+    """Return a schema as the text of its file."""
+    return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
+
+
+def _publish(schema: Schema, folder: Path | None, file: str) -> None:
+    """Print a schema, or write it into a folder and print where it is."""
+    if folder is None:
+        typer.echo(schema_text(schema), nl=False)
+    else:
+        _write(folder / file, schema_text(schema).encode())
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    typer.echo(path)
