@@ -14,12 +14,12 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Literal, get_type_hints
 
+from daemon.analysis.blame import Explanation
 from daemon.analysis.coverage import Coverage
 from daemon.analysis.rejudge import Rejudgement
 from daemon.analysis.verification import Verifications
 from grammars.variation import WrittenVariants
 from scenario_tui.cli import (
-    blame,
     compare,
     daemon,
     doctor,
@@ -66,7 +66,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     compare.CompareOutput,
     report.ReportOutput,
     report.HistoryOutput,
-    blame.BlameOutput,
     sut.SutOutput,
     sut_check.InspectionOutput,
 )
@@ -76,6 +75,7 @@ OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _
 
 
 VALUES: Final[dict[str, type]] = {
+    "blame": Explanation,
     "coverage": Coverage,
     "doctor": doctor.Examination,
     "error": ErrorValue,

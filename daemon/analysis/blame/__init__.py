@@ -6,7 +6,7 @@ the smallest failing run as a campaign.
 """
 
 from daemon.analysis.blame._case import Candidate, RunCase, case_of, load_case
-from daemon.analysis.blame._elements import Blame, NoFailureError, story_lines
+from daemon.analysis.blame._elements import Blame, Explanation, NoFailureError, story_lines
 from daemon.analysis.blame._runner import (
     SLOTS,
     BudgetSpentError,
@@ -27,6 +27,7 @@ __all__ = [
     "Candidate",
     "CandidateResult",
     "CandidateRunner",
+    "Explanation",
     "NoFailureError",
     "RunCase",
     "case_of",

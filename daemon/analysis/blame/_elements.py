@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 from daemon.model.verdicts import Verdict
@@ -76,6 +77,20 @@ class Blame:
     minimal: bool
     stopped: str
     settings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Story of a failure, the effort to find it, and the campaign file of the least that fails.
+
+    ``runs`` were executed in ``seconds`` of wall clock; the end of ``cached`` more was known.
+    """
+
+    blame: Blame
+    runs: int
+    cached: int
+    seconds: float
+    saved: Path
 
 
 class NoFailureError(ValueError):
