@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import subprocess
@@ -9,14 +10,14 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Final
 
 from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
-from daemon.batch.paths import StatePaths, is_same_folder
+from daemon.batch.paths import StatePaths, is_locked, is_same_folder
 from daemon.batch.permissions import open_private_log
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
@@ -56,12 +57,14 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
     return _wait_until_up(start_detached(_command(paths, slots), paths.worker_log), paths)
 
 
-def start_detached(command: list[str], log: Path) -> subprocess.Popen[bytes]:
+def start_detached(
+    command: list[str], log: Path, stdin: int = subprocess.DEVNULL
+) -> subprocess.Popen[bytes]:
     """Start a process that outlives this one; what it says goes to ``log``."""
     with open_private_log(log) as output:
         process = subprocess.Popen(
             command,
-            stdin=subprocess.DEVNULL,
+            stdin=stdin,
             stdout=output,
             stderr=output,
             start_new_session=True,
@@ -107,18 +110,93 @@ def embedded_daemon(
             _end_tethered(process)
 
 
+@contextmanager
+def shared_daemon(state: Path, *, quota: str) -> Iterator[str]:
+    """Run one daemon for all processes inside such a block of ``state``; yields its endpoint.
+
+    It ends with the last of these processes, also when they are killed: they hold one end of a
+    pipe. ``quota`` limits its traces, unless the environment says otherwise. Campaigns that an
+    earlier daemon of ``state`` left unfinished are cancelled.
+
+    Raises :class:`LaunchFailed` when it does not come up.
+    """
+    paths = StatePaths.find(state)
+    paths.make_folders()
+    pipe = paths.state / "tether"
+    with suppress(FileExistsError):
+        os.mkfifo(pipe, 0o600)
+    users = os.open(paths.state / "users.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        # Open at both ends, so that opening it waits for nobody.
+        tether = os.open(pipe, os.O_RDWR)
+        try:
+            with _one_at_a_time(paths):
+                endpoint = None if _locked_alone(users) else running_daemon(paths.state)
+                if endpoint is None:
+                    endpoint = _start_shared(paths, pipe, quota)
+                fcntl.flock(users, fcntl.LOCK_SH)
+            yield endpoint
+        finally:
+            with _one_at_a_time(paths):
+                os.close(tether)
+                if _locked_alone(users):
+                    _wait_until_gone(paths)
+    finally:
+        os.close(users)
+
+
+@contextmanager
+def _one_at_a_time(paths: StatePaths) -> Iterator[None]:
+    """Let one process at a time start the shared daemon, join it or leave it."""
+    with (paths.state / "turn.lock").open("w") as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        yield
+
+
+def _locked_alone(users: int) -> bool:
+    try:
+        fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _start_shared(paths: StatePaths, pipe: Path, quota: str) -> str:
+    # One whose users were killed is about to leave.
+    _wait_until_gone(paths)
+    stdin = os.open(pipe, os.O_RDONLY)
+    try:
+        command = _command(paths, None, tether=True, quota=quota)
+        endpoint = _wait_until_up(start_detached(command, paths.worker_log, stdin), paths)
+    finally:
+        os.close(stdin)
+    with Client.open(endpoint) as client:
+        for row in client.campaigns():
+            if not row.finished:
+                client.cancel(row.id)
+    return endpoint
+
+
+def _wait_until_gone(paths: StatePaths) -> None:
+    deadline = time.monotonic() + _LEAVE_LIMIT
+    while is_locked(paths.lock) and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
 def _command(
     paths: StatePaths,
     slots: int | None,
     settings: Mapping[str, object] = {},
+    *,
+    quota: str = "0B",
     **more: object,
 ) -> list[str]:
     try:
-        quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
+        quota_size = parse_size(os.environ.get(QUOTA_VARIABLE) or quota)
     except ValueError as error:
         raise DaemonError(f"the quota of traces: {error}") from error
     order = {"state": str(paths.state), "slots": slots, "executor": DEFAULT_EXECUTOR, **more}
-    order["settings"] = {"quota": quota, **settings}
+    order["settings"] = {"quota": quota_size, **settings}
     return python_command("-m", "daemon", "serve", json.dumps(order))
 
 

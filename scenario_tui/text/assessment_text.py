@@ -236,15 +236,16 @@ def cell_notes(cell: CellAssessment) -> Text:
     for oracle in sorted(
         cell.oracles, key=lambda o: (not o.needs_attention, SEVERITY.index(o.word))
     ):
-        _append_oracle(text, oracle)
+        text.append_text(oracle_notes(oracle))
     if not cell.oracles:
         runs = count_noun(len(cell.runs), "run")
         text.append(f"{_WITHOUT_VERDICT[cell.state].format(runs)}\n", style=QUIET)
     return text
 
 
-def _append_oracle(text: Text, oracle: CellVerdict) -> None:
-    word = oracle.word
+def oracle_notes(oracle: CellVerdict) -> Text:
+    """Return an oracle over all repeats: counts, what they show, the worst run, the expectation."""
+    text, word = Text(), oracle.word
     text.append(f"{glyph_word(word)}  ", style=DASHBOARD_STYLES[word])
     text.append(oracle.oracle, style="bold")
     if oracle.needs_attention:
@@ -261,6 +262,14 @@ def _append_oracle(text: Text, oracle: CellVerdict) -> None:
     lines.append(oracle.why and f"known: {oracle.why}")
     for line in lines:
         text.append(f"  {line}\n" if line else "", style=QUIET)
+    return text
+
+
+def comparison_notes(cell: ComparisonVerdict, notes: Footnotes) -> Text:
+    """Return a comparison with one system under test, and what it is to be."""
+    text = Text(f"{cell.sut} {cell.comparison}  ")
+    text.append_text(comparison_cell_text(cell, notes, DASHBOARD_STYLES))
+    return text.append(f"\n    is to be {cell.text}\n", style=QUIET)
 
 
 def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
@@ -273,9 +282,7 @@ def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
     if results.assessment.comparisons:
         text.append("\ncomparisons\n", style="bold")
     for cell in results.assessment.comparisons:
-        text.append(f"  {cell.sut} {cell.comparison}  ")
-        text.append_text(comparison_cell_text(cell, notes, DASHBOARD_STYLES))
-        text.append(f"\n    is to be {cell.text}\n", style=QUIET)
+        text.append("  ").append_text(comparison_notes(cell, notes))
     if results.assessment.comparisons:
         text.append(f"{BOUNDS}\n", style=QUIET)
     if said := repeatability_text(results):

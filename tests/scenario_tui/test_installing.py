@@ -21,8 +21,12 @@ EXTRAS = {
     "distributed": "dask",
     "ezdxf": "import",
     "foxglove": "foxglove",
+    "pytest": "test",
 }
-"""Libraries that modules import which are loaded only where an extra is asked for."""
+"""Libraries that modules import which are loaded only where an extra is asked for.
+
+The plug-in of pytest is loaded by pytest alone.
+"""
 FOREIGN = "raise SystemExit('somebody else')"
 
 
@@ -73,7 +77,8 @@ def test_what_is_imported_is_declared_and_nothing_else(project):
 
 def test_our_packages_are_installed_below_one_name(project):
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert set(wheel["only-include"]) == {*OWN_PACKAGES, "scenario_tui"}
+    plugin = "scenario_tui_pytest.py"
+    assert set(wheel["only-include"]) == {*OWN_PACKAGES, "scenario_tui", plugin}
     assert wheel["sources"] == {name: f"scenario_tui/_import_root/{name}" for name in OWN_PACKAGES}
     assert (ROOT / "scenario_tui" / "import_root.pth").read_text() == "scenario_tui/_import_root\n"
 

@@ -16,6 +16,7 @@ from daemon.judging.assessment._campaign_difference import (
 from daemon.judging.assessment._cell_verdicts import (
     base_name,
     expectation_matches,
+    expected_verdict,
     measured_value,
     severity,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "compare_campaigns",
     "evidence_text",
     "expectation_matches",
+    "expected_verdict",
     "measured_value",
     "mission_completed",
     "reference_comparisons",

@@ -16,7 +16,12 @@ import pytest
 from daemon.batch import launch
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
-from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
+from daemon.batch.launch import (
+    embedded_daemon,
+    ensure_daemon,
+    running_daemon,
+    shared_daemon,
+)
 from daemon.batch.paths import StatePaths, is_locked
 from daemon.batch.server._opening import hold_alone
 from daemon.model.run_state import RunState
@@ -316,6 +321,37 @@ def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path):
     finally:
         end(members)
     assert running_daemon(tmp_path / "state") is None
+
+
+SHARING = """
+import sys
+from pathlib import Path
+from daemon.batch.launch import shared_daemon
+with shared_daemon(Path(sys.argv[1]), quota="1GiB") as endpoint:
+    print(endpoint, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_shared_daemon_ends_with_its_last_user(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "DEFAULT_EXECUTOR", EXECUTOR)
+    state = tmp_path / "state"
+    command = [sys.executable, "-c", SHARING, str(state)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with shared_daemon(state, quota="1GiB") as endpoint:
+        with Client.open(endpoint, timeout=30.0) as client:
+            client.submit(make_submission("c", 3, sleep=600.0))
+        other = subprocess.Popen(command, cwd=ROOT, text=True, **pipes)
+        assert other.stdout is not None
+        assert other.stdout.readline().strip() == endpoint
+    with other:
+        assert running_daemon(state) == endpoint
+        other.kill()
+    eventually(lambda: running_daemon(state) is None)
+    # Nobody waits for what a killed process has left.
+    with shared_daemon(state, quota="1GiB") as endpoint, Client.open(endpoint) as client:
+        assert {row.state for row in client.all_runs("c")} == {RunState.CANCELLED}
+    assert running_daemon(state) is None
 
 
 def test_a_daemon_is_started_once_and_stays(tmp_path):
