@@ -1,13 +1,13 @@
-"""What can be done to a campaign, declared once: the command, its key, what is said afterwards.
+"""Actions on a campaign, each declared once: its command, its key, its request, its outcome.
 
 The command line and the dashboard do the same things and say them in the same words.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
 from daemon.batch.amounts import size_text
 from grammars.text.words import count_noun
@@ -18,47 +18,52 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CampaignAction:
-    """``command`` is the word behind ``scenario``, and in the dashboard the id of its ``key``.
+    """``command`` is typed behind ``scenario``; in the dashboard it is the id of the ``key``.
 
-    Where that is another command with an option, ``typed`` are these words.
-
-    ``outcome`` is what to say when it is done: ``campaign`` and ``runs`` are filled in, and what
-    else it names.
+    ``options`` are typed behind it. ``request`` asks a daemon, by the id of a campaign, for the
+    action and returns the number of its runs; of deletion, what is gone. ``outcome`` is the
+    sentence afterwards: ``campaign``, ``runs`` and the keywords of the request are filled in.
     """
 
     command: str
+    request: Callable[..., Any]
     outcome: str
     key: str = ""
     name: str = ""
     tooltip: str = ""
-    typed: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
 
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What is typed behind ``scenario``: a command, and options."""
-        return self.typed or (self.command,)
-
-    def outcome_text(self, campaign: str, runs: int = 0, **words: object) -> str:
-        """Say what became of ``runs`` runs of a campaign."""
-        return self.outcome.format(campaign=campaign, runs=count_noun(runs, "run"), **words)
+    def outcome_text(self, campaign: str, runs: int = 0, **given: Any) -> str:
+        """Return what became of ``runs`` runs of a campaign."""
+        return self.outcome.format(campaign=campaign, runs=count_noun(runs, "run"), **given)
 
 
 PAUSE: Final = CampaignAction(
     "pause",
-    "paused {campaign}; {runs} wait until {until}",
+    lambda daemon, campaign: daemon.steer(campaign, paused=True),
+    "paused {campaign}; {runs} wait until `scenario pause {campaign} --off`",
     "P",
     "Pause",
     "Start no more runs of the campaign, or go on",
 )
 RESUME: Final = CampaignAction(
-    "resume", "resumed {campaign}, {runs} queued", typed=("pause", "--off")
+    "pause",
+    lambda daemon, campaign: daemon.steer(campaign, paused=False),
+    "resumed {campaign}, {runs} queued",
+    options=("--off",),
 )
 """Has no key of its own: the one that pauses resumes a paused campaign."""
 CANCEL: Final = CampaignAction(
-    "cancel", "cancelled {runs} of {campaign}", "c", "Cancel", "What is not over, after a question"
+    "cancel",
+    lambda daemon, campaign: daemon.cancel(campaign),
+    "cancelled {runs} of {campaign}",
+    "c",
+    "Cancel",
+    "What is not over, after a question",
 )
 RETRY: Final = CampaignAction(
     "retry",
+    lambda daemon, campaign, only: daemon.retry(campaign, only=only),
     "queued {runs} of {campaign} again",
     "r",
     "Retry",
@@ -66,6 +71,7 @@ RETRY: Final = CampaignAction(
 )
 PRIORITY: Final = CampaignAction(
     "priority",
+    lambda daemon, campaign, priority: daemon.steer(campaign, priority=priority),
     "{campaign} has priority {priority}",
     "number_sign",
     "Priority",
@@ -73,28 +79,24 @@ PRIORITY: Final = CampaignAction(
 )
 DELETE: Final = CampaignAction(
     "delete",
+    lambda daemon, *campaigns: daemon.delete(campaigns),
     "deleted {campaign}: {runs}, {traces}",
     "D",
     "Delete",
     "Remove a finished campaign with results and traces, after a question",
 )
-
-ACTIONS: Final = {
-    action.command: action for action in (PAUSE, RESUME, CANCEL, RETRY, PRIORITY, DELETE)
-}
-"""All of them by command."""
 KEYED: Final = (PAUSE, CANCEL, RETRY, PRIORITY, DELETE)
 """Those with a key, in the order the keys are listed."""
 
 
 def deletion_text(gone: Sequence[DeletedCampaign], *, dry: bool = False) -> str:
-    """Say what goes with campaigns, or would go, a line for each."""
-    outcome = replace(DELETE, outcome=f"would have {DELETE.outcome}") if dry else DELETE
-    return "\n".join(
-        outcome.outcome_text(
+    """Return what went with campaigns, or would go, a line for each."""
+    lines = [
+        DELETE.outcome_text(
             one.campaign,
             one.runs,
             traces=f"{count_noun(one.traces, 'trace')}, {size_text(one.bytes)}",
         )
         for one in gone
-    )
+    ]
+    return "\n".join(f"would have {line}" if dry else line for line in lines)

@@ -1,86 +1,80 @@
-"""Commands that steer: cancel, retry, pause, priority, delete; what `daemon --stop` does."""
+"""Commands that steer: cancel, retry, pause, priority, delete."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, Final
 
 import typer
 
+from daemon.model.status import DeletedCampaign
 from grammars.text.diagnostics import did_you_mean
+from scenario_tui.campaign_actions import (
+    CANCEL,
+    DELETE,
+    PAUSE,
+    PRIORITY,
+    RESUME,
+    RETRY,
+    CampaignAction,
+    deletion_text,
+)
 from scenario_tui.cli import completion
-from scenario_tui.cli.options import AsJson, CampaignName, Connect, State
-from scenario_tui.cli.output import Output, say
-
-if TYPE_CHECKING:
-    from daemon.model.status import DeletedCampaign
-    from daemon.model.verbs import DaemonClient
-
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.options import CampaignName
+from scenario_tui.cli.output import say
+from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 
 
-class SteeringOutput(Output):
-    """What became of so many ``runs`` of a campaign; the schema is named like the action."""
+@dataclass(frozen=True, slots=True)
+class SteeredRuns:
+    """The number of ``runs`` of a campaign that an action concerned."""
 
     campaign: str
     runs: int
 
 
-class CancelOutput(SteeringOutput, schema="cancel"):
-    """A campaign whose runs were cancelled."""
+@dataclass(frozen=True, slots=True)
+class CampaignPriority:
+    """A campaign and its priority."""
+
+    campaign: str
+    priority: int
 
 
-class RetryOutput(SteeringOutput, schema="retry"):
-    """A campaign with runs that are tried again."""
+@dataclass(frozen=True, slots=True)
+class Deletion:
+    """Campaigns that are gone, or would be (``dry_run``)."""
 
-
-class PauseOutput(SteeringOutput, schema="pause"):
-    """A campaign that waits."""
-
-
-class ResumeOutput(SteeringOutput, schema="resume"):
-    """A campaign that goes on."""
+    dry_run: bool
+    campaigns: tuple[DeletedCampaign, ...]
 
 
 def _steer(
-    output: type[SteeringOutput],
-    ask: Callable[[DaemonClient, str], int],
-    campaign: str,
-    connect: str,
-    state: Path | None,
-    as_json: bool,
-) -> None:
-    """Ask the daemon to do something with a campaign, and say what became of it."""
-    from scenario_tui.campaign_actions import ACTIONS
-    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-
-    with DaemonTarget(connect, state).open() as daemon:
-        row = find_campaign_or_search(daemon, campaign)
-        found = row.id
-        runs = ask(daemon, found)
-    # The sentence is for people and on standard error, so it does no harm beside the JSON.
-    if as_json:
-        output(found, runs).emit()
-    words = ACTIONS[output.schema].outcome_text(
-        found, runs, until=f"`scenario pause {found} --off`"
-    )
-    if output is CancelOutput and row.search in ("running", "waiting"):
+    action: CampaignAction, name: str, target: DaemonTarget, **given: Any
+) -> Answer[SteeredRuns]:
+    """Ask the daemon for an action on a campaign."""
+    with target.open() as daemon:
+        row = find_campaign_or_search(daemon, name)
+        value = SteeredRuns(row.id, action.request(daemon, row.id, **given))
+    words = action.outcome_text(row.id, value.runs, **given)
+    if action is CANCEL and row.search in ("running", "waiting"):
         # Between two of its runs there may be none to cancel.
-        words += f", which has ended; `scenario search {found}` says what it found"
-    say(words)
+        words += f", which has ended; `scenario search {row.id}` says what it found"
+    schema = "resume" if action is RESUME else action.command
+    return Answer(schema, value, partial(say, words))
 
 
-def cancel(
-    campaign: CampaignName, connect: Connect = "", state: State = None, as_json: AsJson = False
-) -> None:
+def cancel(campaign: CampaignName, *, target: DaemonTarget) -> Answer[SteeredRuns]:
     """Cancel what is queued or running of a campaign.
 
     The results it has are kept.
     """
-    _steer(CancelOutput, lambda daemon, id_: daemon.cancel(id_), campaign, connect, state, as_json)
+    return _steer(CANCEL, campaign, target)
 
 
 def retry(
@@ -93,53 +87,28 @@ def retry(
             autocompletion=completion.one_of(*_RETRYABLE),
         ),
     ] = "lost|cancelled",
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[SteeredRuns]:
     """Queue lost or cancelled runs of a campaign again."""
     for word in only.split("|"):
         if word.strip() not in _RETRYABLE:
             message = f'"{word}" is no kind of run: {did_you_mean(word, _RETRYABLE)}'
             raise typer.BadParameter(message, param_hint="--only")
-
-    def ask(daemon: DaemonClient, id_: str) -> int:
-        return daemon.retry(id_, only=only)
-
-    _steer(RetryOutput, ask, campaign, connect, state, as_json)
+    return _steer(RETRY, campaign, target, only=only)
 
 
 def pause(
     campaign: CampaignName,
     off: Annotated[bool, typer.Option("--off", help="Go on with a paused campaign.")] = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[SteeredRuns]:
     """Start no more runs of a campaign, or go on with it.
 
     Runs that are running finish.
     """
-    output = ResumeOutput if off else PauseOutput
-
-    def ask(daemon: DaemonClient, id_: str) -> int:
-        return daemon.steer(id_, paused=not off)
-
-    _steer(output, ask, campaign, connect, state, as_json)
-
-
-class PriorityOutput(Output, schema="priority"):
-    """A campaign and its priority."""
-
-    campaign: str
-    priority: int
-
-
-class DeleteOutput(Output, schema="delete"):
-    """Campaigns that are gone, or would be."""
-
-    dry_run: bool
-    campaigns: tuple[DeletedCampaign, ...]
+    return _steer(RESUME if off else PAUSE, campaign, target)
 
 
 def priority(
@@ -150,23 +119,15 @@ def priority(
             metavar="N", min=-1000, max=1000, help="Usual is 0; write -- before a negative one."
         ),
     ],
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[CampaignPriority]:
     """Let a campaign go before those of lower priority.
 
     Campaigns of the same priority take turns, run by run.
     """
-    from scenario_tui.campaign_actions import PRIORITY
-    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-
-    with DaemonTarget(connect, state).open() as daemon:
-        row = find_campaign_or_search(daemon, campaign)
-        daemon.steer(row.id, priority=number)
-    if as_json:
-        PriorityOutput(row.id, number).emit()
-    say(PRIORITY.outcome_text(row.id, priority=number))
+    done = _steer(PRIORITY, campaign, target, priority=number)
+    return Answer(done.schema, CampaignPriority(done.value.campaign, number), done.text)
 
 
 def delete(
@@ -182,27 +143,21 @@ def delete(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", "-n", help="Say what would go; remove nothing.")
     ] = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    target: DaemonTarget,
+) -> Answer[Deletion]:
     """Remove campaigns for good: runs, results, and traces that no other campaign uses.
 
     Not while runs of them wait or run: cancel them first.
     """
-    from scenario_tui.campaign_actions import deletion_text
-    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-
-    with DaemonTarget(connect, state).open() as daemon:
+    with target.open() as daemon:
         found = tuple(dict.fromkeys(find_campaign_or_search(daemon, name).id for name in campaigns))
         gone = daemon.delete(found, dry=True)
         if not dry_run:
             if not yes:
                 _ask_whether(deletion_text(gone, dry=True))
-            gone = daemon.delete(found)
-    if as_json:
-        DeleteOutput(dry_run, gone).emit()
-    say(deletion_text(gone, dry=dry_run))
+            gone = DELETE.request(daemon, *found)
+    return Answer("delete", Deletion(dry_run, gone), partial(say, deletion_text(gone, dry=dry_run)))
 
 
 def _ask_whether(what: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -12,6 +12,7 @@ from textual.binding import Binding, BindingType
 from grammars.text.words import count_noun
 from scenario_tui.campaign_actions import (
     CANCEL,
+    DELETE,
     KEYED,
     PAUSE,
     PRIORITY,
@@ -157,20 +158,17 @@ class SteeringScreen(BaseScreen):
         self,
         action: CampaignAction,
         row: CampaignRow,
-        request: Callable[[DaemonClient], object],
         *options: str,
         ending: str = "",
-        **words: object,
+        **given: object,
     ) -> None:
         """Have the daemon do something to a campaign; say what came of it."""
 
         def act(daemon: DaemonClient) -> str:
-            answer = request(daemon)  # how many runs it concerned; a priority concerns none
-            runs = answer if isinstance(answer, int) else 0
-            return action.outcome_text(row.id, runs, **words) + ending
+            return action.outcome_text(row.id, action.request(daemon, row.id, **given), **given)
 
-        command, *given = action.words
-        self.dashboard.steer(act, self._line(command, row.id, *given, *options))
+        line = self._line(action.command, row.id, *action.options, *options)
+        self.dashboard.steer(lambda daemon: act(daemon) + ending, line)
 
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""
@@ -186,12 +184,11 @@ class SteeringScreen(BaseScreen):
         if row is None:
             return
         if row.paused:
-            self._steer(RESUME, row, lambda daemon: daemon.steer(row.id, paused=False))
+            self._steer(RESUME, row)
         elif row.finished:
             self.notify(f"{row.id} is finished, there is nothing to pause")
         else:
-            until = "it is resumed, what runs finishes"
-            self._steer(PAUSE, row, lambda daemon: daemon.steer(row.id, paused=True), until=until)
+            self._steer(PAUSE, row)
 
     def action_priority(self) -> None:
         """Ask for another priority."""
@@ -204,14 +201,7 @@ class SteeringScreen(BaseScreen):
 
         def decided(answer: str | None) -> None:
             if answer is not None:
-                number = int(answer)
-                self._steer(
-                    PRIORITY,
-                    row,
-                    lambda daemon: daemon.steer(row.id, priority=number),
-                    answer,
-                    priority=number,
-                )
+                self._steer(PRIORITY, row, answer, priority=int(answer))
 
         from daemon.model.messages import HIGHEST_PRIORITY
 
@@ -237,7 +227,7 @@ class SteeringScreen(BaseScreen):
 
         def decided(yes: bool | None) -> None:
             if yes:
-                self._steer(CANCEL, row, lambda daemon: daemon.cancel(row.id))
+                self._steer(CANCEL, row)
 
         text = f"Cancel {count_noun(waiting, 'unfinished run')} of {row.id}? Its results are kept."
         self.app.push_screen(Question(text, self._line("cancel", row.id)), decided)
@@ -254,7 +244,7 @@ class SteeringScreen(BaseScreen):
         def decided(yes: bool | None) -> None:
             if yes:
                 self.dashboard.steer(
-                    lambda daemon: deletion_text(daemon.delete((row.id,))),
+                    lambda daemon: deletion_text(DELETE.request(daemon, row.id)),
                     self._line("delete", row.id),
                 )
 
@@ -293,9 +283,7 @@ class SteeringScreen(BaseScreen):
 
     def _retry(self, row: CampaignRow, only: str) -> None:
         waits = "; it is paused, they wait until it is resumed" if row.paused else ""
-        self._steer(
-            RETRY, row, lambda daemon: daemon.retry(row.id, only=only), *_only(only), ending=waits
-        )
+        self._steer(RETRY, row, *_only(only), ending=waits, only=only)
 
     def _choice(self, row: CampaignRow, key: str, words: str, only: str) -> MenuChoice:
         runs = _over(row, only)

@@ -2,16 +2,17 @@
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 import typer
 
 from scenario_tui.cli import command_line, output_schemas
+from scenario_tui.cli.answer import write_json
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output
 from scenario_tui.cli.output_schemas import OUTPUTS, VALUES
-from scenario_tui.cli.steer import PriorityOutput
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN
 
@@ -61,10 +62,16 @@ def _speaks(command):
     return own or any(map(_speaks, inner))
 
 
+@dataclass(frozen=True)
+class Margins:
+    least: tuple[float, ...]
+    named: dict[str, float]
+
+
 def test_numbers_that_json_has_not_are_null(capsys):
-    PriorityOutput([float("inf"), {"a": float("nan")}, (1.5,)], 0).emit()
+    write_json("margins", Margins((float("inf"), 1.5), {"a": float("nan")}))
     body = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert body["campaign"] == [None, {"a": None}, [1.5]]
+    assert body == {"schema": "scenario/margins/1", "least": [None, 1.5], "named": {"a": None}}
 
 
 def test_stopping_says_what_goes_on(scenario, monkeypatch):

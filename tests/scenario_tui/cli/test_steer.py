@@ -79,6 +79,7 @@ def test_delete_removes_campaigns_and_says_what_went(scenario, fake):
     body = json.loads(said.out)
     gone = {"campaign": OLD, "runs": 4, "traces": 3, "bytes": 3 * 2**20}
     assert body == {"schema": "scenario/delete/1", "dry_run": False, "campaigns": [gone]}
+    said = scenario("delete", "nightly", "--yes")
     assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in said.err
 
 
