@@ -21,14 +21,13 @@ from daemon.analysis.report import (
     read_report_data,
 )
 from daemon.analysis.report.run_maps import draw_run
-from daemon.analysis.results import bring_traces, campaign_results, folder_results
-from daemon.batch.ledger import LedgerReader
-from daemon.batch.paths import StatePaths
+from daemon.analysis.results import read_results
 from daemon.judging.assessment import assess, mission_completed, reference_comparisons
 from daemon.judging.statistics import mean_difference, mean_interval, proportion_interval
 from daemon.model.verdicts import Outcome
 from daemon.trace import read_trace
-from scenario_tui.cli.target import find_campaign
+from scenario_tui.cli.report import with_traces
+from scenario_tui.source import DaemonTarget, find_campaign, open_source
 
 PAGE = Path(__file__).parents[1] / "docs" / "ortega2024.md"
 _BLOCK = re.compile(
@@ -63,8 +62,8 @@ class Cell:
 def read_cells(results, state):
     """Return the cells of one campaign, in the order of its file, and what it comes to."""
     inputs = [_read_input(name, state) for name in results]
-    whole = replace(inputs[0], records=tuple(r for each in inputs for r in each.records))
-    data = read_report_data(whole)
+    whole = replace(inputs[0][0], rows=tuple(r for each, _ in inputs for r in each.rows))
+    data = read_report_data(whole, [spec for _, specs in inputs for spec in specs])
     runs = {}
     for run in data.runs:
         cell = runs.setdefault((run.record.scenario, run.record.sut), {})
@@ -79,11 +78,11 @@ def read_cells(results, state):
 
 
 def _read_input(name, state):
-    if Path(name).is_dir():
-        return folder_results(Path(name))
-    paths = StatePaths.find(state)
-    with LedgerReader.open(paths) as reader:
-        return bring_traces(campaign_results(reader, find_campaign(reader, name), str(paths.state)))
+    target = DaemonTarget(state=state)
+    with open_source(str(name), target, judge=False) as source:
+        results = read_results(source, find_campaign(source, str(name)))
+        specs = [source.run(row.id).spec for row in results.rows]
+        return with_traces(results, source, target), specs
 
 
 def number(value, digits):

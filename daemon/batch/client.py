@@ -140,7 +140,7 @@ class Client(DaemonClient):
         self._credentials = credentials
         self._timeout = timeout
         self._subscriptions: set[ExitStack] = set()
-        self.endpoint = endpoint
+        self.endpoint = self.where = endpoint
 
     @classmethod
     def open(cls, endpoint: str, *, timeout: float = 3.0, keys: Path | None = None) -> Client:

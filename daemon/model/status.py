@@ -7,9 +7,10 @@ first version have defaults, so that what was written before can still be read.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Any, Final
 
 from daemon.model.proposals import Proposal
 from daemon.model.run_state import UNFINISHED_STATES, RunState
@@ -67,6 +68,22 @@ class RunCounts:
     failed: int
     inconclusive: int
     errors: int
+
+
+_COUNTED: Final = {
+    "pass": "passed", "fail": "failed", "inconclusive": "inconclusive", "error": "errors",
+}  # fmt: skip
+"""The names of counts by outcomes."""
+
+
+def count_runs(tallied: Iterable[tuple[str, str, int]]) -> dict[str, Any]:
+    """Return the fields of :class:`RunCounts` from states, outcomes and numbers of runs."""
+    counts = dict.fromkeys((*map(str, RunState), *_COUNTED.values()), 0)
+    for state, outcome, runs in tallied:
+        for name in (state, _COUNTED[outcome] if state == RunState.DONE and outcome else ""):
+            if name in counts:  # repeats in reserve count nowhere
+                counts[name] += runs
+    return counts
 
 
 @dataclass(frozen=True, slots=True)

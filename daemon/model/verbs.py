@@ -226,7 +226,15 @@ _RUNS_PER_PAGE: Final = 500
 
 
 class CampaignSource(ABC):
-    """Who can be asked about campaigns, runs and searches: a daemon, or the ledger itself."""
+    """Anything that answers about campaigns, runs and searches: a daemon, its ledger, a folder.
+
+    ``where`` is the endpoint, the state directory or the folder. Of a folder of traces, ``unread``
+    are the files that are no usable traces, with the reason, and ``machine`` executed the runs.
+    """
+
+    where: str = ""
+    unread: tuple[tuple[str, str], ...] = ()
+    machine: str = ""
 
     @abstractmethod
     def ask(self, verb: Verb[..., A], request: object) -> A:

@@ -21,7 +21,8 @@ from typing import Any, Final, Generic, TypeVar, get_type_hints
 from grammars.text.terminal_text import escape_json
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, Connect, Keys, State, use_keys
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.cli.output import say, show_progress
+from scenario_tui.source import DaemonTarget
 
 T = TypeVar("T")
 
@@ -70,7 +71,8 @@ def as_typed(command: Callable[..., Any]) -> Callable[..., Any]:
     def typed(**values: Any) -> Any:
         if "connect" in common:
             use_keys(values.pop("keys"))
-            values["target"] = DaemonTarget(values.pop("connect"), values.pop("state"))
+            where = values.pop("connect"), values.pop("state")
+            values["target"] = DaemonTarget(*where, say, show_progress)
         as_json = values.pop("as_json", False) if "as_json" in common else False
         answer = command(**values)
         if not isinstance(answer, Answer):

@@ -1,161 +1,98 @@
-"""Comparing results with others: the baseline options, the compare command, how differences print.
+"""Comparing results with others: baselines, the compare command, how differences print.
 
-A baseline is another campaign, a file of results, or the last campaign that was as expected.
+A baseline is a campaign, a folder of traces, a file of results, or the last campaign that was as
+expected.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from daemon.batch.errors import Refused
+from daemon.judging.assessment import (
+    CampaignDifference,
+    JudgedCampaign,
+    QuantityChange,
+    VerdictChange,
+    assess,
+    compare_campaigns,
+)
+from daemon.judging.statistics import effect_magnitude
+from grammars.text.words import count_noun, format_quantity
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.options import AsJson, Connect, State
-from scenario_tui.cli.output import Output, plain_table, say, stdout_console
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import parse_ratio
+from scenario_tui.cli.output import plain_table, stdout_console
+from scenario_tui.source import DaemonTarget, find_campaign, open_source
+from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word, margin
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.table import Table
     from rich.text import Text
 
-    from daemon.judging.assessment import (
-        CampaignDifference,
-        JudgedCampaign,
-        QuantityChange,
-        VerdictChange,
-    )
+    from daemon.analysis.results import CampaignResults
     from daemon.model.status import CampaignRow
-    from daemon.model.verbs import ClientOpener, DaemonClient
-    from scenario_tui.text.results import CampaignResults
+    from daemon.model.verbs import CampaignSource
 
 LAST_GREEN: Final = "last-green"
-DEFAULT_WORSE_BY: Final = 0.1
-
-
-def check_ratio(value: str | None) -> str | None:
-    """Refuse what is no ratio, as wrong usage."""
-    if value is not None:
-        from grammars.text.quantity import read_as
-
-        with wrong_usage():
-            if read_as(value, "ratio") < 0.0:
-                raise ValueError(f'"{value}" is negative')
-    return value
-
-
-Baseline: TypeAlias = Annotated[
-    str,
-    typer.Option(
-        "--baseline",
-        metavar="CAMPAIGN",
-        help="Fail when results are worse than those of this campaign, file of results (JSON), or "
-        "last-green. Default: what the campaign file says under gate.",
-        autocompletion=completion.baselines,
-    ),
-]
-WorseBy: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--worse-by",
-        metavar="RATIO",
-        callback=check_ratio,
-        help="How much worse a margin or a duration may be. Default: the gate's, or 10 %.",
-    ),
-]
-
-
-def read_ratio(value: str) -> float:
-    """Return the ratio of a checked option."""
-    from grammars.text.quantity import read_as
-
-    return read_as(value, "ratio")
-
-
-def is_results_file(name: str) -> bool:
-    """Return True if a name means a file of results and no campaign."""
-    # Ids of campaigns hold no slash (daemon.model.ids), so there is no need to look at the disk.
-    return name.endswith(".json") or "/" in name
-
-
-def load_judged(name: str, ask: ClientOpener) -> JudgedCampaign:
-    """Return the campaign or the file of results of that name."""
-    from scenario_tui.cli.results import read_results
-    from scenario_tui.cli.target import find_campaign
-
-    if is_results_file(name):
-        return read_results(Path(name))
-    with ask() as daemon:
-        row = find_campaign(daemon, name)
-        return _ask_judged(daemon, row)
+_DEFAULT_WORSE_BY: Final = 0.1
+_MOST_LISTED: Final = 30
 
 
 def compare_with_baseline(
-    results: CampaignResults,
-    baseline: str,
-    worse_by: str | None,
-    ask: ClientOpener | None,
+    results: CampaignResults, baseline: str, worse_by: float | None, target: DaemonTarget
 ) -> CampaignDifference | None:
     """Compare results with what they must not be worse than, if anybody says so.
 
-    ``ask`` opens the daemon that knows other campaigns; without one only a file can be compared
-    with. Returns ``None``, and says so, when there is nothing to compare with.
+    Returns ``None``, and says so, when there is nothing to compare with.
     """
-    from daemon.judging.assessment import JudgedCampaign, compare_campaigns
-
     gate = results.declared.gate
     name = baseline or (gate.baseline if gate else "")
     if not name:
         return None
-    if ask is None and not is_results_file(name):
-        say(f"not compared with {name}: without a daemon give a file of results as --baseline")
-        return None
     # The option, then the gate of the campaign file, then what is usual.
-    allowed = gate.worse_by if gate else DEFAULT_WORSE_BY
-    if worse_by is not None:
-        allowed = read_ratio(worse_by)
-    before = _load_baseline(name, results.row, ask)
+    allowed = gate.worse_by if gate else _DEFAULT_WORSE_BY
+    is_last = name == LAST_GREEN
+    before = _last_green(results.row, target) if is_last else _read_judged(name, target)
     if before is None:
-        say(f"no earlier campaign {results.row.name} was as expected: nothing to compare with yet")
+        what = f"no earlier campaign {results.row.name} was as expected"
+        target.say(f"{what}: nothing to compare with yet")
         return None
     after = JudgedCampaign(results.row.id, results.declared, results.rows)
-    return compare_campaigns(before, after, allowed)
+    return compare_campaigns(before, after, allowed if worse_by is None else worse_by)
 
 
-def _load_baseline(name: str, row: CampaignRow, ask: ClientOpener | None) -> JudgedCampaign | None:
-    from scenario_tui.cli.results import read_results
-
-    if ask is None or is_results_file(name):
-        return read_results(Path(name))
-    if name != LAST_GREEN:
-        return load_judged(name, ask)
-    with ask() as daemon:
-        return _last_green(daemon, row)
+def _read_judged(name: str, target: DaemonTarget) -> JudgedCampaign:
+    """Return the campaign, the folder of traces or the file of results of that name."""
+    with open_source(name, target) as source:
+        return _ask_judged(source, find_campaign(source, name))
 
 
-def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None:
+def _last_green(row: CampaignRow, target: DaemonTarget) -> JudgedCampaign | None:
     """Return the newest campaign of that name, submitted before, with everything as expected."""
-    from daemon.judging.assessment import assess
-
-    rows = daemon.campaign_page(name=row.name)
-    ids = [candidate.id for candidate in rows]
-    # Rows come newest first: what stands behind it was submitted before.
-    older = rows[ids.index(row.id) + 1 :] if row.id in ids else rows
-    for candidate in older:
-        # Judged anew each time: green is what the rules of that campaign say, nobody stores it.
-        if candidate.finished:
-            judged = _ask_judged(daemon, candidate)
-            if assess(judged.declared, judged.records).exit_code == ExitCode.EXPECTED:
-                return judged
+    # A campaign that runs here may be the first one ever.
+    with suppress(Refused), target.read() as source:
+        rows = source.campaign_page(name=row.name)
+        ids = [one.id for one in rows]
+        # Rows come newest first: what stands behind it was submitted before.
+        for candidate in rows[ids.index(row.id) + 1 if row.id in ids else 0 :]:
+            if candidate.finished:
+                # Judged anew each time: green is what its rules say, nobody stores it.
+                judged = _ask_judged(source, candidate)
+                if assess(judged.declared, judged.records).exit_code == ExitCode.EXPECTED:
+                    return judged
     return None
 
 
-def _ask_judged(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign:
-    from daemon.judging.assessment import JudgedCampaign
-
-    return JudgedCampaign(row.id, daemon.declared(row.id), daemon.all_runs(row.id, results=True))
+def _ask_judged(source: CampaignSource, row: CampaignRow) -> JudgedCampaign:
+    return JudgedCampaign(row.id, source.declared(row.id), source.all_runs(row.id, results=True))
 
 
 def final_code(results: CampaignResults, between: CampaignDifference | None) -> int:
@@ -166,10 +103,8 @@ def final_code(results: CampaignResults, between: CampaignDifference | None) -> 
     return results.assessment.exit_code
 
 
-MAX_LISTED: Final = 30
-
-
-class CompareOutput(Output, schema="compare"):
+@dataclass(frozen=True, slots=True)
+class ComparedCampaigns:
     """Changes from one campaign to the other."""
 
     comparison: CampaignDifference
@@ -181,7 +116,7 @@ def compare(
         str,
         typer.Argument(
             metavar="BEFORE",
-            help="A campaign, or a file that --json wrote.",
+            help="A campaign, a folder of traces, or a file that --json wrote.",
             autocompletion=completion.campaigns_or_results,
         ),
     ],
@@ -193,43 +128,36 @@ def compare(
             autocompletion=completion.campaigns_or_results,
         ),
     ],
+    target: DaemonTarget,
     worse_by: Annotated[
-        str | None,
+        float | None,
         typer.Option(
             "--worse-by",
             metavar="RATIO",
-            callback=check_ratio,
+            parser=parse_ratio,
             help="Fail when a verdict is worse, or a margin or a duration by more than this.",
         ),
     ] = None,
     everything: Annotated[
         bool, typer.Option("--all", help="List what did not change as well.")
     ] = False,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer[ComparedCampaigns]:
     """Compare two campaigns: verdicts, margins, measures, cell by cell.
 
     Repeats of equal number and seed are paired.
     """
-    from daemon.judging.assessment import compare_campaigns as compared
-    from scenario_tui.cli.target import DaemonTarget
-
-    ask = DaemonTarget(connect, state).open
-    allowed = None if worse_by is None else read_ratio(worse_by)
-    difference = compared(load_judged(before, ask), load_judged(after, ask), allowed)
-    if as_json:
-        CompareOutput(difference, difference.regressed).emit()
-    else:
-        print_comparison(difference, everything=everything)
-    raise typer.Exit(ExitCode.UNEXPECTED if difference.regressed else ExitCode.EXPECTED)
+    sides = _read_judged(before, target), _read_judged(after, target)
+    difference = compare_campaigns(*sides, worse_by)
+    return Answer(
+        "compare",
+        ComparedCampaigns(difference, difference.regressed),
+        partial(print_comparison, difference, everything=everything),
+        ExitCode.UNEXPECTED if difference.regressed else ExitCode.EXPECTED,
+    )
 
 
 def print_comparison(difference: CampaignDifference, *, everything: bool = False) -> None:
     """Print what changed from one campaign to the other, what got worse first."""
-    from grammars.text.words import count_noun
-
     console = stdout_console()
     console.print(f"{difference.before} → {difference.after}", style="bold", markup=False)
     sides = (
@@ -253,9 +181,9 @@ def print_comparison(difference: CampaignDifference, *, everything: bool = False
     shifts.sort(key=lambda s: (not s.worse, not s.changed))
     if shifts:
         console.print()
-        console.print(_shift_table(shifts[:MAX_LISTED]))
-        if len(shifts) > MAX_LISTED:
-            console.print(f"and {len(shifts) - MAX_LISTED} more")
+        console.print(_shift_table(shifts[:_MOST_LISTED]))
+        if len(shifts) > _MOST_LISTED:
+            console.print(f"and {len(shifts) - _MOST_LISTED} more")
     # How many were tested is said because Holm's correction depends on it.
     tested = sum(shift.p is not None for shift in difference.shifts)
     quantities = count_noun(tested, "quantity", "quantities")
@@ -269,8 +197,6 @@ def print_comparison(difference: CampaignDifference, *, everything: bool = False
 
 def _verdict_text(change: VerdictChange) -> Text:
     from rich.text import Text
-
-    from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
 
     text = Text("  ")
     sides = ((change.before, change.passed_before), (change.after, change.passed_after))
@@ -298,10 +224,6 @@ def _shift_table(shifts: Sequence[QuantityChange]) -> Table:
 
 
 def _shift_cells(shift: QuantityChange) -> tuple[str, ...]:
-    from daemon.judging.statistics import effect_magnitude
-    from grammars.text.words import format_quantity
-    from scenario_tui.text.formatting import margin
-
     difference = margin(shift.mean, shift.unit)
     if shift.low is not None and shift.high is not None:
         difference += f" [{margin(shift.low, '')}, {margin(shift.high, '')}]"

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from daemon.analysis.results import CampaignResults, read_results
 from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
 from daemon.batch.paths import StatePaths, endpoint_text
@@ -29,7 +30,6 @@ from scenario_tui.cli.output import say, stdout_console
 from scenario_tui.cli.results import emit_results, print_commands, print_summary
 from scenario_tui.cli.target import DaemonTarget
 from scenario_tui.library.watching import watch
-from scenario_tui.text.results import CampaignResults, gather_results
 
 if TYPE_CHECKING:
     from daemon.model.submission import Submission
@@ -70,7 +70,7 @@ def run_here(
             daemon.submit(submission)
         row = watch(opened, submission.campaign, endurance=_MAX_TROUBLE)
         with opened() as daemon:
-            found = gather_results(daemon, row)
+            found = read_results(daemon, row)
     results = replace(found, rows=tuple(_with_moved_trace(run, target) for run in found.rows))
     if not as_json:
         print_summary(_naming_traces(results), took=time.perf_counter() - started)
@@ -159,7 +159,7 @@ def watch_to_end(
     campaign: str,
     as_json: bool,
     baseline: str = "",
-    worse_by: str | None = None,
+    worse_by: float | None = None,
 ) -> int:
     """Watch a campaign, print its summary, return the exit code it deserves.
 
@@ -171,8 +171,8 @@ def watch_to_end(
         say(f"\n{campaign} goes on; come back with `scenario tui` or `scenario results {campaign}`")
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
-        results = gather_results(daemon, row)
-    between = compare_with_baseline(results, baseline, worse_by, target.open)
+        results = read_results(daemon, row)
+    between = compare_with_baseline(results, baseline, worse_by, target)
     if as_json:
         emit_results(results, comparison=between)
     else:

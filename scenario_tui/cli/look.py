@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import typer
 
+from daemon.batch.errors import Unreachable
 from scenario_tui.cli import completion
-from scenario_tui.cli.compare import Baseline, WorseBy
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Baseline, Connect, State, WorseBy
 from scenario_tui.cli.output import Output, plain_table, stdout_console
 
 if TYPE_CHECKING:
@@ -64,15 +65,15 @@ def results(
     as_json: AsJson = False,
 ) -> None:
     """Show what came out of a campaign: every cell, what is not as expected and why."""
+    from daemon.analysis.results import read_results
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
-    from scenario_tui.cli.named_traces import pointing_to_traces
     from scenario_tui.cli.results import emit_results, print_summary
     from scenario_tui.cli.search_report import ask_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-    from scenario_tui.text.results import gather_results
+    from scenario_tui.source import open_source
 
     target = DaemonTarget(connect, state)
-    with pointing_to_traces("results", campaign, "CAMPAIGN"), target.open() as daemon:
+    with open_source(campaign, target) as daemon:
         row = find_campaign_or_search(daemon, campaign)
         listed = outcome or text
         if row.search and not listed:
@@ -81,12 +82,12 @@ def results(
             rows = daemon.all_runs(row.id) if runs else ()
             _show_search(answer, rows, exit_status=exit_status, as_json=as_json)
             return
-        found = gather_results(daemon, row)
+        found = read_results(daemon, row)
         # Filters choose what is listed; the verdict is always about all runs.
         rows = found.rows
         if listed:
             rows = daemon.all_runs(row.id, outcome=outcome, text=text)
-    between = compare_with_baseline(found, baseline, worse_by, target.open)
+    between = compare_with_baseline(found, baseline, worse_by, target)
     if as_json:
         emit_results(replace(found, rows=rows), comparison=between)
     elif listed:
@@ -255,22 +256,23 @@ def show(
 
         show_log(run, output, target, everything=everything, as_json=as_json)
         return
-    from scenario_tui.cli.named_traces import pointing_to_traces, why_no_trace
-    from scenario_tui.cli.target import find_run
     from scenario_tui.library.watching import latest_snapshot
+    from scenario_tui.source import find_run, open_source, why_no_trace
 
-    with pointing_to_traces("show", run, "RUN"), target.open() as daemon:
+    with open_source(run, target) as daemon:
         detail = find_run(daemon, run)
         search = daemon.search_row(detail.row.campaign)
         found = RunOutput(detail)
         if search is not None:
             found = replace(found, task=search.task)
         if not detail.row.trace:
-            standing = why_no_trace(detail.row, daemon.campaign(detail.row.campaign), daemon)
+            standing = why_no_trace(detail.row, daemon, target)
             found = replace(found, standing=standing)
-        if detail.row.state == "running":
-            found = replace(found, live=latest_snapshot(daemon, detail.row.id))
-            workers = daemon.workers() if found.live is None else ()
+    if detail.row.state == "running":
+        # Only a daemon that runs knows how far it is; without one what is recorded is said.
+        with suppress(Unreachable), target.open() as running:
+            found = replace(found, live=latest_snapshot(running, detail.row.id))
+            workers = running.workers() if found.live is None else ()
             prepares = [one.preparing for one in workers if one.id == detail.row.worker]
             found = replace(found, standing=next(filter(None, prepares), found.standing))
     found.show(as_json)

@@ -34,6 +34,16 @@ def parse_wall(text: str) -> float:
     return seconds
 
 
+def parse_ratio(text: str) -> float:
+    """Return ``20 %`` as 0.2; raises ``ValueError``."""
+    from grammars.text.quantity import read_as
+
+    ratio = read_as(text, "ratio")
+    if ratio < 0.0:
+        raise ValueError(f'"{text}" is negative')
+    return ratio
+
+
 def check_writable(path: Path, option: str) -> None:
     """Refuse a file that nobody can write there, as wrong usage of ``option``."""
     why = ""
@@ -114,6 +124,25 @@ Keys: TypeAlias = Annotated[
         rich_help_panel=_COMMON,
         help="Folder of keys, for tls/host:port. Default: $SCENARIO_KEYS, then keys in your "
         "settings.",
+    ),
+]
+Baseline: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--baseline",
+        metavar="CAMPAIGN",
+        help="Fail when results are worse than those of this campaign, folder of traces, file of "
+        "results (JSON), or last-green. Default: what the campaign file says under gate.",
+        autocompletion=completion.baselines,
+    ),
+]
+WorseBy: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--worse-by",
+        metavar="RATIO",
+        parser=parse_ratio,
+        help="How much worse a margin or a duration may be. Default: the gate's, or 10 %.",
     ),
 ]
 Base = Annotated[

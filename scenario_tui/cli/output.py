@@ -12,10 +12,10 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Finding
 from grammars.text.terminal_text import printable, printable_streams
@@ -106,6 +106,25 @@ def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Itera
     # What is printed meanwhile passes through rich, which would take over its colours.
     with progress, printable_streams():
         yield progress
+
+
+@contextmanager
+def show_progress(
+    doing: str, total: int, unit: Literal["traces", "bytes"]
+) -> Iterator[Callable[[int], None]]:
+    """Show how much of ``total`` is done; yields what counts further traces or bytes."""
+    if not total:
+        yield lambda _: None
+        return
+    from rich.progress import BarColumn, DownloadColumn, MofNCompleteColumn, TransferSpeedColumn
+
+    amounts: tuple[ProgressColumn, ...] = (MofNCompleteColumn(),)
+    if unit == "bytes":
+        amounts = (DownloadColumn(), TransferSpeedColumn())
+    # Processes are forked to judge traces, and threads do not survive that.
+    with open_progress(doing, BarColumn(), *amounts, threads=unit == "bytes") as progress:
+        task = progress.add_task("", total=total)
+        yield lambda count: progress.update(task, advance=count, refresh=unit == "traces")
 
 
 def track_progress(found: Iterable[T], total: int, description: str) -> Iterator[T]:

@@ -57,9 +57,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     logs.LogsOutput,
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
-    compare.CompareOutput,
-    report.ReportOutput,
-    report.HistoryOutput,
     sut.SutOutput,
     sut_check.InspectionOutput,
 )
@@ -71,6 +68,7 @@ OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _
 VALUES: Final[dict[str, type]] = {
     "blame": Explanation,
     "cancel": steer.SteeredRuns,
+    "compare": compare.ComparedCampaigns,
     "coverage": Coverage,
     "delete": steer.Deletion,
     "doctor": doctor.Examination,
@@ -80,6 +78,7 @@ VALUES: Final[dict[str, type]] = {
     "resume": steer.SteeredRuns,
     "retry": steer.SteeredRuns,
     "export": export_runs.ExportedFiles,
+    "history": report.WrittenHistory,
     "import": import_.ImportedBuilding,
     "judge": Rejudgement,
     "plot": plot.Plot,
@@ -90,6 +89,7 @@ VALUES: Final[dict[str, type]] = {
     "stop": daemon.LeavingDaemon,
     "search": search.SearchResult,
     "searches": search.Searches,
+    "report": report.WrittenReport,
     "status": status.DaemonStatus,
     "vary": WrittenVariants,
     "verify": Verifications,

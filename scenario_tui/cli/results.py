@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 from rich.text import Text
 
-from daemon.judging.assessment import CampaignDifference, JudgedCampaign
+from daemon.analysis.results import CampaignResults
+from daemon.judging.assessment import CampaignDifference
 from daemon.model.assessments import Assessment, AssessmentRules
 from daemon.model.status import CampaignRow, RunRow
-from grammars.text import codec
-from grammars.text.diagnostics import Finding, InputError, Where
-from scenario_tui.cli.answer import schema_identifier
 from scenario_tui.cli.output import Output, stdout_console
-from scenario_tui.text.results import CampaignResults
 from scenario_tui.text.summary import summary_parts
 
 
@@ -37,24 +31,6 @@ def emit_results(results: CampaignResults, comparison: CampaignDifference | None
         results.rows,
         comparison,
     ).emit()
-
-
-def read_results(path: Path) -> JudgedCampaign:
-    """Read what ``--json`` wrote; raises :class:`InputError` for anything else."""
-    where = Where(str(path))
-    try:
-        body = json.loads(path.read_text(encoding="utf-8"))
-        if body["schema"] != schema_identifier(ResultsOutput.schema):
-            raise ValueError(f"it holds {body['schema']}")
-        declared = codec.from_plain(AssessmentRules, body["declared"])
-        runs = codec.from_plain(tuple[RunRow, ...], body["runs"])
-        return JudgedCampaign(str(body["campaign"]["id"]), declared, runs)
-    except OSError as error:
-        message = f"cannot be read: {error.strerror}"
-        raise InputError(Finding(where, message)) from error
-    except (ValueError, KeyError, TypeError) as error:
-        hint = "write one with: scenario results CAMPAIGN --json"
-        raise InputError(Finding(where, "is no file of results", hint)) from error
 
 
 def print_summary(results: CampaignResults, *, took: float | None = None) -> None:

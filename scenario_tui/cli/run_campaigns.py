@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.compare import Baseline, WorseBy
 from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import (
     AsJson,
     Attempts,
     Base,
+    Baseline,
     CampaignFile,
     CampaignName,
     Connect,
     Slots,
     State,
     Wall,
+    WorseBy,
     check_writable,
     parse_duration,
 )
@@ -51,6 +52,7 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
 
     from scenario_tui.cli.execute import run_here
     from scenario_tui.cli.results import emit_results, print_commands
+    from scenario_tui.text.formatting import run_word
 
     # The campaigns are part of the package, which may lie in an archive.
     with as_file(files("campaigns")) as folder:
@@ -70,7 +72,7 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
             ("scenario tui", "watch it in the dashboard"),
         )
     # A demo may well show a failing robot: it succeeds when every run was judged.
-    judged = set(found.words) <= {"pass", "fail", "inconclusive"}
+    judged = {run_word(row) for row in found.rows} <= {"pass", "fail", "inconclusive"}
     raise typer.Exit(ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE)
 
 
@@ -101,6 +103,7 @@ def run(
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.execute import run_here, typed_path
     from scenario_tui.cli.results import emit_results, print_commands
+    from scenario_tui.cli.target import DaemonTarget
 
     limit = wall or 0.0
     # Before the runs, not after them; a folder that is made for the traces may hold it as well.
@@ -112,7 +115,7 @@ def run(
         from daemon.analysis.report import write_junit
 
         write_junit(found.row.name, found.assessment, found.rows, junit)
-    between = compare_with_baseline(found, baseline, worse_by, None)
+    between = compare_with_baseline(found, baseline, worse_by, DaemonTarget())
     if as_json:
         emit_results(found, comparison=between)
     else:
@@ -286,13 +289,14 @@ def wait(
     import time
     from math import inf
 
+    from daemon.analysis.results import read_results
     from grammars.text.words import count_noun, duration_text
     from scenario_tui.cli.answer import write_json
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
     from scenario_tui.library.watching import PATIENCE, ask_patiently, watch
-    from scenario_tui.text.results import conclude, gather_results
+    from scenario_tui.text.results import conclude
 
     limit = inf if timeout is None else timeout
     deadline = time.monotonic() + limit
@@ -311,7 +315,7 @@ def wait(
             answer.text()
             raise typer.Exit(answer.code)
         row = watch(target.open, name, patience=patience, limit=left)
-        results = ask_patiently(target, lambda daemon: gather_results(daemon, row), PATIENCE)
+        results = ask_patiently(target, lambda daemon: read_results(daemon, row), PATIENCE)
     except KeyboardInterrupt:
         say(f"\n{name} goes on; come back with `scenario wait {name}`")
         raise typer.Exit(ExitCode.INTERRUPTED) from None

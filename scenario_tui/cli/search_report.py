@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from daemon.batch.errors import Refused, TraceUnavailable
-from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
+from scenario_tui.source import find_campaign_or_search
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
@@ -33,27 +33,6 @@ def find_search_id(source: CampaignSource, name: str) -> str:
     """
     row = find_campaign_or_search(source, name)
     return row.id if row.search else ""
-
-
-def choose_search(name: str, target: DaemonTarget) -> SearchMaterial | None:
-    """Return the search of a name; ``None`` for a campaign or a folder of traces.
-
-    Raises :class:`Refused` if there is nothing of that name.
-    """
-    from daemon.batch.ledger import LedgerReader
-    from scenario_tui.cli.named_traces import names_traces
-
-    has_ledger = target.named or target.paths.ledger.is_file()
-    if name.endswith(".mcap") or names_traces(name) or not has_ledger:
-        return None
-    try:
-        with target.open() if target.named else LedgerReader.open(target.paths) as source:
-            campaign = find_search_id(source, name)
-            return search_material(source, *ask_search(source, campaign)) if campaign else None
-    except Refused:
-        if Path(name).is_dir():
-            return None  # the reader of traces says that it holds none
-        raise
 
 
 def ask_search(

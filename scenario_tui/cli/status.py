@@ -13,7 +13,7 @@ from daemon.model.status import CampaignRow, DaemonOverview, WorkerRow
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import plain_table, stdout_console, wrap_parts
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
 
 if TYPE_CHECKING:

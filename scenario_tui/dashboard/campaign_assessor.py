@@ -6,15 +6,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from scenario_tui.text.results import (
-    CampaignResults,
-    Conclusion,
-    conclude,
-    fetch_conclusion,
-    gather_results,
-)
+from scenario_tui.text.results import Conclusion, conclude
 
 if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
     from daemon.model.status import CampaignRow
     from daemon.model.verbs import DaemonClient
 
@@ -64,13 +59,14 @@ class CampaignAssessor:
         row = self._next(campaigns, wanted, began) if began >= self._rest_until else None
         if row is None:
             return False
+        # Loaded with the first campaign: the first screen does without.
+        from daemon.analysis.results import read_results
+
         state = self._state(row)
+        results = read_results(daemon, row)
+        conclusion = conclude(results.assessment, finished=row.finished)
         if row.id == wanted:
-            results = gather_results(daemon, row)
-            conclusion = conclude(results.assessment, finished=row.finished)
             self.results = results
-        else:
-            conclusion = fetch_conclusion(daemon, row)
         self.conclusions = {**self.conclusions, row.id: conclusion}
         ended = self._clock()
         self._seen[row.id], self._at[row.id] = state, ended

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
 if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
     from daemon.model.messages import RunQuery
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import (
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from grammars.model.scene import Scene
     from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
     from scenario_tui.dashboard.searches import SearchTrials
-    from scenario_tui.text.results import CampaignResults, Conclusion
+    from scenario_tui.text.results import Conclusion
 
 RUNNING_SHOWN: Final = 200
 """Running runs asked for at a time; there are rarely more slots."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
@@ -37,8 +37,10 @@ from scenario_tui.text.formatting import (
     run_label,
     run_word,
 )
-from scenario_tui.text.results import CampaignResults, leading_oracle
 from scenario_tui.text.run_text import evidence_parts
+
+if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
@@ -112,7 +114,7 @@ def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str
 
 
 def _worst(cell: CellAssessment) -> str:
-    oracle = leading_oracle(cell)
+    oracle = _leading_oracle(cell)
     if oracle is None or oracle.worst is None:
         return ""
     verdict = oracle.worst.verdict
@@ -122,6 +124,22 @@ def _worst(cell: CellAssessment) -> str:
     if verdict.evidence.time is not None and verdict.outcome is not Outcome.PASS:
         text += f" {moment_text(verdict.evidence.time)}"
     return text
+
+
+def _leading_oracle(cell: CellAssessment) -> CellVerdict | None:
+    """Return the oracle that tells most about a cell.
+
+    Of those with the cell's verdict one that is not as expected comes first, then the smallest
+    margin: a tight pass is worth seeing.
+    """
+    oracles = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
+    # False before True: not met before met, with a margin before without.
+    return min(oracles, key=_interest, default=None)
+
+
+def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
+    margin = oracle.worst.verdict.margin if oracle.worst else None
+    return not oracle.needs_attention, margin is None, margin or 0.0
 
 
 def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styles) -> Text:

@@ -1,23 +1,16 @@
-"""The results of a campaign as people see them: runs, what it declares, how it is assessed."""
+"""Campaigns in two words: as expected, undecided, so far fine; one of them, or several."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from daemon.model.assessments import ExpectationStatus
-from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
+from scenario_tui.text.formatting import GLYPHS, SEVERITY
 
 if TYPE_CHECKING:
-    from daemon.model.assessments import (
-        Assessment,
-        AssessmentRules,
-        CellAssessment,
-        CellVerdict,
-    )
-    from daemon.model.status import CampaignRow, RunRow
-    from daemon.model.verbs import DaemonClient
+    from daemon.model.assessments import Assessment
+    from daemon.model.status import CampaignRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,70 +38,6 @@ _CONCLUSIONS: Final = {
     4: Conclusion("inconclusive", "undecided"),
 }
 """By the exit code of `scenario results`, so that scripts and people are told the same."""
-
-
-@dataclass(frozen=True, slots=True)
-class CampaignResults:
-    """Everything known about a campaign; ``rows`` are its runs with their results, in order."""
-
-    row: CampaignRow
-    rows: tuple[RunRow, ...]
-    declared: AssessmentRules
-    assessment: Assessment
-    _by_id: Mapping[str, RunRow] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_by_id", {row.id: row for row in self.rows})
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """The word of each run."""
-        return tuple(run_word(row) for row in self.rows)
-
-    @property
-    def not_repeatable(self) -> tuple[str, ...]:
-        """Systems under test of which the same run gives something else each time."""
-        return tuple(dict.fromkeys(row.sut for row in self.rows if not row.repeatable))
-
-    def runs_of(self, cell: CellAssessment) -> tuple[RunRow, ...]:
-        """Return the runs of a cell."""
-        return tuple(self._by_id[run] for run in cell.runs)
-
-    @property
-    def undecided(self) -> tuple[CellVerdict, ...]:
-        """Open oracles of cells that have all their runs."""
-        return tuple(
-            oracle
-            for cell in self.assessment.cells
-            for oracle in cell.oracles
-            if oracle.status is ExpectationStatus.OPEN and not oracle.missing
-        )
-
-    @property
-    def lost_runs(self) -> tuple[RunRow, ...]:
-        """Runs that were given up or broke before anything could be judged."""
-        return tuple(row for row in self.rows if run_word(row) == "lost")
-
-    @property
-    def nondeterministic_runs(self) -> tuple[RunRow, ...]:
-        """Runs that came out differently when the same was executed before."""
-        return tuple(row for row in self.rows if row.nondeterministic)
-
-
-def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
-    """Ask for everything about a campaign and judge it."""
-    from daemon.judging.assessment import assess
-
-    rows, declared = daemon.all_runs(row.id, results=True), daemon.declared(row.id)
-    return CampaignResults(row, rows, declared, assess(declared, rows))
-
-
-def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
-    """Ask whether a campaign is as expected."""
-    from daemon.judging.assessment import assess
-
-    rows = daemon.all_runs(row.id, results=True)
-    return conclude(assess(daemon.declared(row.id), rows), finished=row.finished)
 
 
 def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
@@ -153,19 +82,3 @@ def overall_conclusion(
     if judged and len(judged) < len(judgements) and all(one.word == "pass" for one in judged):
         return SO_FAR_FINE
     return min(judgements, key=lambda one: SEVERITY.index(one.word), default=None)
-
-
-def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
-    """Return the oracle that tells most about a cell.
-
-    Of those with the cell's verdict one that is not as expected comes first, then the smallest
-    margin: a tight pass is worth seeing.
-    """
-    oracles = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
-    # False before True: not met before met, with a margin before without.
-    return min(oracles, key=_interest, default=None)
-
-
-def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
-    margin = oracle.worst.verdict.margin if oracle.worst else None
-    return not oracle.needs_attention, margin is None, margin or 0.0

@@ -9,6 +9,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from daemon.analysis.results import CampaignResults
 from daemon.judging.statistics import at_least, cut_percentage
 from daemon.model.assessments import ComparisonVerdict
 from grammars.text.words import NOTHING, count_noun
@@ -27,7 +28,7 @@ from scenario_tui.text.formatting import (
     plain_table,
     quiet_style,
 )
-from scenario_tui.text.results import CampaignResults, conclude
+from scenario_tui.text.results import conclude
 from scenario_tui.text.run_state import progress_text, unfinished_text
 
 _LISTED: Final = 12

@@ -14,6 +14,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from daemon.analysis.recorded import read_traces
 from daemon.analysis.report import (
     SuggestedCommand,
     read_report_data,
@@ -22,7 +23,7 @@ from daemon.analysis.report import (
     write_page,
     write_parquet,
 )
-from daemon.analysis.results import folder_results
+from daemon.analysis.results import read_results
 from daemon.campaign import expand, load_campaign
 from daemon.model.ids import trace_name
 from daemon.run import execute
@@ -55,17 +56,18 @@ def measure():
 
 
 def _report(folder, executed):
-    chosen = folder_results(folder)
+    source = read_traces(str(folder))
+    chosen = read_results(source, source.row)
     records = tuple(
         replace(record, id=f"{record.id}-{sut}-{repeat}", sut=sut, repeat=repeat)
-        for record in chosen.records
+        for record in chosen.rows
         for sut in SUTS
         for repeat in range(REPEATS)
     )
-    chosen = replace(chosen, records=records)
+    chosen = replace(chosen, rows=records)
     progress.say(f"the report of {len(records)} runs")
     wall, cpu = time.perf_counter(), _cpu()
-    material = read_report_data(chosen)
+    material = read_report_data(chosen, tuple(source.specs.values()))
     read = time.perf_counter()
     page = write_page(material, (SuggestedCommand("scenario judge {run}", "judge it again"),))
     drawn = time.perf_counter()
@@ -75,7 +77,7 @@ def _report(folder, executed):
         f"{drawn - wall:.1f} s on {os.cpu_count()} cores, read and judged in {read - wall:.1f} s, "
         f"drawn in {drawn - read:.1f} s, {len(page.encode()) / 1e6:.2f} MB",
     )  # fmt: skip
-    assessed = material.input.name, material.assessment, records
+    assessed = material.input.row.name, material.assessment, records
     tables = {
         "csv": partial(write_csv, material),
         "parquet": partial(write_parquet, material),

@@ -10,7 +10,8 @@ from textual._compositor import Compositor
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 
-from scenario_tui.cli import invoke, target
+from scenario_tui import source
+from scenario_tui.cli import invoke
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import FakeDaemon
 from tests.scenario_tui.idle import wait_for_idle
@@ -82,7 +83,8 @@ def scenario(fake, monkeypatch, capsys):
     """Call ``scenario ...`` in this process, against the fake daemon."""
     for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(target.DaemonTarget, "open", lambda self: fake.open())
+    for road in ("open", "read"):
+        monkeypatch.setattr(source.DaemonTarget, road, lambda self: fake.open())
     before = dict(os.environ)
 
     def call(*arguments):

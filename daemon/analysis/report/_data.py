@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeAlias, cast
+from typing import Final, TypeAlias
 
 from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
 from daemon.analysis.parallel_map import parallel_map
+from daemon.analysis.recorded import judge_row
 from daemon.analysis.report._measures import (
     MEASURES,
     RunMeasure,
@@ -18,14 +19,14 @@ from daemon.analysis.report._measures import (
 )
 from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
-from daemon.analysis.results import Results
+from daemon.analysis.results import CampaignResults
 from daemon.judging import oracles
 from daemon.judging.assessment import assess, reference_comparisons
 from daemon.judging.oracles import SignalSampler
 from daemon.model.assessments import Assessment, ReferenceComparison
-from daemon.model.spec import RunEnding, RunResult, Timing, TraceInfo
+from daemon.model.spec import RunSpec
 from daemon.model.status import RunRow
-from daemon.trace import Trace, TraceError, read_trace
+from daemon.trace import TraceError, read_trace
 from grammars.model.behaviour import Trigger
 
 _SAMPLES: Final = 36_000
@@ -48,13 +49,18 @@ class ReportRun:
 
 @dataclass(frozen=True, slots=True)
 class ReportData:
-    """Everything a report is written from."""
+    """Everything a report is written from; ``oracles`` are the texts of all, each once."""
 
-    input: Results
+    input: CampaignResults
     runs: tuple[ReportRun, ...]
-    assessment: Assessment
+    oracles: tuple[str, ...]
     buffer: SafetyBuffer
     coverage: Coverage
+
+    @property
+    def assessment(self) -> Assessment:
+        """The verdicts of all runs, assessed."""
+        return self.input.assessment
 
     @property
     def oracle_texts(self) -> dict[str, str]:
@@ -68,26 +74,43 @@ class ReportData:
 
 
 def read_report_data(
-    results: Results, *, processes: int | None = None, watched: ProgressWrapper | None = None
+    results: CampaignResults,
+    specs: Sequence[RunSpec],
+    *,
+    processes: int | None = None,
+    watched: ProgressWrapper | None = None,
 ) -> ReportData:
     """Read all traces and assess the campaign; ``watched`` may show how far it is.
 
-    Runs that are not judged yet are judged by the oracles inside of their traces. A trace that is
-    missing or damaged leaves a run without tracks, never without its verdicts.
+    ``specs`` are those of the runs. Runs that are not judged yet are judged by the oracles inside
+    of their traces. A trace that is missing or damaged leaves a run without tracks, never without
+    its verdicts.
     """
-    buffer = safety_buffer(results.oracles, results.footprints)
-    points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(results.records), 1)))
+    texts = tuple(dict.fromkeys(oracle.text for spec in specs for oracle in spec.oracles))
+    buffer = safety_buffer(texts, dict.fromkeys(spec.robot.footprint for spec in specs))
+    points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(results.rows), 1)))
     oracles.warm_up()
     task = partial(
-        _read_run, buffer=buffer, watches=results.watches, points=points, machine=results.machine
+        _read_run, buffer=buffer, watches=_watches(specs), points=points, machine=results.machine
     )
     reading: Iterable[ReportRun] = parallel_map(
-        task, results.records, doing="that reads traces", processes=processes
+        task, results.rows, doing="that reads traces", processes=processes
     )
-    runs = tuple(reading if watched is None else watched(reading, len(results.records)))
-    assessment = assess(results.declared, (run.record for run in runs))
+    runs = tuple(reading if watched is None else watched(reading, len(results.rows)))
+    rows = tuple(run.record for run in runs)
+    results = replace(results, rows=rows, assessment=assess(results.declared, rows))
     coverage = sum_coverage([run.coverage for run in runs if run.coverage is not None])
-    return ReportData(results, runs, assessment, buffer, coverage)
+    return ReportData(results, runs, texts, buffer, coverage)
+
+
+def _watches(specs: Iterable[RunSpec]) -> tuple[Trigger, ...]:
+    """Return the triggers of all scenarios: of each joint the first one at each distance."""
+    triggers: dict[tuple[str, float], Trigger] = {}
+    for spec in specs:
+        for behaviour in spec.behaviours:
+            if isinstance(behaviour, Trigger):
+                triggers.setdefault((behaviour.joint, behaviour.distance), behaviour)
+    return tuple(triggers.values())
 
 
 def _read_run(
@@ -108,28 +131,12 @@ def _read_run(
     invalid = oracles.trace_problems(trace)
     sampler = None if invalid else SignalSampler(trace)
     if record.result is None and record.state == "done":
-        result = _judge(record, trace, sampler, machine)
-        record = replace(record, outcome=result.outcome, result=result)
+        record = judge_row(record, trace, machine, sampler)
     if sampler is None:
         return ReportRun(record, RunTracks(problem="; ".join(invalid)))
     covered = run_coverage(trace)
     tracks = extract_tracks(sampler, buffer, watches, points)
     return ReportRun(record, tracks, covered, tuple(trace.versions.items()))
-
-
-def _judge(record: RunRow, trace: Trace, sampler: SignalSampler | None, machine: str) -> RunResult:
-    verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
-    ended = cast(RunEnding, trace.ended or "")  # a recording that was cut off has no end
-    return RunResult(
-        record.digest,
-        oracles.overall_outcome(trace, verdicts),
-        verdicts,
-        ended,
-        TraceInfo("", 0, 0),
-        Timing(0.0, 0.0, trace.valid_until),
-        trace.note,
-        machine=machine,
-    )
 
 
 @dataclass(frozen=True, slots=True)

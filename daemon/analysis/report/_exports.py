@@ -35,7 +35,7 @@ def table_rows(data: ReportData) -> Iterator[Row]:
     for run in data.runs:
         record = run.record
         head: Row = (
-            data.input.name,
+            data.input.row.name,
             record.scenario,
             record.sut,
             record.repeat,
@@ -45,7 +45,7 @@ def table_rows(data: ReportData) -> Iterator[Row]:
         )
         yield from ((*head, *row) for row in (*_measure_rows(run.tracks), *_verdict_rows(record)))
     for compared in data.references:
-        of: Row = (data.input.name, compared.scenario, compared.sut, None, "", "", "")
+        of: Row = (data.input.row.name, compared.scenario, compared.sut, None, "", "", "")
         yield from ((*of, *row) for row in _reference_rows(compared.reference))
 
 

@@ -88,7 +88,7 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
         for name in ("error mean", "error max")
         for mark in of_cell.get(name, ())
     ]
-    limit = oracle_limit(data.input.oracles, "loc.error")
+    limit = oracle_limit(data.oracles, "loc.error")
     limits = value_limits(_drawn(data), errors if limit is None else [limit, *errors])
     plan = [
         *_moments(data),
@@ -176,7 +176,7 @@ def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
     cells: dict[tuple[str, str], list[ReportRun]] = {}
     for run in _drawn(data):
         cells.setdefault((run.record.scenario, run.record.sut), []).append(run)
-    limit = oracle_limit(data.input.oracles, "loc.error")
+    limit = oracle_limit(data.oracles, "loc.error")
     deciding = _deciding_verdicts(data)
     # The first ones: those with surprises have their moment drawn whatever their place.
     for (scenario, sut), runs in list(cells.items())[:MOST_CELLS]:
@@ -222,7 +222,7 @@ def _worst_localisation(data: ReportData) -> _Plan:
 
     Of the campaign, where none asks.
     """
-    limit = oracle_limit(data.input.oracles, "loc.error")
+    limit = oracle_limit(data.oracles, "loc.error")
     localised = [run for run in _drawn(data) if "error max" in run.tracks.measures]
     scenarios = dict.fromkeys(
         run.record.scenario for run in localised if _asks_for_error(run.record)

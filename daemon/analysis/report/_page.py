@@ -25,7 +25,7 @@ from daemon.analysis.report._figures import (
     write_figures,
 )
 from daemon.analysis.report.run_maps import draw_building
-from daemon.analysis.results import Results
+from daemon.analysis.results import CampaignResults
 from daemon.judging.assessment import severity
 from daemon.judging.statistics import cut_percentage
 from daemon.model.assessments import (
@@ -137,6 +137,7 @@ def write_page(
         most_listed=_MOST_LISTED,
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
+        of_folder=_is_folder(results),
         honest=_strongest_claim(assessment),
         coverage=data.coverage if data.coverage.runs else None,
     )
@@ -198,14 +199,14 @@ def _facts(
         ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
         *marked,
         ("simulated", duration_text(simulated)),
-        ("from", data.input.id or _folder(data.input)),
+        ("from", _folder(data.input) if _is_folder(data.input) else data.input.row.id),
     )
 
 
 def _origins(data: ReportData) -> Iterator[tuple[str, str]]:
     """Yield where the runs of a report are from, as names and values; unknown ones are empty."""
     origin = data.input.origin
-    yield "executed", _span(data.input.submitted_at, data.input.finished_at)
+    yield "executed", _span(data.input.row.submitted_at, data.input.row.finished_at)
     if origin.file:
         yield "campaign file", f"{origin.file}, SHA-256 {origin.digest[:_SHOWN_OF_HASH]}…"
         yield "version control", _commit(origin)
@@ -220,9 +221,9 @@ def _origins(data: ReportData) -> Iterator[tuple[str, str]]:
     yield "page written by", own_version()
 
 
-def _span(start: float | None, end: float | None) -> str:
-    """Return a date and its times: ``2026-11-23, 15:20 to 15:22 UTC``."""
-    if start is None:
+def _span(start: float, end: float | None) -> str:
+    """Return a date and its times: ``2026-11-23, 15:20 to 15:22 UTC``; empty without a start."""
+    if not start:
         return ""
     began = datetime.fromtimestamp(start, UTC)
     if end is None:
@@ -258,12 +259,17 @@ def _kinds(counts: Counter[str], whole: int) -> str:
     )
 
 
-def _folder(results: Results) -> str:
+def _is_folder(results: CampaignResults) -> bool:
+    """Return True for a folder of traces, whose runs are called as their traces."""
+    return bool(results.rows) and results.rows[0].id == results.rows[0].trace
+
+
+def _folder(results: CampaignResults) -> str:
     name = Path(results.where).name
     return f"the folder {name}" if name else "a folder of traces"
 
 
-def _place(file: str, results: Results) -> str:
+def _place(file: str, results: CampaignResults) -> str:
     """Return a file as seen from the folder a report is of, elsewhere its name alone.
 
     A page is sent to people whom the folders of this machine do not concern.
@@ -295,13 +301,12 @@ def _judged(
 
 
 def _typed(
-    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], results: Results
+    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], results: CampaignResults
 ) -> list[tuple[str, str]]:
     """Return what can be typed about a run that ``oracle`` judged, with the purpose of each."""
     if not run.trace:
         return []
-    # A folder of traces has no ids that commands would know, but the names of its files.
-    name = run.id if results.id else _place(run.trace, results)
+    name = _place(run.trace, results) if _is_folder(results) else run.id
     names = {"run": shlex.quote(name), "oracle": shlex.quote(oracle)}
     failed = run.outcome is Outcome.FAIL
     return [(c.text.format(**names), c.purpose) for c in commands if failed or not c.failing]

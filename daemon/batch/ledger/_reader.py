@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -39,7 +39,7 @@ from daemon.batch.paths import StatePaths
 from daemon.model.messages import LARGEST_PAGE_BYTES, CampaignQuery, IdRequest, RunQuery
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult
-from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow
+from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verbs import (
     CAMPAIGNS,
@@ -56,10 +56,6 @@ from grammars.text import codec
 
 A = TypeVar("A")
 
-_COUNTED: Final = {
-    "pass": "passed", "fail": "failed", "inconclusive": "inconclusive", "error": "errors",
-}  # fmt: skip
-"""The names of counts by outcomes."""
 _LARGEST_NAMES: Final = 2000
 """Bytes of a row of a page, without reason and result."""
 _RATE_SPAN: Final = 600.0
@@ -85,6 +81,7 @@ class LedgerReader(CampaignSource):
         self._db = connection
         self._db.row_factory = sqlite3.Row
         self._paths = paths
+        self.where = str(paths.state)
 
     @classmethod
     @contextmanager
@@ -141,7 +138,7 @@ class LedgerReader(CampaignSource):
             tallied[campaign].append(tuple(tally))
         return tuple(
             CampaignRow(
-                **dict(row) | {"paused": bool(row["paused"])} | _count_runs(tallied[row["id"]])
+                **dict(row) | {"paused": bool(row["paused"])} | count_runs(tallied[row["id"]])
             )
             for row in rows
         )
@@ -151,7 +148,7 @@ class LedgerReader(CampaignSource):
         campaigns = self._db.execute("SELECT count(*) FROM campaign").fetchone()[0]
         # Put together by SQLite: of 20,000 campaigns that takes a quarter of what it takes here.
         tallied = "SELECT state, outcome, sum(runs) FROM tally GROUP BY state, outcome"
-        return campaigns, _count_runs(self._db.execute(tallied))
+        return campaigns, count_runs(self._db.execute(tallied))
 
     def rate(self, now: float) -> float:
         """Runs finished per minute lately; 0 when less than two.
@@ -257,13 +254,3 @@ class LedgerReader(CampaignSource):
         ).fetchone()
         wanted = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
         return ExpectedUpload(str(trace), str(worker), wanted)
-
-
-def _count_runs(tallied: Iterable[tuple[str, str, int]]) -> dict[str, int]:
-    """Return the fields of :class:`RunCounts` from states, outcomes and numbers of runs."""
-    counts = dict.fromkeys((*map(str, RunState), *_COUNTED.values()), 0)
-    for state, outcome, runs in tallied:
-        for name in (state, _COUNTED[outcome] if state == RunState.DONE and outcome else ""):
-            if name in counts:  # repeats in reserve count nowhere
-                counts[name] += runs
-    return counts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -18,7 +18,10 @@ from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
-from scenario_tui.text.results import NONE_JUDGED, CampaignResults
+from scenario_tui.text.results import NONE_JUDGED
+
+if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
 
 
 class MatrixScreen(SteeringScreen):

@@ -129,7 +129,7 @@ CASES = (
     ("coverage none.yaml", "none.yaml"),
     ("blame none.mcap", "none.mcap"),
     ("compare first nope", "nope"),
-    ("report nope", "is no state directory"),
+    ("report nope", 'no campaign "nope"'),
     ("report demo -o none/x.html", "none is not there"),
     ("report demo -o demo", "is a folder"),
     ("report demo --csv none/x.csv", "none is not there"),

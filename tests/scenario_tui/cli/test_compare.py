@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from daemon.analysis.results import read_results
 from daemon.model.assessments import AssessmentRules, RegressionGate, RepeatPolicy
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import execute
-from scenario_tui.text.results import gather_results
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon, make_row
 
 Keep = Callable[[FakeDaemon, str], Path]
@@ -115,7 +115,7 @@ def test_a_campaign_run_here_is_held_against_a_file(
 ):
     path = tmp_path / "before.json"
     path.write_text(scenario("results", OLD, "--json").out)
-    found = gather_results(two, two.campaigns()[0])
+    found = read_results(two, two.campaigns()[0])
     monkeypatch.setattr(execute, "run_here", lambda *_, **__: found)
     demo = str(campaigns / "demo" / "campaign.yaml")
     said = scenario("run", demo, "--json", "--baseline", str(path), "--worse-by", allowed)
@@ -123,12 +123,13 @@ def test_a_campaign_run_here_is_held_against_a_file(
     assert any(shift["worse"] for shift in json.loads(said.out)["comparison"]["shifts"]) == code
 
 
-def test_a_campaign_run_here_knows_no_others(scenario, two, campaigns, monkeypatch):
+def test_a_campaign_run_here_may_be_the_first(scenario, two, campaigns, monkeypatch):
     found = replace(
-        gather_results(two, two.campaigns()[0]),
+        read_results(two, two.campaigns()[0]),
         declared=AssessmentRules(gate=RegressionGate("last-green", 0)),
     )
     monkeypatch.setattr(execute, "run_here", lambda *_, **__: found)
+    two.empty = True
     said = scenario("run", str(campaigns / "demo" / "campaign.yaml"))
-    assert "not compared with last-green: without a daemon give a file of results" in said.err
+    assert "no earlier campaign first was as expected: nothing to compare with yet" in said.err
     assert said.code == 0

@@ -4,7 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from daemon.model.run_state import RunState
+from daemon.model.verdicts import Outcome
 from scenario_tui.cli import execute, invoke
+from tests.scenario_tui.fake import make_row
+
+
+def _row(word):
+    if word == "lost":
+        return make_row(0, state=RunState.LOST, outcome=None)
+    return make_row(0, outcome=Outcome(word))
 
 
 @pytest.mark.parametrize(
@@ -16,7 +25,7 @@ def test_the_demo_succeeds_when_every_run_was_judged(monkeypatch, capsys, words,
 
     def run_here(submission, *_):
         given.append(submission)
-        return SimpleNamespace(words=tuple(words))
+        return SimpleNamespace(rows=[_row(word) for word in words])
 
     monkeypatch.setattr(execute, "run_here", run_here)
     assert invoke(["demo"]) == code

@@ -98,7 +98,7 @@ def test_what_cannot_be_fetched_is_said(here, capsys):
     assert invoke(["export", "corr-1.2", "traces"]) == 2
     assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
     assert invoke(["export", "cor-2", "traces"]) == 2
-    assert "cor-2 is no trace, no folder and no run" in capsys.readouterr().err
+    assert 'there is no campaign "cor-2"' in capsys.readouterr().err
 
 
 def test_commands_about_recorded_runs_bring_their_traces(here, capsys):

@@ -3,8 +3,6 @@
 import json
 from dataclasses import replace
 
-import pytest
-
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row, make_rows
 
@@ -195,34 +193,3 @@ def test_all_runs_are_gathered_page_by_page(fake):
     fake.rows = fake.rows * 60
     assert len(fake.all_runs(CAMPAIGN)) == 600
     assert [call[7] for call in fake.calls if call[0] == "runs"] == [0, 500]
-
-
-@pytest.mark.parametrize(
-    ("typed", "reader"),
-    [
-        (("show", "some.mcap"), "`scenario replay`"),
-        (("show", "traces"), "`scenario report`"),
-        (("results", "traces"), "`scenario report`"),
-    ],
-)
-def test_traces_are_for_other_commands(scenario, fake, tmp_path, monkeypatch, typed, reader):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "traces").mkdir()
-    for fake.reachable in (True, False):
-        said = scenario(*typed)
-        words = " ".join(said.err.replace("│", " ").split())
-        assert said.code == 2
-        assert f"`scenario {typed[0]}` asks a daemon about its runs; {typed[1]} is read" in words
-        assert reader in words
-
-
-def test_without_a_daemon_the_traces_of_a_run_are_named(scenario, fake, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    fake.reachable = False
-    assert "scenario run" not in scenario("results").err
-    (tmp_path / "scenario-results" / "demo-1").mkdir(parents=True)
-    (tmp_path / "scenario-results" / "demo-1" / "campaign.json").write_text("{}")
-    said = scenario("results")
-    assert said.code == 3
-    assert said.err.startswith("scenario: no daemon answers")
-    assert "`scenario report scenario-results/demo-1`" in said.err

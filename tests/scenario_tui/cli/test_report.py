@@ -111,8 +111,7 @@ def test_a_part_of_a_run_is_drawn_closely(ledger):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nowhere"], "is no state directory"),
-        (["traces/a.mcap"], "for one run there is `scenario export RUN picture`"),
+        (["nowhere"], "nowhere is no trace, no folder, no campaign or run in"),
         (["empty"], "holds no traces"),
         (["broken"], "is not what `scenario run` leaves"),
     ],
@@ -145,15 +144,15 @@ def test_a_picture_that_cannot_be_is_said(here, capsys, arguments, words):
     assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())
 
 
-def test_the_newest_folder_of_traces_is_named_when_there_is_no_campaign(here, capsys):
+def test_the_newest_folder_of_traces_is_meant_when_there_is_no_campaign(here, capsys):
     for number, name in enumerate(("new-2", "old-1")):
         note = here / "scenario-results" / name / "campaign.json"
         note.parent.mkdir(parents=True)
-        note.write_text("{}")
+        note.write_text('{"name": "n", "about": "", "declared": {}}')
         os.utime(note, (1000.0 - number, 1000.0 - number))
-    assert invoke(["report"]) == 2
-    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert "scenario report scenario-results/new-2" in said
+        (note.parent / "a.mcap").symlink_to(here / "traces" / "a.mcap")
+    assert invoke(["report"]) == 0
+    assert "n (scenario-results/new-2): Yes." in capsys.readouterr().out
 
 
 def test_a_ledger_that_is_none_is_said(here, capsys):

@@ -170,8 +170,8 @@ def test_what_is_shown_is_judged_once_a_second_and_the_rest_less_often(judged):
 
 
 def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged):
-    # Two questions of 2 s each: after 4 s of work follow 12 s of rest.
-    moments = (0.0, 6.0, 15.0, 17.0)
+    # Three questions of 2 s each: after 6 s of work follow 18 s of rest.
+    moments = (0.0, 8.0, 23.0, 25.0)
     assert judged_at(judged, 2.0, moments, CAMPAIGN) == [True, False, False, True]
 
 

@@ -4,14 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.analysis.report import (
-    SuggestedCommand,
-    read_report_data,
-    write_page,
-)
-from daemon.analysis.results import folder_results, write_campaign_note
+from daemon.analysis.report import SuggestedCommand, write_page
+from daemon.analysis.results import write_campaign_note
 from daemon.model.submission import Submission
-from tests.daemon.analysis.report.recordings import ABOUT, DECLARED, NAME, record_all
+from tests.daemon.analysis.report.recordings import ABOUT, DECLARED, NAME, record_all, report_of
 from tests.daemon.judging.oracles.traces import CORRIDOR
 
 COMMAND = SuggestedCommand("scenario judge {run}", "judge it again")
@@ -29,7 +25,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def data(folder):
-    return read_report_data(folder_results(folder), processes=1)
+    return report_of(folder)
 
 
 @pytest.fixture(scope="session")

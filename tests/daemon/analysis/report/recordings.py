@@ -1,7 +1,12 @@
 """A small campaign on disk: a robot in a corridor, past a door that shuts or does not."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from daemon.analysis.recorded import read_traces
+from daemon.analysis.report import read_report_data
+from daemon.analysis.results import read_results
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
 from daemon.model.ids import trace_name
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
@@ -102,3 +107,15 @@ def record_all(folder):
         name = trace_name("c", run.scenario, run.sut.name, run.repeat)
         record(folder / name.partition("/")[2], run)
     return specs
+
+
+def report_of(folder, processes=1):
+    """Read a folder of traces for its report."""
+    source = read_traces(str(folder))
+    results = read_results(source, source.row)
+    return read_report_data(results, tuple(source.specs.values()), processes=processes)
+
+
+def with_assessment(data, assessment):
+    """Return the data of a report with another assessment."""
+    return replace(data, input=replace(data.input, assessment=assessment))

@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from daemon.analysis.recorded import read_traces
 from daemon.analysis.report import (
     oracle_limit,
     read_report_data,
     safety_buffer,
     thinned_indices,
 )
-from daemon.analysis.results import folder_results
+from daemon.analysis.results import read_results
 from daemon.batch.errors import Refused
 from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
@@ -31,6 +32,7 @@ from tests.daemon.analysis.report.recordings import (
     SHUT,
     SPEED,
     SUTS,
+    report_of,
 )
 
 PAPER = Path("ortega2024") / "paper.yaml"
@@ -46,18 +48,18 @@ def run_of(data, scenario, sut, repeat=0):
 
 
 def test_a_folder_is_a_campaign_with_what_it_declares(folder):
-    chosen = folder_results(folder)
-    assert (chosen.name, chosen.about, chosen.declared) == (NAME, ABOUT, DECLARED)
-    assert len(chosen.records) == 4 * REPEATS
-    assert [trigger.joint for trigger in chosen.watches] == ["door-17.hinge"]
+    chosen = read_traces(str(folder))
+    assert (chosen.row.name, chosen.row.about) == (NAME, ABOUT)
+    assert chosen.declared(str(folder)) == DECLARED
+    assert len(chosen.rows) == 4 * REPEATS
 
 
 def test_traces_without_a_note_must_all_pass(folder, tmp_path):
     for trace in folder.glob("*.mcap"):
         (tmp_path / trace.name).symlink_to(trace)
-    chosen = folder_results(tmp_path)
-    assert (chosen.name, chosen.declared.expectations) == (NAME, ())
-    assert read_report_data(chosen, processes=1).assessment.exit_code == 1
+    chosen = read_traces(str(tmp_path))
+    assert (chosen.row.name, chosen.note.declared.expectations) == (NAME, ())
+    assert report_of(tmp_path).assessment.exit_code == 1
 
 
 def test_runs_are_judged_and_assessed(data):
@@ -117,17 +119,17 @@ def copied(folder, to):
 
 def test_what_is_no_trace_is_named_and_left_out(folder, tmp_path):
     copied(folder, tmp_path)[0].write_bytes(b"nothing of the kind")
-    chosen = folder_results(tmp_path)
+    chosen = read_traces(str(tmp_path))
     ((file, why),) = chosen.unread
     assert file.endswith(".mcap")
     assert why == "is not an MCAP file"
-    assert len(chosen.records) == 4 * REPEATS - 1
+    assert len(chosen.rows) == 4 * REPEATS - 1
 
 
 def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder, tmp_path):
     first = copied(folder, tmp_path)[0]
     first.write_bytes(first.read_bytes()[:-9000])
-    data = read_report_data(folder_results(tmp_path), processes=1)
+    data = report_of(tmp_path)
     (cut,) = [run for run in data.runs if run.record.trace == str(first)]
     assert cut.record.ended == ""
     assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
@@ -135,16 +137,16 @@ def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder, tmp_path):
 
 def test_a_trace_that_went_away_leaves_its_run(folder, tmp_path):
     copied(folder, tmp_path)
-    chosen = folder_results(tmp_path)
-    Path(str(chosen.records[0].trace)).unlink()
-    data = read_report_data(chosen, processes=1)
+    chosen = read_traces(str(tmp_path))
+    Path(chosen.rows[0].trace).unlink()
+    data = read_report_data(read_results(chosen, chosen.row), (), processes=1)
     assert "cannot be read" in data.runs[0].tracks.problem
     assert data.runs[0].record.outcome is None
 
 
 def test_a_folder_without_traces_is_refused(tmp_path):
     with pytest.raises(Refused, match="holds no traces"):
-        folder_results(tmp_path)
+        read_traces(str(tmp_path))
 
 
 def test_a_folder_whose_note_tells_no_moment_is_refused(folder, tmp_path):
@@ -152,11 +154,11 @@ def test_a_folder_whose_note_tells_no_moment_is_refused(folder, tmp_path):
     note = {"name": "n", "about": "", "declared": {}, "submitted_at": 1e300}
     (tmp_path / "campaign.json").write_text(json.dumps(note), encoding="utf-8")
     with pytest.raises(Refused, match=r"campaign\.json is not what `scenario run` leaves"):
-        folder_results(tmp_path)
+        read_traces(str(tmp_path))
 
 
 def test_many_processes_find_the_same(folder, data):
-    spread = read_report_data(folder_results(folder), processes=2)
+    spread = report_of(folder, processes=2)
     assert [run.record for run in spread.runs] == [run.record for run in data.runs]
     assert [r.tracks.measures for r in spread.runs] == [r.tracks.measures for r in data.runs]
 

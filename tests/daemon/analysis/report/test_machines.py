@@ -20,7 +20,7 @@ from daemon.analysis.report import (
 from daemon.model.assessments import Assessment, CellVerdict, ExpectationStatus
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
-from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
+from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY, with_assessment
 from tests.run_rows import with_result
 
 MET, OPEN, CONTRADICTED = ExpectationStatus
@@ -85,7 +85,7 @@ def test_parquet_is_the_same_table_with_types(data, tmp_path):
 
 
 def write(data, path):
-    write_junit(data.input.name, data.assessment, [run.record for run in data.runs], path)
+    write_junit(data.input.row.name, data.assessment, [run.record for run in data.runs], path)
 
 
 def cases(data, folder):
@@ -120,7 +120,7 @@ def only(data, **changes):
 
 
 def with_cell(data, cell):
-    return replace(data, assessment=Assessment((cell,), (), (), 0))
+    return with_assessment(data, Assessment((cell,), (), (), 0))
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from tests.daemon.analysis.report.recordings import (
     SHUT,
     SUTS,
     WHY,
+    with_assessment,
 )
 from tests.run_rows import with_result
 
@@ -167,7 +168,7 @@ def test_tables_can_be_scrolled_by_keys_and_sorted_by_every_column(tree):
 def test_measures_of_a_scenario_stand_together_in_whatever_order_its_traces_are(data, page):
     cells = sorted(data.assessment.cells, key=lambda cell: cell.sut)
     assert len({cell.scenario for cell in cells[:2]}) == 2
-    shuffled = replace(data, assessment=replace(data.assessment, cells=tuple(cells)))
+    shuffled = with_assessment(data, replace(data.assessment, cells=tuple(cells)))
 
     def heads(page):
         table = next(section(parse(page), "measures").iter(f"{HTML}table"))
@@ -244,7 +245,7 @@ def test_runs_that_left_nothing_are_told_and_drawn_without(data):
         for run in data.runs
     )
     lost = assess(data.input.declared, (run.record for run in empty))
-    bare = replace(data, runs=empty, assessment=lost)
+    bare = with_assessment(replace(data, runs=empty), lost)
     assert headline(lost, empty).sentence == "8 of 8 runs could not be executed or judged."
     parse(write_page(bare, (), processes=1))
 
@@ -290,9 +291,8 @@ def test_what_was_exercised_is_told_and_what_was_not(tree, data):
 
 def test_the_head_tells_where_the_numbers_are_from(data):
     origin = CampaignOrigin("c.yaml", "abcdef" * 10, 7, "0123456789abcdef", "main", changed=True)
-    chosen = replace(
-        data.input, origin=origin, submitted_at=1_800_000_000.0, finished_at=1_800_000_090.0
-    )
+    row = replace(data.input.row, submitted_at=1_800_000_000.0, finished_at=1_800_000_090.0)
+    chosen = replace(data.input, row=row, origin=origin)
     runs = tuple(
         replace(run, record=with_result(run.record, machine="Abacus, 2 cores")) for run in data.runs
     )

@@ -3,16 +3,15 @@
 from pathlib import Path
 
 import pytest
-import typer
 
+from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion
 from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.submission import Submission
 from daemon.model.verdicts import Outcome
-from scenario_tui.cli.named_traces import all_traces, one_trace
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget, all_traces, one_trace
 from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS, spec
 from tests.daemon.judging.oracles.traces import CORRIDOR
 from tests.scenario_tui.cli.test_fetch import campaign_at
@@ -29,14 +28,14 @@ def places(tmp_path, monkeypatch):
 
 
 def named(places, *names):
-    return all_traces(names, DaemonTarget(state=places.state), "TRACES")
+    return all_traces(names, DaemonTarget(state=places.state))
 
 
 def test_ids_and_names_of_campaigns_and_runs_mean_their_traces(places):
     traces = sorted(places.traces.rglob("*.mcap"), key=lambda trace: SHUT not in trace.name)
     assert list(named(places, "corr")) == list(named(places, "corr-1")) == traces
     assert list(named(places, "corr.1", "corr")) == traces[::-1]
-    assert one_trace("corr-1.0", DaemonTarget(state=places.state), "RUN") == traces[0]
+    assert one_trace("corr-1.0", DaemonTarget(state=places.state)) == traces[0]
 
 
 def test_traces_of_results_that_were_used_again_lie_with_their_campaign(places):
@@ -64,13 +63,13 @@ def test_one_repeat_of_each_cell_is_enough_for_some(places):
     traces = named(places, "e-1")
     target = DaemonTarget(state=places.state)
     assert len(traces) == 2
-    assert all_traces(["e-1"], target, "RUN", one_of_cell=True) == traces[:1]
+    assert all_traces(["e-1"], target, one_of_cell=True) == traces[:1]
 
 
 def test_files_and_folders_are_named_once_each_and_in_order(places):
     for name in ("b/2.mcap", "b/1.mcap", "a.mcap", "b/note.txt"):
         Path(name).parent.mkdir(exist_ok=True)
-        Path(name).touch()
+        Path(name).write_bytes(b"\x89MCAP0\r\n")
     assert [path.name for path in named(places, "b", "a.mcap", "b/1.mcap")] == [
         "1.mcap",
         "2.mcap",
@@ -86,17 +85,19 @@ def test_a_folder_called_like_a_campaign_does_not_hide_it(places):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("nowhere", "is no trace, no folder and no run: there is no campaign"),
-        ("corr.9", "is no run: those of corr-1 are"),
-        ("a/b", "is no trace, no folder and no run"),
-        ("none.mcap", "is no trace, no folder, and no campaign or run in"),
+        ("nowhere", 'there is no campaign "nowhere"'),
+        ("corr.9", "is no run: those of corr-1 are corr-1.0 to corr-1.2"),
+        ("a/b", "there is no folder or file a/b"),
+        ("none.mcap", "there is no trace none.mcap"),
+        ("note.txt", "note.txt is no trace"),
         ("corr.2", "corr-1.2 is queued: the next of its campaign"),
         ("empty", r"empty holds no traces \(.mcap files\)"),
     ],
 )
-def test_what_names_no_trace_is_wrong_usage(places, name, message):
+def test_what_names_no_trace_is_refused(places, name, message):
     Path("empty").mkdir()
-    with pytest.raises(typer.BadParameter, match=message):
+    Path("note.txt").touch()
+    with pytest.raises(Refused, match=message):
         named(places, name)
 
 
@@ -105,5 +106,5 @@ def test_without_a_ledger_only_files_and_folders_are_known(tmp_path, monkeypatch
     places = StatePaths(tmp_path / "state")
     (tmp_path / "empty").mkdir()
     for name, message in (("c", "no campaign or run in"), (str(tmp_path / "empty"), "no traces")):
-        with pytest.raises(typer.BadParameter, match=message):
+        with pytest.raises(Refused, match=message):
             named(places, name)

@@ -1,0 +1,251 @@
+"""A campaign that no daemon knows: a folder of traces, one trace, or a file of results.
+
+It answers what a daemon answers about its own. The campaign's id is what people typed, and a run's
+id is its trace as people would type it, so that both can be typed again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, TypeVar, cast
+
+from daemon.analysis.results import CampaignNote, read_campaign_note
+from daemon.batch.errors import Refused
+from daemon.model.assessments import AssessmentRules
+from daemon.model.messages import CampaignQuery, IdRequest, RunQuery
+from daemon.model.run_state import RunState
+from daemon.model.spec import RunEnding, RunResult, RunSpec, Timing, TraceInfo
+from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
+from daemon.model.submission import CampaignOrigin
+from daemon.model.verbs import (
+    CAMPAIGNS,
+    DECLARED,
+    ORIGIN,
+    RUN,
+    RUNS,
+    SEARCHES,
+    AnyVerb,
+    CampaignSource,
+    Verb,
+)
+from daemon.model.verdicts import Outcome, deciding_verdict
+from grammars.text import codec
+from grammars.text.diagnostics import Finding, InputError, Where
+
+if TYPE_CHECKING:
+    from daemon.judging.oracles import SignalSampler
+    from daemon.trace import Trace
+
+A = TypeVar("A")
+
+RESULTS_SCHEMA: Final = "scenario/results/1"
+"""The field ``schema`` of a file of results, which `scenario results --json` writes."""
+Progress: TypeAlias = Callable[
+    [str, int, Literal["traces", "bytes"]], AbstractContextManager[Callable[[int], None]]
+]
+"""Shows a work, so much of a unit in all; what it yields is called with each further amount."""
+
+
+@dataclass(slots=True)
+class RecordedCampaign(CampaignSource):
+    """One campaign in memory; ``specs`` are those of its runs, by id.
+
+    With ``progress`` runs without a result are judged from their traces when they are asked for.
+    """
+
+    row: CampaignRow
+    rows: tuple[RunRow, ...]
+    note: CampaignNote
+    where: str
+    specs: Mapping[str, RunSpec] = field(default_factory=dict)
+    unread: tuple[tuple[str, str], ...] = ()
+    machine: str = ""
+    progress: Progress | None = None
+
+    def ask(self, verb: Verb[..., A], request: object) -> A:
+        """Answer one of the questions that a :class:`CampaignSource` is asked."""
+        answers: dict[AnyVerb, Callable[[Any], Any]] = {
+            CAMPAIGNS: self._campaigns,
+            RUNS: self._runs,
+            RUN: self._run,
+            DECLARED: lambda _: self.note.declared,
+            ORIGIN: lambda _: self.note.origin,
+            SEARCHES: lambda _: (),
+        }
+        answer: A = answers[verb](request)
+        return answer
+
+    def _campaigns(self, query: CampaignQuery) -> tuple[CampaignRow, ...]:
+        row = self.row
+        is_meant = query.id in ("", row.id) and query.name in ("", row.name)
+        is_meant &= row.id.startswith(query.beginning) and not query.unfinished
+        return (row,)[query.offset : query.limit] if is_meant else ()
+
+    def _runs(self, query: RunQuery) -> RunPage:
+        self._judge(self.rows)
+        chosen = [
+            row
+            for row in self.rows
+            if query.scenario in ("", row.scenario)
+            and query.sut in ("", row.sut)
+            and query.state in ("", row.state)
+            and query.outcome in ("", row.outcome)
+            and query.text.lower() in " ".join((row.label, row.oracle, row.reason, row.id)).lower()
+        ]
+        chosen.sort(key=partial(_sort_key, query.sort), reverse=query.descending)
+        page = chosen[query.offset : query.offset + query.limit]
+        return RunPage(tuple(page), len(chosen))
+
+    def _run(self, asked: IdRequest) -> RunDetail:
+        row = next((one for one in self.rows if one.id == asked.id), None)
+        if row is None:
+            raise Refused(f"there is no run {asked.id} in {self.row.id}")
+        if row.id not in self.specs:
+            raise Refused(f"{self.row.id} holds results and no specification of {row.id}")
+        self._judge((row,))
+        (row,) = (one for one in self.rows if one.id == asked.id)
+        return RunDetail(row, self.specs[row.id])
+
+    def _judge(self, rows: Sequence[RunRow]) -> None:
+        """Judge those runs that were not judged yet, by the oracles in their traces."""
+        waiting = [row for row in rows if row.outcome is None and row.trace]
+        if self.progress is None or not waiting:
+            return
+        from daemon.analysis.parallel_map import parallel_map
+        from daemon.judging import oracles
+
+        oracles.warm_up()
+        task = partial(_judged_file, machine=self.machine)
+        judged: dict[str, RunRow] = {}
+        with self.progress("judging traces", len(waiting), "traces") as advance:
+            for row in parallel_map(task, waiting, doing="that judges traces"):
+                judged[row.id] = row
+                advance(1)
+        self.rows = tuple(judged.get(row.id, row) for row in self.rows)
+
+
+def _sort_key(name: str, row: RunRow) -> tuple[bool, Any]:
+    value = getattr(row, name)
+    return value is None, "" if value is None else value
+
+
+def _judged_file(row: RunRow, machine: str) -> RunRow:
+    """Return a run with the verdicts of its trace; an error when it cannot be read."""
+    from daemon.trace import TraceError, read_trace
+
+    try:
+        trace = read_trace(Path(row.trace))
+    except TraceError as error:
+        return replace(row, outcome=Outcome.ERROR, reason=error.findings[0].message)
+    return judge_row(row, trace, machine)
+
+
+def judge_row(
+    row: RunRow, trace: Trace, machine: str, sampler: SignalSampler | None = None
+) -> RunRow:
+    """Return a run judged by the oracles inside of its ``trace``; ``machine`` executed it.
+
+    A ``sampler`` of that trace spares computing the signals again.
+    """
+    from daemon.judging import oracles
+
+    verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
+    ended = cast(RunEnding, trace.ended or "")  # a recording that was cut off has no end
+    timing = Timing(0.0, 0.0, trace.valid_until)
+    outcome, info = oracles.overall_outcome(trace, verdicts), TraceInfo("", 0, 0)
+    result = RunResult(
+        row.digest, outcome, verdicts, ended, info, timing, trace.note, machine=machine
+    )
+    decisive = deciding_verdict(verdicts)
+    row = replace(row, outcome=outcome, result=result, simulated=timing.simulated)
+    if decisive is None:
+        return row
+    return replace(row, oracle=decisive.oracle, margin=decisive.margin, unit=decisive.unit)
+
+
+def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampaign:
+    """Return the traces below the folder ``name``, in the order of names, or the trace of a file.
+
+    They are judged when they are asked for, if there is a ``progress`` to show that. Raises
+    :class:`daemon.batch.errors.Refused` when there are none, or none that can be read.
+    """
+    from daemon.trace import TraceError, read_spec
+
+    path = Path(name)
+    folder = path if path.is_dir() else path.parent
+    rows: list[RunRow] = []
+    specs: dict[str, RunSpec] = {}
+    unread: list[tuple[str, str]] = []
+    for trace in sorted(path.rglob("*.mcap")) if path.is_dir() else (path,):
+        try:
+            spec = read_spec(trace)
+        except TraceError as error:
+            # Said with the results: who silently leaves a run out lies.
+            unread.append((str(trace), error.findings[0].message))
+            continue
+        # A single trace is called as it was typed.
+        run = str(trace) if path.is_dir() else name
+        specs[run] = spec
+        rows.append(
+            RunRow(
+                id=run,
+                campaign=name,
+                index=len(rows),
+                scenario=spec.scenario,
+                sut=spec.sut.name,
+                repeat=spec.repeat,
+                state=RunState.DONE,
+                limit=spec.limit,
+                trace=str(trace),
+                repeatable=spec.sut.repeatable,
+                digest=spec.digest,
+                seed=spec.seed,
+            )
+        )
+    if not rows:
+        why = f": {unread[0][0]}: {unread[0][1]}" if unread else " (.mcap files)"
+        raise Refused(f"{name} holds no traces that can be read{why}")
+    campaigns = dict.fromkeys(spec.campaign for spec in specs.values())
+    note = read_campaign_note(folder, ", ".join(campaigns))
+    row = CampaignRow(
+        **count_runs([(RunState.DONE, "", len(rows))]),
+        id=name,
+        name=note.name,
+        about=note.about,
+        submitted_at=note.submitted_at or 0.0,  # not known
+        finished_at=None,
+        total=len(rows),
+    )
+    return RecordedCampaign(
+        row, tuple(rows), note, str(folder), specs, tuple(unread), note.machine, progress
+    )
+
+
+def read_results_file(name: str) -> RecordedCampaign:
+    """Return what `scenario results --json` wrote into a file.
+
+    Raises :class:`grammars.text.diagnostics.InputError` for anything else.
+    """
+    where = Where(name)
+    try:
+        body = json.loads(Path(name).read_text(encoding="utf-8"))
+        if body["schema"] != RESULTS_SCHEMA:
+            raise ValueError(f"it holds {body['schema']}")
+        declared = codec.from_plain(AssessmentRules, body["declared"])
+        rows = codec.from_plain(tuple[RunRow, ...], body["runs"])
+        row = codec.from_plain(CampaignRow, body["campaign"])
+        # Files of earlier versions do not say where their campaign was written.
+        origin = codec.from_plain(CampaignOrigin, body.get("origin") or {})
+    except OSError as error:
+        message = f"cannot be read: {error.strerror}"
+        raise InputError(Finding(where, message)) from error
+    except (ValueError, KeyError, TypeError) as error:
+        hint = "write one with: scenario results CAMPAIGN --json"
+        raise InputError(Finding(where, "is no file of results", hint)) from error
+    note = CampaignNote(row.name, row.about, declared, origin, row.submitted_at)
+    return RecordedCampaign(replace(row, id=name), rows, note, name)

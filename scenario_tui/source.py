@@ -1,0 +1,411 @@
+"""One source of what was recorded: a daemon, the ledger of a state directory, traces, a file.
+
+Everything people name is found here: campaigns, searches, runs and traces. Nothing is printed: a
+:class:`DaemonTarget` holds what tells people of it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
+from daemon.model.run_state import RunState
+from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
+from grammars.text.words import count_noun
+from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
+
+if TYPE_CHECKING:
+    from daemon.analysis.recorded import Progress, RecordedCampaign
+    from daemon.batch.paths import StatePaths
+    from daemon.model.status import CampaignRow, RunDetail, RunRow
+    from daemon.model.verbs import CampaignSource, DaemonClient
+
+_NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
+_MCAP: Final = b"\x89MCAP0\r\n"
+"""What every MCAP file begins with."""
+_NAMED: Final = 3
+"""Traces that are named when several are meant and one is wanted."""
+
+
+def _no_progress(*_: object) -> AbstractContextManager[Callable[[int], None]]:
+    return nullcontext(lambda _: None)
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonTarget:
+    """The daemon that is meant: the one at ``connect``, or that of the directory ``state``.
+
+    ``say`` gets messages for people, ``progress`` shows how far a transfer or a judgement is; both
+    are silent unless given.
+    """
+
+    connect: str = ""
+    state: Path | None = None
+    say: Callable[[str], None] = lambda _: None
+    progress: Progress = _no_progress
+
+    @property
+    def endpoint(self) -> str:
+        """Where the daemon listens as far as known now; it may move when it restarts.
+
+        Raises :class:`Unreachable` for a state directory somebody chose that no
+        daemon keeps: there is no need to look for its socket. Raises
+        :class:`InputError` when the environment names what is no endpoint.
+        """
+        from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint
+
+        found = find_endpoint(self.connect, self.state)
+        if found.origin == "SCENARIO_CONNECT" and not is_endpoint(found.address):
+            message = f"{found.address!r} is not an endpoint"
+            hint = "write tcp/<host>:<port> or tls/<host>:<port>"
+            raise InputError(Finding(Where(found.origin), message, hint))
+        if found.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
+            folder = StatePaths.find(self.state).state
+            raise Unreachable(
+                f"no daemon keeps {folder}: start one with `scenario daemon` or `scenario submit`"
+            )
+        return found.address
+
+    @property
+    def paths(self) -> StatePaths:
+        """The state directory of this machine that is meant."""
+        from daemon.batch.paths import StatePaths
+
+        return StatePaths.find(self.state)
+
+    @property
+    def named(self) -> bool:
+        """Whether people said which daemon: then none is started behind their back."""
+        from daemon.batch.paths import find_endpoint
+
+        return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The options that mean this daemon."""
+        state = ("--state", str(self.state)) if self.state is not None else ()
+        return (*(("--connect", self.connect) if self.connect else ()), *state)
+
+    @property
+    def may_come_back(self) -> bool:
+        """Whether there is a daemon that is only away: one that was named, or has left a ledger."""
+        return self.named or self.paths.ledger.exists()
+
+    @contextmanager
+    def open(self) -> Iterator[DaemonClient]:
+        """Open a client; raises :class:`Unreachable`."""
+        from daemon.batch.client import Client
+
+        with Client.open(self.endpoint) as client:
+            yield client
+
+    def read(self) -> AbstractContextManager[CampaignSource]:
+        """Open the daemon that people named, otherwise the ledger here, which needs no daemon.
+
+        Raises :class:`Refused` when nothing was submitted here.
+        """
+        if self.named:
+            return self.open()
+        if not self.paths.ledger.is_file():
+            state = self.paths.state
+            raise Refused(
+                f"nothing was submitted here, {state} is no state directory: name a folder of "
+                "traces, or choose another directory with --state"
+            )
+        from daemon.batch.ledger import LedgerReader
+
+        return LedgerReader.open(self.paths)
+
+
+def open_source(
+    name: str, target: DaemonTarget, *, judge: bool = True
+) -> AbstractContextManager[CampaignSource]:
+    """Open whatever knows the campaign, the run or the trace ``name``.
+
+    A folder with traces, a trace and a file of results are read from this machine; anything else
+    is asked of a daemon or ledger (:meth:`DaemonTarget.read`). Without a name it is that ledger,
+    or the newest folder of `scenario run` when there is none. With ``judge`` the traces of a
+    folder are judged when they are asked for. Raises :class:`Refused`, :class:`Unreachable` and
+    :class:`InputError`.
+    """
+    recorded = _read_here(name, target, judge)
+    if recorded is not None:
+        return nullcontext(recorded)
+    try:
+        return target.read()
+    except Refused as error:
+        if name:
+            where = f"no campaign or run in {target.paths.state}"
+            raise Refused(_no_traces(name) or f"{name} is no trace, no folder, {where}") from error
+        newest = newest_results()
+        if newest is None:
+            raise
+        return open_source(str(newest), target, judge=judge)
+
+
+def _read_here(name: str, target: DaemonTarget, judge: bool) -> RecordedCampaign | None:
+    """Return the traces or the results of that name on this machine, if there are any."""
+    path = Path(name)
+    if trace_files(name):
+        from daemon.analysis.recorded import read_traces
+
+        return read_traces(name, progress=target.progress if judge else None)
+    if path.suffix == ".mcap":
+        raise Refused(_no_traces(name) or f"there is no trace {name}")
+    # Also a pipe, and a file that is not there and says so: no id ends like that.
+    is_file = path.exists() and not path.is_dir() and path.suffix not in (".yaml", ".yml")
+    if is_file or path.suffix == ".json":
+        from daemon.analysis.recorded import read_results_file
+
+        return read_results_file(name)
+    return None
+
+
+def _no_traces(name: str) -> str:
+    """Say that a folder holds no traces, or that a file is none; empty when there is neither."""
+    if Path(name).is_dir():
+        return f"{name} holds no traces (.mcap files)"
+    return f"{name} is no trace (MCAP file)" if Path(name).is_file() else ""
+
+
+def newest_results() -> Path | None:
+    """Return the folder in which `scenario run` left the newest traces here, if it did."""
+    notes = Path("scenario-results").glob("*/campaign.json")
+    newest = max(notes, key=lambda note: note.stat().st_mtime, default=None)
+    return None if newest is None else newest.parent
+
+
+def trace_files(name: str) -> Sequence[Path]:
+    """Return the traces in the folder ``name``, or the trace of that name; empty for neither.
+
+    `scenario new patrol` makes a folder that is called like its campaign and holds none.
+    """
+    path = Path(name)
+    if path.is_file():
+        with path.open("rb") as file:
+            return [path] if file.read(len(_MCAP)) == _MCAP else []
+    return sorted(path.rglob("*.mcap")) if name and path.is_dir() else []
+
+
+def find_run(source: CampaignSource, wanted: str) -> RunDetail:
+    """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
+
+    Raises :class:`Refused` when there is none, with what there is.
+    """
+    name, dot, number = wanted.rpartition(".")
+    # The id as it is costs one question; only what is none needs the list of campaigns.
+    try:
+        return source.run(wanted)
+    except Refused:
+        campaign = find_campaign(source, name if dot else wanted)
+    meant = f"{campaign.id}.{number}"
+    if dot and meant != wanted:
+        with suppress(Refused):
+            return source.run(meant)
+    ends = (source.runs(campaign.id, offset=n, limit=1) for n in (0, campaign.total - 1))
+    runs = " to ".join(row.id for page in ends for row in page.rows)
+    raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {runs}')
+
+
+def find_campaign(source: CampaignSource, wanted: str) -> CampaignRow:
+    """Return the campaign meant by an id, a name (the newest of it) or their beginning.
+
+    Without a word it is the newest. Raises :class:`Refused` when there is none or
+    when several different names begin that way.
+    """
+    # An id beats a name and both beat a beginning, so that what is said in full is never doubtful.
+    # Asked one by one: there may be thousands of campaigns, and each of these finds a few.
+    if not wanted:
+        newest = source.campaign_page(limit=1)
+        if newest:
+            return newest[0]
+        raise Refused(_NONE_YET)
+    exact = source.campaign_page(id=wanted, limit=1)
+    exact = exact or source.campaign_page(name=wanted, limit=1)
+    if exact:
+        return exact[0]
+    # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
+    close = source.campaign_page(beginning=wanted)
+    if len({row.name for row in close}) > 1:
+        ids = ", ".join(row.id for row in close[:5])
+        raise Refused(f'several campaigns begin with "{wanted}": {ids}')
+    if close:
+        return close[0]
+    if name := _name_in_file(wanted):
+        raise Refused(f'{wanted} is a file: what was submitted of it is called "{name}"')
+    if words := _no_traces(wanted):
+        raise Refused(f"{words}, and no campaign is called so")
+    # Ids have no slash (daemon.model.ids).
+    if "/" in wanted:
+        raise Refused(f"there is no folder or file {wanted}")
+    rows = source.campaign_page()
+    if not rows:
+        raise Refused(_NONE_YET)
+    names = {row.name for row in rows} | {row.id for row in rows}
+    raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
+
+
+def _name_in_file(path: str) -> str:
+    """Return how a campaign file calls its campaign, empty for what is none."""
+    from scenario_tui.campaign_files import is_campaign
+
+    file = Path(path)
+    if not is_campaign(file):
+        return ""
+    found = re.search(r"^campaign\s*:\s*([\w-]+)", file.read_text("utf-8", "replace"), re.MULTILINE)
+    return found[1] if found else ""
+
+
+def find_campaign_or_search(source: CampaignSource, wanted: str) -> CampaignRow:
+    """Return the campaign meant as :func:`find_campaign` does, a search also by its own name.
+
+    That is what its campaign file calls it; the newest of that name is meant. Raises
+    :class:`Refused` when there is neither.
+    """
+    try:
+        return find_campaign(source, wanted)
+    except Refused:
+        # Searches are asked for only when no campaign is meant.
+        called = [row for row in source.searches() if row.task.name == wanted]
+        found = source.campaign_page(id=called[0].campaign, limit=1) if called else ()
+        if not found:
+            raise
+        return found[0]
+
+
+def one_trace(run: str, target: DaemonTarget) -> Path:
+    """Return the trace of a run named by its id or as a file, brought here if it lies elsewhere.
+
+    Raises :class:`Refused` for none or several, and :class:`TraceUnavailable`.
+    """
+    if files := _named_files(run):
+        _refuse_several(run, [file.name for file in files])
+        return files[0]
+    with open_source(run, target) as source:
+        rows = recorded_runs(source, run, target)
+        # Before anything is brought: a campaign may have thousands of traces.
+        _refuse_several(run, [row.id for row in rows])
+        (trace,) = bring_traces(rows, source, target)
+    if isinstance(trace, TraceUnavailable):
+        raise trace
+    return trace
+
+
+def all_traces(
+    named: Sequence[str], target: DaemonTarget, *, one_of_cell: bool = False
+) -> tuple[Path, ...]:
+    """Return the traces meant: files, folders, and ids of campaigns and runs.
+
+    Each once, in the order named, those of a folder by name. Otherwise as :func:`one_trace`; a
+    trace that cannot be brought is left out with a message, unless there is no other. With
+    ``one_of_cell`` only the first of each scenario and system comes from a campaign.
+    """
+    traces: dict[Path, None] = {}
+    for name in named:
+        files = _named_files(name)
+        if not files:
+            with open_source(name, target) as source:
+                rows = recorded_runs(source, name, target)
+                if one_of_cell:
+                    cells: dict[tuple[str, str], RunRow] = {}
+                    for row in rows:
+                        cells.setdefault((row.scenario, row.sut), row)
+                    rows = tuple(cells.values())
+                brought = bring_traces(rows, source, target)
+            files = [trace for trace in brought if isinstance(trace, Path)]
+            missing = [trace for trace in brought if not isinstance(trace, Path)]
+            if not files:
+                raise missing[0]
+            # One trace that is gone must not keep the others of a campaign.
+            for problem in missing:
+                target.say(str(problem))
+        traces |= dict.fromkeys(files)
+    return tuple(traces)
+
+
+def _named_files(name: str) -> Sequence[Path]:
+    """Return the traces of that name on this machine; refuse files that are none."""
+    files = trace_files(name)
+    if not files and Path(name).is_file() and not _name_in_file(name):
+        raise Refused(_no_traces(name))
+    return files
+
+
+def _refuse_several(name: str, traces: Sequence[str]) -> None:
+    if len(traces) > 1:
+        names = ", ".join(traces[:_NAMED]) + (", …" if len(traces) > _NAMED else "")
+        raise Refused(f"{name} means {len(traces)} traces ({names}): name one of them")
+
+
+def recorded_runs(source: CampaignSource, name: str, target: DaemonTarget) -> tuple[RunRow, ...]:
+    """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
+
+    Raises :class:`Refused` when it means neither, and, with the reason, when none has a result yet.
+    """
+    # Ids of campaigns have no dots.
+    if "." in name:
+        run = find_run(source, name).row
+        if run.result is None:
+            raise Refused(why_no_trace(run, source, target))
+        return (run,)
+    campaign = find_campaign(source, name)
+    rows = source.all_runs(campaign.id, results=True)
+    rows = tuple(row for row in rows if row.result is not None)
+    if not rows:
+        raise Refused(without_traces_text(with_time_left(campaign, target)))
+    if rest := unfinished_text(campaign):
+        finished = f"{count_noun(len(rows), 'run')} finished so far"
+        target.say(f"{campaign.id} goes on ({rest}): {finished}")
+    return rows
+
+
+def why_no_trace(run: RunRow, source: CampaignSource, target: DaemonTarget) -> str:
+    """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
+    from daemon.model.messages import LARGEST_PAGE
+
+    campaign = source.campaign(run.campaign)
+    if campaign is not None:
+        campaign = with_time_left(campaign, target)
+    if run.state is not RunState.QUEUED:
+        return without_trace_text(run, campaign)
+    waiting = source.runs(run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
+    before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
+    return without_trace_text(run, campaign, before)
+
+
+def with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
+    """Return a campaign with the time it takes, which only a daemon that runs can say."""
+    with suppress(DaemonError):
+        if not campaign.finished and campaign.seconds_left is None:
+            with target.open() as daemon:
+                return daemon.campaign(campaign.id) or campaign
+    return campaign
+
+
+def bring_traces(
+    rows: Sequence[RunRow], source: CampaignSource, target: DaemonTarget
+) -> list[Path | TraceUnavailable]:
+    """Return the trace of each run as a file of this machine, or why it cannot be had.
+
+    Those of the ledger here are files already, except in stores.
+    """
+    from daemon.batch.stores import is_url, trace_file
+    from daemon.model.verbs import DaemonClient
+
+    daemon = source if isinstance(source, DaemonClient) else None
+    far = [row for row in rows if row.trace and (daemon or is_url(row.trace))]
+    size = sum(row.result.trace.size for row in far if row.result)
+    traces: list[Path | TraceUnavailable] = []
+    with target.progress("bringing traces", size, "bytes") if size else _no_progress() as advance:
+        for row in rows:
+            try:
+                traces.append(trace_file(row, daemon, progress=advance))
+            except TraceUnavailable as error:
+                traces.append(error)
+    return traces
