@@ -16,6 +16,8 @@ KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
+	@[ "$$(command -v scenario)" = "$(abspath $(BIN))/scenario" ] || \
+		printf '\nThese lines can be typed after: . %s/activate\n' '$(BIN)'
 
 test: $(VENV)/.installed-test     ## lint, types, import contracts and every test
 	$(BIN)/ruff check .

@@ -67,8 +67,9 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     else:
         stdout_console().print("This is what testing with scenarios looks like. Make it yours:")
         print_commands(
-            ("scenario check CAMPAIGN.yaml", "find every problem before anything runs"),
-            ("scenario submit CAMPAIGN.yaml", "hand a campaign to the daemon and go on"),
+            ("scenario new my-tests", "write a small campaign, every line explained"),
+            ("scenario check my-tests/campaign.yaml", "find every problem before anything runs"),
+            ("scenario submit my-tests/campaign.yaml", "hand it to the daemon and go on"),
             ("scenario tui", "watch it in the dashboard"),
         )
     # A demo may well show a failing robot: it succeeds when every run was judged.

@@ -58,7 +58,10 @@ def _print_status(status: DaemonStatus) -> None:
     if not campaigns and status.overview.trouble:
         return  # there may be some that cannot be read just now
     if not campaigns:
-        console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
+        console.print(
+            "\nNo campaigns yet. Type:\n  scenario new my-tests\n"
+            "  scenario submit my-tests/campaign.yaml"
+        )
         return
     console.print(_campaign_table(campaigns[:_MAX_CAMPAIGNS], status.overview.now, console.width))
     if len(campaigns) > _MAX_CAMPAIGNS:

@@ -31,7 +31,7 @@ def _hint(path: Path) -> str:
     if meant := _closest_file(path, files):
         return f"did you mean {meant}?"
     if not files:
-        return "there is no campaign file here: `scenario new NAME` writes one"
+        return "there is no campaign file here: `scenario new my-tests` writes one"
     shown = ", ".join(map(str, files[:_LISTED]))
     more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
     return f"campaign files here: {shown}{more}"

@@ -32,4 +32,4 @@ def test_the_demo_succeeds_when_every_run_was_judged(monkeypatch, capsys, words,
     (submission,) = given
     assert submission.name == "demo"
     assert submission.runs
-    assert "scenario submit CAMPAIGN.yaml" in capsys.readouterr().out
+    assert "scenario submit my-tests/campaign.yaml" in capsys.readouterr().out

@@ -262,7 +262,7 @@ def test_a_missing_campaign_suggests_those_near_by(command, typed, scenario, tmp
 
 def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert "`scenario new NAME` writes one" in scenario("run", "x.yaml").err
+    assert "`scenario new my-tests` writes one" in scenario("run", "x.yaml").err
     for name in ("alpha", "beta"):
         (tmp_path / f"{name}.yaml").write_text(f"campaign: {name}\n")
     assert "campaign files here: " in scenario("run", "x.yaml").err
