@@ -1,0 +1,208 @@
+"""Results of a campaign as a table: one row per run and oracle, for pandas, polars and DuckDB."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from daemon.model.assessments import CellVerdict, ExpectationStatus
+from daemon.model.status import RunRow
+from daemon.model.verdicts import Verdict
+from grammars.text.diagnostics import Finding, InputError, Where
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from daemon.analysis.results import CampaignResults
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Column of the table: ``kind`` names its Arrow type, ``unit`` is empty for what has none."""
+
+    name: str
+    kind: str
+    unit: str
+    about: str
+
+
+COLUMNS: Final = (
+    Column("campaign", "string", "", "id of the campaign, the path of a folder of traces"),
+    Column("scenario", "string", "", "scenario of the campaign"),
+    Column("system", "string", "", "system under test"),
+    Column("repeat", "int64", "", "number of the repeat, from 0"),
+    Column("run", "string", "", "id of the run, for `scenario show`, `replay` and `plot`"),
+    Column("oracle", "string", "", "name of the oracle, null in the row of a run without verdicts"),
+    Column("verdict", "string", "", "`pass`, `fail`, `inconclusive`, `error` or `measure`"),
+    Column("margin", "float64", "see unit", "decisive bound of the margin, negative for `fail`"),
+    Column("margin_lower", "float64", "see unit", "lower bound, null for an unbounded margin"),
+    Column("margin_upper", "float64", "see unit", "upper bound, null for an unbounded margin"),
+    Column("unit", "string", "", "unit of margin, value and threshold"),
+    Column("value", "float64", "see unit", "the value that decides, the number of a measure"),
+    Column("threshold", "float64", "see unit", "limit that the value is held against"),
+    Column("moment", "float64", "s", "simulated time of that value"),
+    Column("about", "string", "", "object that decides, `kitchen_door.leaf` for example"),
+    Column("note", "string", "", "remark of the oracle"),
+    Column("expected", "string", "", "verdict that the campaign expects of this scenario, system "
+           "and oracle: `pass`, `fail`, `mixed` or `any`; null for a measure"),
+    Column("as_expected", "bool", "", "whether all their repeats together are so, null while open"),
+    Column("why", "string", "", "reason that the campaign gives for another verdict than `pass`"),
+    Column("state", "string", "", "`queued`, `running`, `done`, `lost` or `cancelled`"),
+    Column("outcome", "string", "", "verdict of the run as a whole"),
+    Column("ended", "string", "", "`finished`, `limit` or `crashed`"),
+    Column("simulated", "float64", "s", "simulated time of the run"),
+    Column("wall", "float64", "s", "wall time that the run took"),
+    Column("started", "timestamp", "UTC", "when the run started, by the clock of its machine"),
+    Column("seed", "uint64", "", "root of everything random in the run"),
+    Column("digest", "string", "", "digest of what the run was specified by"),
+    Column("trace", "string", "", "path of the trace on the machine that keeps it"),
+)  # fmt: skip
+"""Columns in order. Their names need no quotes in SQL."""
+
+_FORMULA: Final = "^[=+\\-@\t\r\n＝＋－＠]"
+"""What makes spreadsheets take a cell for a formula, also after an import; as OWASP lists it."""
+_NUMBER: Final = r"^[+-]?\d+(\.\d*)?([eE][+-]?\d+)?$"
+
+
+def results_table(results: CampaignResults) -> pa.Table:
+    """Return one row per run and oracle, and one for each run without verdicts.
+
+    Rows are in the order of the runs and of their oracles. The columns are :data:`COLUMNS`, each
+    with ``unit`` and ``about`` in the metadata of its field.
+    """
+    import pyarrow as pa
+
+    kinds = {"timestamp": pa.timestamp("us", tz="UTC")}
+    schema = pa.schema(
+        pa.field(
+            column.name,
+            kinds.get(column.kind) or pa.type_for_alias(column.kind),
+            metadata={"unit": column.unit, "about": column.about},
+        )
+        for column in COLUMNS
+    )
+    columns = list(zip(*_rows(results), strict=True)) or [()] * len(COLUMNS)
+    return pa.Table.from_arrays(
+        [pa.array(values, field.type) for values, field in zip(columns, schema, strict=True)],
+        schema=schema,
+    )
+
+
+def _rows(results: CampaignResults) -> Iterator[tuple[object, ...]]:
+    cells = results.assessment.cells
+    judged = {(o.scenario, o.sut, o.oracle): o for cell in cells for o in cell.oracles}
+    campaign = results.row.id
+    for run in results.rows:
+        head = (campaign, run.scenario, run.sut, run.repeat, run.id)
+        tail = _run_cells(run)
+        for verdict in run.verdicts or (None,):
+            cell = judged.get((run.scenario, run.sut, verdict.oracle)) if verdict else None
+            yield (*head, *_verdict_cells(verdict), *_expectation_cells(cell), *tail)
+
+
+def _verdict_cells(verdict: Verdict | None) -> tuple[object, ...]:
+    if verdict is None:
+        return (None,) * 11
+    evidence = verdict.evidence
+    return (
+        verdict.oracle,
+        str(verdict.outcome),
+        verdict.margin,
+        verdict.lower,
+        verdict.upper,
+        verdict.unit,
+        evidence.value,
+        evidence.limit,
+        evidence.time,
+        evidence.object or None,
+        evidence.note_text or None,
+    )
+
+
+def _expectation_cells(cell: CellVerdict | None) -> tuple[object, ...]:
+    if cell is None:
+        return (None, None, None)
+    as_expected = None
+    if cell.status is not ExpectationStatus.OPEN:
+        as_expected = cell.status is ExpectationStatus.MET
+    return (cell.expected, as_expected, cell.why or None)
+
+
+def _run_cells(run: RunRow) -> tuple[object, ...]:
+    started = run.result.timing.started if run.result else 0.0
+    return (
+        str(run.state),
+        None if run.outcome is None else str(run.outcome),
+        run.ended or None,
+        run.simulated if run.result else None,
+        run.wall if run.result else None,
+        datetime.fromtimestamp(started, UTC) if started else None,
+        run.seed,
+        run.digest or None,
+        run.trace or None,
+    )
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Write a table as Parquet, CSV or an Arrow file, by the ending of ``path``.
+
+    Raises :class:`InputError` for other endings and for a file that cannot be written.
+    """
+    write = table_writer(path)
+    try:
+        write(table, path)
+    except OSError as error:
+        message = f"cannot be written: {error.strerror or error}"
+        raise InputError(Finding(Where(str(path)), message)) from error
+
+
+def table_writer(path: Path) -> Callable[[pa.Table, Path], None]:
+    """Return what writes a table to ``path``; raises :class:`InputError` for unknown endings."""
+    if path.suffix in _WRITERS:
+        return _WRITERS[path.suffix]
+    message = f"a table ends with {', '.join(_WRITERS)}, not with {path.suffix or 'nothing'}"
+    raise InputError(Finding(Where(str(path)), message, f"write {path.stem}.parquet"))
+
+
+def _write_parquet(table: pa.Table, path: Path) -> None:
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(table, path)
+
+
+def _write_csv(table: pa.Table, path: Path) -> None:
+    """Write CSV in UTF-8. Texts that a spreadsheet would calculate get an apostrophe in front."""
+    import pyarrow as pa
+    import pyarrow.csv
+
+    for index, field in enumerate(table.schema):
+        if pa.types.is_string(field.type):
+            table = table.set_column(index, field, _plain_cells(table.column(index)))
+    pyarrow.csv.write_csv(table, path)
+
+
+def _plain_cells(texts: Any) -> Any:
+    """Return texts that spreadsheets show and do not calculate (CWE-1236)."""
+    import pyarrow.compute as pc
+
+    formula = pc.match_substring_regex(texts, _FORMULA)
+    number = pc.match_substring_regex(texts, _NUMBER)
+    guarded = pc.binary_join_element_wise("'", texts, "")
+    return pc.if_else(pc.and_not(formula, number), guarded, texts)
+
+
+def _write_arrow(table: pa.Table, path: Path) -> None:
+    import pyarrow as pa
+
+    with pa.OSFile(str(path), "wb") as file, pa.ipc.new_file(file, table.schema) as writer:
+        writer.write_table(table)
+
+
+_WRITERS: Final[dict[str, Callable[[Any, Path], None]]] = {
+    ".parquet": _write_parquet,
+    ".csv": _write_csv,
+    ".arrow": _write_arrow,
+}
