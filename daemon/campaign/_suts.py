@@ -226,7 +226,7 @@ def _idle_warning(
     names = list(idle.values())
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
-    hint = f"scenario sut {shlex.quote(layer.document.file)} says why" if layer.files else ""
+    hint = f"scenario sut show {shlex.quote(layer.document.file)} says why" if layer.files else ""
     return (Finding(layer.document.where(("sut",)), message, hint, Severity.WARNING),)
 
 

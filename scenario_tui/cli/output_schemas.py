@@ -18,6 +18,7 @@ from daemon.analysis.blame import Explanation
 from daemon.analysis.coverage import Coverage
 from daemon.analysis.rejudge import Rejudgement
 from daemon.analysis.verification import Verifications
+from daemon.stacks.ros2.checkup import StackCheck
 from grammars.variation import WrittenVariants
 from scenario_tui.cli import (
     compare,
@@ -38,7 +39,6 @@ from scenario_tui.cli import (
     status,
     steer,
     sut,
-    sut_check,
 )
 from scenario_tui.cli.answer import schema_identifier
 from scenario_tui.cli.output import ErrorValue, Output, OutputPart
@@ -57,8 +57,6 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     logs.LogsOutput,
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
-    sut.SutOutput,
-    sut_check.InspectionOutput,
 )
 """In the order they are published in."""
 
@@ -80,6 +78,7 @@ VALUES: Final[dict[str, type]] = {
     "export": export_runs.ExportedFiles,
     "history": report.WrittenHistory,
     "import": import_.ImportedBuilding,
+    "inspection": StackCheck,
     "judge": Rejudgement,
     "plot": plot.Plot,
     "gc": gc.Removal,
@@ -91,6 +90,7 @@ VALUES: Final[dict[str, type]] = {
     "searches": search.Searches,
     "report": report.WrittenReport,
     "status": status.DaemonStatus,
+    "sut": sut.ShownSut,
     "vary": WrittenVariants,
     "verify": Verifications,
 }

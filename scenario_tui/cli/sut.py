@@ -2,96 +2,58 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sys
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from daemon.model.spec import SutReference
+from grammars.text.diagnostics import Finding, Where
 from scenario_tui.cli import completion, sut_ros
+from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import command_of
-from scenario_tui.cli.completion import sut_files
-from scenario_tui.cli.options import AsJson
-from scenario_tui.cli.output import Output, plain_table, report_findings, stdout_console
+from scenario_tui.cli.output import plain_table, report_findings, stderr_console, stdout_console
 from scenario_tui.cli.plain_flags import PlainFlagsGroup
 from scenario_tui.cli.sut_check import check
+from scenario_tui.text.formatting import NOT_REPEATABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from rich.console import Console
+
     from daemon.campaign import LoadedSut, ParameterValues
     from daemon.stacks.findings import ParameterFinding
     from daemon.stacks.ros1.configuration import RosParameters
-    from grammars.text.diagnostics import Finding
-
-
-class _ShowsByDefault(PlainFlagsGroup):
-    """A group in which a file in place of a command is shown."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take what is no command for arguments of ``show``."""
-        if args and args[0] not in (*self.commands, *self.get_help_option_names(ctx)):
-            args = ["show", *args]
-        return super().parse_args(ctx, args)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Offer commands, and the files that may stand in their place."""
-        (file,) = (one for one in self.commands["show"].params if one.name == "file")
-        return [*super().shell_complete(ctx, incomplete), *file.shell_complete(ctx, incomplete)]
-
 
 app = typer.Typer(
     name="sut",
-    cls=_ShowsByDefault,
+    cls=PlainFlagsGroup,
     help="Show a system under test, or start an external one and see what it lacks.",
-    epilog="`scenario sut SUT.yaml` is `scenario sut show SUT.yaml`.",
     no_args_is_help=True,
     add_completion=False,
-    subcommand_metavar="SUT.yaml | COMMAND [ARGS]...",
 )
 
 
-class SutOutput(Output, schema="sut"):
+@dataclass(frozen=True, slots=True)
+class ShownSut:
     """A system under test; ``places`` says where each of its parameters was written.
 
-    ``files`` are the SUT files it is made of, ``attached`` the digests of files that runs get.
-    What only the ROS stack has is empty or null for others.
+    ``layers`` are the SUT files it is made of. ``ros`` has topics, wiring, planners and costmaps
+    of the ROS 1 stack, and is empty for others.
     """
 
-    name: str
-    kind: str
-    files: tuple[str, ...]
-    parameters: dict[str, Any]
+    reference: SutReference
+    layers: tuple[str, ...]
     places: dict[str, str]
     defaults: dict[str, dict[str, Any]]
-    topics: dict[str, Any] | None
-    wiring: dict[str, bool] | None
     without_effect: dict[str, str]
     warnings: tuple[Finding, ...]
-    planners: dict[str, str] | None = None
-    costmaps: dict[str, dict[str, Any]] | None = None
-    attached: dict[str, str] = dataclasses.field(default_factory=dict)
-
-    @classmethod
-    def of(cls, found: LoadedSut, read: RosParameters | None) -> SutOutput:
-        """Return what was found in a file, and what the ROS stack reads there."""
-        unused = found.findings.without_effect
-        return cls(
-            found.reference.name,
-            found.reference.kind,
-            found.layer.files,
-            found.reference.parameters,
-            {"/".join(path): str(s.where) for path, s in found.settings.items()},
-            _all_defaults(found, read),
-            None if read is None else dataclasses.asdict(read.topics),
-            None if read is None else {k: bool(v) for k, v in sut_ros.wiring(read).items()},
-            {"/".join(map(str, f.path)): f.message for f in unused},
-            found.warnings,
-            **({} if read is None else sut_ros.described(read)),
-            attached=found.reference.files,
-        )
+    ros: dict[str, Any]
 
 
 @command_of(app, "show")
@@ -101,11 +63,10 @@ def show(
         typer.Argument(
             metavar="SUT.yaml",
             help="A system under test: its file, or a name as campaigns say it.",
-            autocompletion=completion.files(sut_files),
+            autocompletion=completion.files(completion.sut_files),
         ),
     ],
-    as_json: AsJson = False,
-) -> None:
+) -> Answer[ShownSut]:
     """Show a system under test: its parameters and where each was written.
 
     For the ROS stack also the defaults that apply, what has no effect here, the planners, the
@@ -113,29 +74,26 @@ def show(
     Nothing is started.
     """
     from daemon.campaign import SUT, LayerLibrary, LayerReference, RefusedSutError, find_layer
-    from grammars.text.diagnostics import Where
 
     if not file.is_file() and not file.suffix:
         file = find_layer(Path(), LayerReference(str(file), {}, Where(str(file))), SUT)
     try:
-        found = LayerLibrary(file.parent).sut_file(file)
+        sut = LayerLibrary(file.parent).sut_file(file)
     except RefusedSutError as refused:
-        if not as_json:
-            _print_given(refused.settings, ())
+        _print_settings(stderr_console(), refused.settings, ())
         raise
-    read = _read_ros_parameters(found)
-    if as_json:
-        SutOutput.of(found, read).emit()
-        return
-    _print_head(found)
-    _print_given(found.settings, found.findings.without_effect)
-    _print_files(found)
-    _print_defaults(_all_defaults(found, read))
-    if read is not None:
-        sut_ros.print_costmaps(read)
-        sut_ros.print_quirks(read)
-        sut_ros.print_wiring(read)
-    report_findings(w for w in found.warnings if w not in found.idle)
+    read = _read_ros_parameters(sut)
+    unused = sut.findings.without_effect
+    value = ShownSut(
+        sut.reference,
+        sut.layer.files,
+        {"/".join(path): str(setting.where) for path, setting in sut.settings.items()},
+        _defaults(sut, read),
+        {"/".join(map(str, one.path)): one.message for one in unused},
+        sut.warnings,
+        {} if read is None else sut_ros.described(read),
+    )
+    return Answer("sut", value, partial(_print_sut, sut, read, value.defaults))
 
 
 command_of(app, "check")(check)
@@ -153,42 +111,53 @@ def relay() -> None:
     sys.stdout.write(files("daemon.stacks.ros2").joinpath("relay.py").read_text("utf-8"))
 
 
-def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
+def _read_ros_parameters(sut: LoadedSut) -> RosParameters | None:
     from daemon.stacks.ros1 import ROS
 
-    return ROS.read(found.reference.parameters) if found.reference.kind == ROS.name else None
+    return ROS.read(sut.reference.parameters) if sut.reference.kind == ROS.name else None
 
 
-def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
+def _defaults(sut: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
     """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
     from daemon.stacks.ros2 import ROS2
 
-    if found.reference.kind == ROS2.name:
+    if sut.reference.kind == ROS2.name:
         from daemon.stacks.ros2.settings import settings_not_written
 
-        return settings_not_written(ROS2.read(found.reference.local_parameters))
-    return {} if read is None else sut_ros.defaults(found, read)
+        return settings_not_written(ROS2.read(sut.reference.local_parameters))
+    return {} if read is None else sut_ros.defaults(sut, read)
 
 
-def _print_head(found: LoadedSut) -> None:
-    from scenario_tui.text.formatting import NOT_REPEATABLE
-
-    reference = found.reference
-    about = f": {found.layer.text.about}" if found.layer.text.about else ""
+def _print_sut(
+    sut: LoadedSut, read: RosParameters | None, defaults: dict[str, dict[str, Any]]
+) -> None:
+    reference, console = sut.reference, stdout_console()
+    about = f": {sut.layer.text.about}" if sut.layer.text.about else ""
     repeatable = "" if reference.repeatable else f", {NOT_REPEATABLE}"
-    stdout_console().print(
-        f"{reference.name}, kind {reference.kind}{repeatable}{about}", markup=False, soft_wrap=True
-    )
-    stdout_console().print(" < ".join(found.layer.files), markup=False, style="dim", soft_wrap=True)
+    head = f"{reference.name}, kind {reference.kind}{repeatable}{about}"
+    console.print(head, markup=False, soft_wrap=True)
+    console.print(" < ".join(sut.layer.files), markup=False, style="dim", soft_wrap=True)
+    _print_settings(console, sut.settings, sut.findings.without_effect)
+    # Files that travel with every run are no parameters of the table.
+    digests = [f"{name} (sha256 {digest[:12]})" for name, digest in reference.files.items()]
+    if digests:
+        console.print(f"\nfiles: {', '.join(digests)}", markup=False, soft_wrap=True)
+    _print_defaults(console, defaults)
+    if read is not None:
+        sut_ros.print_costmaps(read)
+        sut_ros.print_wiring(read)
+    report_findings(w for w in sut.warnings if w not in sut.idle)
 
 
-def _print_given(settings: ParameterValues, idle: Iterable[ParameterFinding]) -> None:
+def _print_settings(
+    console: Console, settings: ParameterValues, idle: Iterable[ParameterFinding]
+) -> None:
     """Print values with their places; ``idle`` are those without effect, with the reason."""
     from rich.text import Text
 
     if not settings:
         return
-    reasons = {f.path: f.message for f in idle}
+    reasons = {one.path: one.message for one in idle}
     table = plain_table("parameter", "value", "written in", "without effect here")
     above = ""
     for path, setting in sorted(settings.items(), key=lambda item: (item[0][:-1], item[0])):
@@ -200,15 +169,7 @@ def _print_given(settings: ParameterValues, idle: Iterable[ParameterFinding]) ->
         indent = "  " if namespace else ""
         cells = (f"{indent}{path[-1]}", _yaml_text(setting.value), where, reasons.get(path, ""))
         table.add_row(*(Text(cell) for cell in cells))
-    stdout_console().print(table)
-
-
-def _print_files(found: LoadedSut) -> None:
-    """Print the files that travel with every run, which are no parameters of the table."""
-    files = found.reference.files
-    if files:
-        listed = ", ".join(f"{name} (sha256 {digest[:12]})" for name, digest in files.items())
-        stdout_console().print(f"\nfiles: {listed}", markup=False, soft_wrap=True)
+    console.print(table)
 
 
 def _yaml_text(value: Any) -> str:
@@ -222,11 +183,11 @@ def _yaml_text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
+def _print_defaults(console: Console, defaults: dict[str, dict[str, Any]]) -> None:
     if not any(defaults.values()):
         return
-    stdout_console().print("\nnot written anywhere", style="bold")
+    console.print("\nnot written anywhere", style="bold")
     for namespace, values in defaults.items():
         if values:
             listed = ", ".join(f"{name} {_yaml_text(value)}" for name, value in values.items())
-            stdout_console().print(f"  {namespace}: {listed}", markup=False, soft_wrap=True)
+            console.print(f"  {namespace}: {listed}", markup=False, soft_wrap=True)

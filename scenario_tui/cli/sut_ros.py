@@ -23,15 +23,17 @@ _KINDS: Final = {
 
 
 def described(read: RosParameters) -> dict[str, Any]:
-    """Return planners and costmaps of a configuration for scripts."""
+    """Return topics, wiring, planners and costmaps of a configuration for scripts."""
     return {
+        "topics": dataclasses.asdict(read.topics),
+        "wiring": {part: bool(lasers) for part, lasers in _wiring(read).items()},
         "planners": {
             "global": read.move_base.base_global_planner,
             "local": read.move_base.base_local_planner,
         },
         "costmaps": {
-            name: _costmap_values(getattr(read, name))
-            for name in ("global_costmap", "local_costmap")
+            "global_costmap": _costmap_values(read.global_costmap),
+            "local_costmap": _costmap_values(read.local_costmap),
         },
     }
 
@@ -132,15 +134,7 @@ def _source_text(source: ObservationSource) -> str:
     return f"{source.name} on {source.topic} {' and '.join(does) or 'does nothing'}{kept}"
 
 
-def print_quirks(read: RosParameters) -> None:
-    """Print the oddities of the original that are turned off."""
-    off = [name for name, on in dataclasses.asdict(read.quirks).items() if not on]
-    if off:
-        stdout_console().print("\noddities of the original that are off", style="bold")
-        stdout_console().print(f"  {', '.join(off)}", markup=False, soft_wrap=True)
-
-
-def wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
+def _wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
     """Return which lasers of those the file speaks of each part of the stack hears."""
     return dataclasses.asdict(read.topics.heard(read.topics.lasers()))
 
@@ -155,7 +149,7 @@ def print_wiring(read: RosParameters) -> None:
             console.print(f"  {laser}: {', '.join(named)}", markup=False, soft_wrap=True)
     else:
         console.print(f"\nthe scan comes on {topics.published}", style="bold")
-    heard_by = wiring(read)
+    heard_by = _wiring(read)
     listeners = {
         "amcl": (topics.amcl,),
         "global costmap": topics.global_costmap,

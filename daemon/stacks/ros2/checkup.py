@@ -35,6 +35,25 @@ _SEND_GOAL: Final = "/_action/send_goal"
 _SHOWN_NAMES: Final = 4
 
 
+@dataclass(frozen=True, slots=True)
+class StackCheck:
+    """Comparison of an external system that was started with the needs of a run.
+
+    ``failure`` says why it could not be started at all, or did not get ready, and ``printed``
+    holds the lines of its programs that tell most; ``lines`` are empty when there was nothing to
+    look at. It took ``seconds`` of wall clock. ``outputs`` are files with all that was printed.
+    """
+
+    sut: str
+    failure: str = ""
+    printed: tuple[str, ...] = ()
+    distribution: str = ""
+    rmw: str = ""
+    seconds: float = 0.0
+    lines: tuple[CheckLine, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+
 def examine(
     settings: Ros2Settings, inspection: Inspection, lasers: Sequence[Laser]
 ) -> tuple[CheckLine, ...]:

@@ -146,8 +146,8 @@ def test_where_a_robot_that_ships_is_installed_stays_unsaid(scenario, here):
 
 
 def test_a_system_that_ships_is_shown_by_its_name(scenario, here):
-    said = scenario("sut", "fro-omni", "--json")
-    assert json.loads(said.out)["name"] == "fro-omni"
-    said = scenario("sut", "fro-onmi")
+    said = scenario("sut", "show", "fro-omni", "--json")
+    assert json.loads(said.out)["reference"]["name"] == "fro-omni"
+    said = scenario("sut", "show", "fro-onmi")
     assert said.code == 2
     assert 'did you mean "fro-omni"?' in said.err

@@ -123,13 +123,12 @@ def test_files_that_fit(tab, tmp_path):
     assert tab("scenario judge o") == ["old-1", "old-1.2", "old-1.0", "old-1.1"]
 
 
-def test_a_system_is_offered_beside_the_commands_about_one(tab, tmp_path):
+def test_systems_are_offered_to_commands_about_one(tab, tmp_path):
     (tmp_path / "mine.yaml").write_text("sut: mine\nkind: pilot\n")
     (tmp_path / "other.yaml").write_text("robot: other\n")
-    assert tab("scenario sut ") == ["show", "check", "relay", "mine.yaml"]
-    assert tab("scenario sut m") == ["mine.yaml"]
+    assert tab("scenario sut show m") == ["mine.yaml"]
     assert tab("scenario sut check ") == ["mine.yaml"]
-    assert "--json" in tab("scenario sut mine.yaml --")
+    assert "--json" in tab("scenario sut show mine.yaml --")
 
 
 @pytest.mark.parametrize("content", [None, b"no ledger", b""])

@@ -26,7 +26,7 @@ LOADED = (
     ("search", 3, LANGUAGES),
     (f"check {DEMO}", 0, BUS | {"daemon.model.messages", "grammars.variation"}),
     ("check campaigns/ortega2024/campaign.yaml", 0, BUS),
-    ("sut campaigns/suts/a2s.yaml", 0, BUS),
+    ("sut show campaigns/suts/a2s.yaml", 0, BUS),
     ("check campaigns/demo/flat.fpm", 0, BUS | {"daemon.campaign"}),
 )
 HEAVY = ("numba", "numpy", "pymunk", "textual", "zenoh", "pydantic", "textx", "rdflib", "shapely")

@@ -5,7 +5,7 @@ from tests.scenario_tui.cli.outputs import declared
 
 
 def shown(capsys, *arguments):
-    assert command_line.invoke(["sut", *arguments]) == 0
+    assert command_line.invoke(["sut", "show", *arguments]) == 0
     return capsys.readouterr().out
 
 
@@ -23,17 +23,19 @@ def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(campaigns, capsy
 def test_scripts_get_the_merged_tree(campaigns, capsys):
     found = declared(shown(capsys, "--json", str(campaigns / "suts" / "fro-omni.yaml")))
     assert found["schema"] == "scenario/sut/1"
-    assert found["parameters"]["move_base"]["DWAPlannerROS"]["sim_time"] == 2.5
-    assert "controller_frequency" not in found["parameters"]["move_base"]["DWAPlannerROS"]
+    assert found["reference"]["parameters"]["move_base"]["DWAPlannerROS"]["sim_time"] == 2.5
+    assert (
+        "controller_frequency" not in found["reference"]["parameters"]["move_base"]["DWAPlannerROS"]
+    )
     assert found["defaults"]["move_base/DWAPlannerROS"]["controller_frequency"] == 20.0
     assert found["places"]["amcl/kld_z"].endswith("fro-diff/amcl.yaml:15:8")
-    assert found["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
+    assert found["ros"]["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
 
 
 def test_scripts_learn_who_hears_a_laser_of_several(campaigns, capsys):
     found = declared(shown(capsys, "--json", str(campaigns / "suts" / "shuttle-nav.yaml")))
-    assert set(found["topics"]["by_laser"]) == {"front", "rear"}
-    assert found["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
+    assert set(found["ros"]["topics"]["by_laser"]) == {"front", "rear"}
+    assert found["ros"]["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
 
 
 def test_other_kinds_show_what_was_written(tmp_path, capsys):
@@ -70,21 +72,12 @@ def test_a_ros2_stack_is_shown_with_what_applies_and_is_not_started(tmp_path, ca
     assert not mark.exists()
 
 
-def test_quirks_that_are_off_are_named(tmp_path, campaigns, capsys):
-    path = tmp_path / "sane.yaml"
-    base = campaigns / "suts" / "fro-diff.yaml"
-    path.write_text(f"sut: sane\nlike: {base}\nparameters: {{quirks: fixed}}\n")
-    assert "amcl_half_cell_shift, amcl_brushfire_distances, delayed_map_to_odom" in shown(
-        capsys, str(path)
-    )
-
-
 def test_bad_ros_files_are_reported_with_all_their_problems(tmp_path, capsys):
     (tmp_path / "amcl.yaml").write_text("odom_alpha1: -1.0\nkld_err: small\n")
     path = tmp_path / "bad.yaml"
     path.write_text("sut: bad\nkind: ros\nfiles: {amcl: amcl.yaml}\n")
-    for command in ("sut", "check"):
-        assert command_line.invoke([command, str(path)]) == 2
+    for command in (("sut", "show"), ("check",)):
+        assert command_line.invoke([*command, str(path)]) == 2
         told = capsys.readouterr().err
         assert "amcl.yaml:1:14: error: odom_alpha1: must be greater than or equal to 0" in told
         assert "amcl.yaml:2:10: error: kld_err: must be a number (given: 'small')" in told
@@ -94,8 +87,8 @@ def test_bad_ros_files_are_reported_with_all_their_problems(tmp_path, capsys):
 def test_what_a_refused_configuration_would_be_is_shown_before_what_is_wrong(tmp_path, capsys):
     path = tmp_path / "slow.yaml"
     path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: fast, patience: 3.0}\n")
-    assert command_line.invoke(["sut", str(path)]) == 2
+    assert command_line.invoke(["sut", "show", str(path)]) == 2
     printed = capsys.readouterr()
-    row = next(line for line in printed.out.splitlines() if "patience" in line)
+    row = next(line for line in printed.err.splitlines() if "patience" in line)
     assert row.split() == ["patience", "3", "slow.yaml:3"]
     assert "max_speed" in printed.err

@@ -177,19 +177,6 @@ def test_only_what_lives_outside_is_started(scenario, start, campaigns, sut):
     assert not hasattr(start, "settings")
 
 
-def test_a_file_in_place_of_a_command_is_shown(scenario, sut):
-    shown = scenario("sut", "show", str(sut))
-    assert shown.code == 0
-    assert "my-nav2, kind ros2" in shown.out
-    assert scenario("sut", str(sut)) == shown
-    assert scenario("sut", "--json", str(sut)).out == scenario("sut", str(sut), "--json").out
-    # A file of a command's name is named by its path.
-    odd = sut.with_name("check")
-    odd.write_text(SUT)
-    assert scenario("sut", str(odd)).code == 0
-    assert scenario("sut", "none.yaml").code == 2
-
-
 def test_the_relay_is_printed_as_it_is(scenario):
     said = scenario("sut", "relay")
     assert (said.code, said.err) == (0, "")
