@@ -15,10 +15,9 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.completion import campaign_files
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.named_traces import names_traces, one_trace, open_records
 from scenario_tui.cli.output import CommandError, open_progress, say, stdout_console
 from scenario_tui.cli.suggestions import refuse_missing_file
-from scenario_tui.cli.target import DaemonTarget, find_run
+from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
 from scenario_tui.text.formatting import verdict_line
 
 if TYPE_CHECKING:
@@ -139,7 +138,7 @@ def _recorded_case(words: list[str], target: DaemonTarget, campaign: Path | None
     if len(words) > 1:
         message = "one trace or one id of a run, or CAMPAIGN.yaml SCENARIO SUT REPEAT"
         raise typer.BadParameter(message, param_hint="RUN")
-    trace = one_trace(words[0], target, "RUN")
+    trace = one_trace(words[0], target)
     spec = read_spec(trace)
     recorded = _recorded_file(words[0], trace, target)
     file = campaign or Path(recorded)
@@ -169,8 +168,8 @@ def _recorded_file(name: str, trace: Path, target: DaemonTarget) -> str:
 
     origin, campaign = read_campaign_note(trace.parent).origin, trace.parent.name
     is_search = False
-    with suppress(DaemonError, typer.BadParameter), open_records("", target, "RUN") as source:
-        if not names_traces(name):
+    with suppress(DaemonError), target.read() as source:
+        if not trace_files(name):
             campaign = find_run(source, name).row.campaign
         is_search = bool(source.searches(campaign))
         origin = origin if origin.path else source.origin(campaign)

@@ -12,11 +12,10 @@ from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.named_traces import all_traces
 from scenario_tui.cli.options import Processes
 from scenario_tui.cli.output import plain_table, say, stdout_console
 from scenario_tui.cli.suggestions import refuse_missing_campaign
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget, all_traces
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -70,7 +69,7 @@ def _measure_coverage(
             say(f"{words}; name its id here once it has run")
         planned = expand(campaign)
         return planned_coverage(planned.specs, planned.scenes)
-    paths = all_traces(subject, target, "TRACES")
+    paths = all_traces(subject, target)
     return trace_coverage(paths, near=near, processes=processes)
 
 

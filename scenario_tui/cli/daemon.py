@@ -18,7 +18,7 @@ from daemon.model.execution import decide_on_commands
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import parse_endpoint
 from scenario_tui.cli.output import say
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 
 Commands: TypeAlias = Annotated[
     bool | None,

@@ -18,7 +18,7 @@ from grammars.text.words import count_noun
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import open_progress, stdout_console
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import VerificationProgress

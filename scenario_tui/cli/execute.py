@@ -28,8 +28,8 @@ from scenario_tui.cli.compare import compare_with_baseline, final_code, print_co
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import say, stdout_console
 from scenario_tui.cli.results import emit_results, print_commands, print_summary
-from scenario_tui.cli.target import DaemonTarget
 from scenario_tui.library.watching import watch
+from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
     from daemon.model.submission import Submission

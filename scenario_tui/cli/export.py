@@ -23,7 +23,7 @@ from scenario_tui.cli.output import (
     stdout_console,
     track_progress,
 )
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

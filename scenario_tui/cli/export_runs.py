@@ -11,9 +11,8 @@ import typer
 
 from daemon.batch.errors import TraceUnavailable
 from scenario_tui.cli.exit_codes import wrong_usage
-from scenario_tui.cli.named_traces import one_trace, recorded_runs, transfer_progress
 from scenario_tui.cli.options import check_folder, check_writable
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget, one_trace, recorded_runs
 
 if TYPE_CHECKING:
     from daemon.batch.stores import TraceReference
@@ -67,7 +66,7 @@ def export_recorded(
     if path.suffix not in _PICTURE_ENDINGS:
         raise typer.BadParameter(f"{path} must end in .svg, .png or .pdf", param_hint="--out")
     check_writable(path, "--out")
-    trace = one_trace(str(source), target, "SOURCE")
+    trace = one_trace(str(source), target)
     with wrong_usage("--from, --until"):
         draw_run(trace, path, since=part[0], until=part[1])
     return ExportedFiles((path,))
@@ -86,13 +85,14 @@ def _copy_traces(name: str, folder: Path, target: DaemonTarget) -> ExportedFiles
     missing: dict[str, str] = {}
     files: list[Path] = []
     with target.open() as daemon:
-        for row in recorded_runs(daemon, name, target, "SOURCE"):
+        for row in recorded_runs(daemon, name, target):
             try:
                 path = folder / trace_name(row.campaign, row.scenario, row.sut, row.repeat)
                 traces.append((trace_reference(row), path))
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
-        with transfer_progress(sum(trace.size for trace, _ in traces)) as advance:
+        size = sum(trace.size for trace, _ in traces)
+        with target.progress("bringing traces", size, "bytes") as advance:
             for trace, path in traces:
                 try:
                     copy_trace(trace, daemon, path, progress=advance)

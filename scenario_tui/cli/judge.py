@@ -12,10 +12,9 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.completion import oracle_files
 from scenario_tui.cli.exit_codes import exit_code
-from scenario_tui.cli.named_traces import all_traces, refuse_other_files
 from scenario_tui.cli.options import Processes
 from scenario_tui.cli.output import stdout_console, track_progress
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget, all_traces
 
 if TYPE_CHECKING:
     from daemon.analysis.rejudge import RejudgedTrace, Rejudgement
@@ -53,8 +52,7 @@ def judge(
     layer = None
     if oracles is not None:
         layer = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
-    refuse_other_files(traces, "TRACES")
-    paths = all_traces(traces, target, "TRACES")
+    paths = all_traces(traces, target)
     # A generator: traces are judged by several processes while the bar counts what comes back.
     judged = rejudge(paths, layer, places=target.paths, processes=processes)
     results = tuple(track_progress(judged, len(paths), "judging"))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from daemon.batch.paths import StatePaths
     from daemon.model.live_judgement import LogLine
-    from scenario_tui.cli.target import DaemonTarget
+    from scenario_tui.source import DaemonTarget
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +160,7 @@ def _recorded(trace: Path) -> tuple[tuple[LogLine, ...], dict[str, str]]:
 def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
     """Return what a run left; a daemon elsewhere does not tell of attempts."""
     from daemon.batch.ledger import LedgerReader
-    from scenario_tui.cli.named_traces import one_trace
-    from scenario_tui.cli.target import find_campaign, find_run
+    from scenario_tui.source import find_campaign, find_run, one_trace
     from scenario_tui.text.run_state import without_trace_text
 
     steps: tuple[RunStep, ...] = ()
@@ -173,7 +172,7 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
         if isinstance(source, LedgerReader):
             steps = tuple(RunStep(*step) for step in source.steps(row.id))
             output = _read_outputs(target.paths, row.id)
-    recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
+    recorded, printed = _recorded(one_trace(row.id, target)) if row.trace else ((), {})
     standing = "" if row.trace else without_trace_text(row, campaign)
     return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded, printed, standing)
 

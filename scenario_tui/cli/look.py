@@ -11,7 +11,7 @@ import typer
 from daemon.batch.errors import Unreachable
 from scenario_tui.cli import completion
 from scenario_tui.cli.options import AsJson, Baseline, Connect, State, WorseBy
-from scenario_tui.cli.output import Output, plain_table, stdout_console
+from scenario_tui.cli.output import Output, plain_table, say, show_progress, stdout_console
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -69,10 +69,9 @@ def results(
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.results import emit_results, print_summary
     from scenario_tui.cli.search_report import ask_search
-    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
-    from scenario_tui.source import open_source
+    from scenario_tui.source import DaemonTarget, find_campaign_or_search, open_source
 
-    target = DaemonTarget(connect, state)
+    target = DaemonTarget(connect, state, say, show_progress)
     with open_source(campaign, target) as daemon:
         row = find_campaign_or_search(daemon, campaign)
         listed = outcome or text
@@ -248,9 +247,9 @@ def show(
     The log is read from the state directory of this machine; no daemon is needed for it unless one
     is named.
     """
-    from scenario_tui.cli.target import DaemonTarget
+    from scenario_tui.source import DaemonTarget
 
-    target = DaemonTarget(connect, state)
+    target = DaemonTarget(connect, state, say, show_progress)
     if log or everything or output:
         from scenario_tui.cli.logs import show_log
 

@@ -13,10 +13,9 @@ from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.words import format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.named_traces import one_trace
 from scenario_tui.cli.options import RunOrTrace
 from scenario_tui.cli.output import stdout_console
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget, one_trace
 from scenario_tui.text.formatting import glyph_word, moment_text
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def plot(
     """Draw signals of a recorded run over time, with the moments that decided against it."""
     from scenario_tui.library.trace import Trace
 
-    trace = Trace(one_trace(run, target, "RUN"))
+    trace = Trace(one_trace(run, target))
     sampled = [trace.signal(name) for name in signals]
     plotted = (PlottedSignal(s.name, s.unit, s.time.tolist(), s.value.tolist()) for s in sampled)
     value = Plot(trace.recorded.spec.label, str(trace.path), tuple(plotted), trace.verdicts)

@@ -12,10 +12,9 @@ import typer
 from grammars.text.words import command_line
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.named_traces import one_trace
 from scenario_tui.cli.options import RunOrTrace
 from scenario_tui.cli.output import CommandError, stdout_console
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget, one_trace
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
@@ -64,7 +63,7 @@ def replay(
 
     if frame and other:
         raise typer.BadParameter("goes with one run only", param_hint="--frame")
-    trace = one_trace(run, target, "RUN")
+    trace = one_trace(run, target)
     if frame:
         _print_frame(open_playback(trace), frame)
         return ExitCode.EXPECTED
@@ -77,7 +76,7 @@ def replay(
         raise CommandError(reason)
     first = open_playback(trace)
     begin = _moment(first, start, "--from") if start else first.start
-    second = open_playback(one_trace(other, target, "OTHER")) if other else None
+    second = open_playback(one_trace(other, target)) if other else None
     if second is not None and reason:
         from scenario_tui.text.comparison_text import comparison_text
 

@@ -26,7 +26,7 @@ from scenario_tui.cli.options import (
     check_writable,
     parse_duration,
 )
-from scenario_tui.cli.output import Output, report_findings, say, stdout_console
+from scenario_tui.cli.output import Output, report_findings, say, show_progress, stdout_console
 from scenario_tui.interrupts import stop_if_interrupted
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def run(
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.execute import run_here, typed_path
     from scenario_tui.cli.results import emit_results, print_commands
-    from scenario_tui.cli.target import DaemonTarget
+    from scenario_tui.source import DaemonTarget
 
     limit = wall or 0.0
     # Before the runs, not after them; a folder that is made for the traces may hold it as well.
@@ -116,7 +116,9 @@ def run(
         from daemon.analysis.report import write_junit
 
         write_junit(found.row.name, found.assessment, found.rows, junit)
-    between = compare_with_baseline(found, baseline, worse_by, DaemonTarget())
+    between = compare_with_baseline(
+        found, baseline, worse_by, DaemonTarget(say=say, progress=show_progress)
+    )
     if as_json:
         emit_results(found, comparison=between)
     else:
@@ -178,14 +180,14 @@ def submit(
     answers.
     """
     from scenario_tui.cli.execute import start_daemon_if_needed, watch_to_end
-    from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.library.submission import receipt_text
     from scenario_tui.library.watching import SUBMIT_PATIENCE, ask_patiently
+    from scenario_tui.source import DaemonTarget
 
     if baseline and not watch:
         raise typer.BadParameter("is judged at the end: add --watch", param_hint="--baseline")
     submission = _prepare_submission(campaign, fresh=fresh)
-    target = DaemonTarget(connect, state)
+    target = DaemonTarget(connect, state, say, show_progress)
     start_daemon_if_needed(target, slots)
     # After starting one: before, there may be no endpoint.
     endpoint = target.endpoint
@@ -295,14 +297,14 @@ def wait(
     from scenario_tui.cli.answer import write_json
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
-    from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
     from scenario_tui.library.watching import PATIENCE, ask_patiently, watch
+    from scenario_tui.source import DaemonTarget, find_campaign_or_search
     from scenario_tui.text.results import conclude
 
     limit = inf if timeout is None else timeout
     deadline = time.monotonic() + limit
     patience = PATIENCE if timeout is None else timeout
-    target = DaemonTarget(connect, state)
+    target = DaemonTarget(connect, state, say, show_progress)
     name = campaign
     try:
         meant = ask_patiently(

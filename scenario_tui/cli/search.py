@@ -29,7 +29,7 @@ from scenario_tui.cli.output import (
     stdout_console,
 )
 from scenario_tui.cli.suggestions import refuse_missing_campaign
-from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
+from scenario_tui.source import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask

@@ -25,7 +25,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import CampaignName
 from scenario_tui.cli.output import say
-from scenario_tui.cli.target import DaemonTarget, find_campaign_or_search
+from scenario_tui.source import DaemonTarget, find_campaign_or_search
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 

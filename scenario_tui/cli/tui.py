@@ -14,7 +14,7 @@ import typer
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import CommandError, plain_table, say, stdout_console
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal.capabilities import why_no_screen
 
 

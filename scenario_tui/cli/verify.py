@@ -15,7 +15,7 @@ from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Wall
 from scenario_tui.cli.output import open_progress, plain_table, report_findings, stdout_console
 from scenario_tui.cli.suggestions import refuse_missing_file
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
     from daemon.analysis.verification import Verification, Verifications
@@ -98,8 +98,8 @@ def _runs(name: str, target: DaemonTarget, every: bool) -> list[tuple[RunSpec, S
     Only the first of each scenario and system, unless ``every`` one is meant.
     """
     from daemon.trace import read_spec
-    from scenario_tui.cli.named_traces import all_traces
     from scenario_tui.library.campaign import load
+    from scenario_tui.source import all_traces
 
     runs: list[tuple[RunSpec, Scene | Path]]
     if Path(name).suffix in (".yaml", ".yml") and Path(name).is_file():
@@ -109,7 +109,7 @@ def _runs(name: str, target: DaemonTarget, every: bool) -> list[tuple[RunSpec, S
         scenes = {scene.digest: scene for scene in submission.scenes}
         runs = [(spec, scenes[spec.scene]) for spec in submission.specs]
     else:
-        traces = all_traces([name], target, "RUN|CAMPAIGN", one_of_cell=not every)
+        traces = all_traces([name], target, one_of_cell=not every)
         runs = [(read_spec(path), path) for path in traces]
     if every:
         return runs

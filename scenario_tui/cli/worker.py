@@ -14,7 +14,7 @@ from daemon.model.execution import RunLimits
 from scenario_tui.cli.daemon import Commands, PrintUnit, unit_words
 from scenario_tui.cli.options import Wall
 from scenario_tui.cli.output import say
-from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.source import DaemonTarget
 
 
 def _parse_scheduler(address: str) -> str:

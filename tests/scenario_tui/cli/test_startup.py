@@ -87,7 +87,7 @@ def test_who_submits_loads_nothing_that_reads_ledgers_and_traces():
 
 def test_the_first_screen_loads_nothing_that_only_answers_of_a_daemon_need():
     loaded = _loaded_after("""
-import scenario_tui.cli.tui, scenario_tui.cli.target, scenario_tui.dashboard.key_bindings
+import scenario_tui.cli.tui, scenario_tui.source, scenario_tui.dashboard.key_bindings
 from pathlib import Path
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.config import read_config
