@@ -17,6 +17,7 @@ from typing import IO, Final
 from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
+from daemon.batch.ledger import RetentionPolicy, sweep_traces
 from daemon.batch.paths import StatePaths, is_locked, is_same_folder
 from daemon.batch.permissions import open_private_log
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
@@ -24,6 +25,8 @@ from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
 """Seconds for a daemon to answer, and to leave when its tether is cut, before it is killed."""
+_CAMPAIGNS_KEPT: Final = 200
+"""Campaigns of a shared daemon that stay when it starts; results that newer ones use stay, too."""
 _LOG_TAIL: Final = 20
 """Lines of its log that say why it did not come up."""
 
@@ -111,12 +114,12 @@ def embedded_daemon(
 
 
 @contextmanager
-def shared_daemon(state: Path, *, quota: str) -> Iterator[str]:
+def shared_daemon(state: Path, *, kept: int) -> Iterator[str]:
     """Run one daemon for all processes inside such a block of ``state``; yields its endpoint.
 
     It ends with the last of these processes, also when they are killed: they hold one end of a
-    pipe. ``quota`` limits its traces, unless the environment says otherwise. Campaigns that an
-    earlier daemon of ``state`` left unfinished are cancelled.
+    pipe. When it starts, unfinished campaigns of an earlier block are cancelled, the oldest
+    campaigns are deleted, and of all traces the newest ``kept`` bytes stay.
 
     Raises :class:`LaunchFailed` when it does not come up.
     """
@@ -133,7 +136,7 @@ def shared_daemon(state: Path, *, quota: str) -> Iterator[str]:
             with _one_at_a_time(paths):
                 endpoint = None if _locked_alone(users) else running_daemon(paths.state)
                 if endpoint is None:
-                    endpoint = _start_shared(paths, pipe, quota)
+                    endpoint = _start_shared(paths, pipe, kept)
                 fcntl.flock(users, fcntl.LOCK_SH)
             yield endpoint
         finally:
@@ -161,19 +164,23 @@ def _locked_alone(users: int) -> bool:
     return True
 
 
-def _start_shared(paths: StatePaths, pipe: Path, quota: str) -> str:
+def _start_shared(paths: StatePaths, pipe: Path, kept: int) -> str:
     # One whose users were killed is about to leave.
     _wait_until_gone(paths)
     stdin = os.open(pipe, os.O_RDONLY)
     try:
-        command = _command(paths, None, tether=True, quota=quota)
+        command = _command(paths, None, tether=True)
         endpoint = _wait_until_up(start_detached(command, paths.worker_log, stdin), paths)
     finally:
         os.close(stdin)
     with Client.open(endpoint) as client:
-        for row in client.campaigns():
+        rows = client.campaigns()
+        for row in rows:
             if not row.finished:
                 client.cancel(row.id)
+        for row in rows[_CAMPAIGNS_KEPT:]:
+            client.delete((row.id,))
+    sweep_traces(paths, RetentionPolicy(size=kept), time.time())
     return endpoint
 
 
@@ -187,16 +194,14 @@ def _command(
     paths: StatePaths,
     slots: int | None,
     settings: Mapping[str, object] = {},
-    *,
-    quota: str = "0B",
     **more: object,
 ) -> list[str]:
     try:
-        quota_size = parse_size(os.environ.get(QUOTA_VARIABLE) or quota)
+        quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
     except ValueError as error:
         raise DaemonError(f"the quota of traces: {error}") from error
     order = {"state": str(paths.state), "slots": slots, "executor": DEFAULT_EXECUTOR, **more}
-    order["settings"] = {"quota": quota_size, **settings}
+    order["settings"] = {"quota": quota, **settings}
     return python_command("-m", "daemon", "serve", json.dumps(order))
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import os
 import shlex
+import sys
+import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -40,8 +42,10 @@ if TYPE_CHECKING:
 CellName: TypeAlias = tuple[str, str]
 """A scenario, or one of its variants, and a system."""
 
-_QUOTA: Final = "1GiB"
-"""Traces that pytest's cache keeps, unless ``SCENARIO_QUOTA`` says otherwise."""
+_KEPT: Final = 2**30
+"""Bytes of traces that pytest's cache keeps of earlier sessions."""
+_PICTURES_KEPT: Final = 86_400.0
+"""Seconds for which it keeps pictures of failed runs."""
 _ENDURANCE: Final = 20.0
 """Seconds without a worker, or with a full disk, after which nobody is going to help."""
 
@@ -85,7 +89,7 @@ class ScenarioPlugin:
         """Endpoint of the daemon; the private one is started, or joined, for the first reader."""
         if self.connected:
             return self.connected
-        return self._resources.enter_context(shared_daemon(self.folder, quota=_QUOTA))
+        return self._resources.enter_context(shared_daemon(self.folder, kept=_KEPT))
 
     @cached_property
     def folder(self) -> Path:
@@ -102,18 +106,21 @@ class ScenarioPlugin:
         return Client.open(self.endpoint)
 
     @contextmanager
-    def progress(self, item: pytest.Item) -> Iterator[None]:
-        """Let what is executed be watched on a terminal, on lines that vanish afterwards."""
+    def progress(self) -> Iterator[None]:
+        """Show progress on a terminal, below the line that pytest writes, and remove it again."""
         reporter = self._config.pluginmanager.get_plugin("terminalreporter")
         capture = self._config.pluginmanager.get_plugin("capturemanager")
         if not (reporter and capture and reporter.isatty and reporter.verbosity >= 0):
             yield
             return
+        writer = self._config.get_terminal_writer()
+        writer.flush()
         with capture.global_and_fixture_disabled():
-            reporter.ensure_newline()
+            if sys.stderr.isatty():
+                sys.stderr.write("\n")
             yield
-            if reporter.verbosity == 0:
-                reporter.write_fspath_result(item.nodeid, "")
+            if sys.stderr.isatty():
+                sys.stderr.write(f"\x1b[A\r\x1b[{writer.width_of_current_line}C")
 
     def evidence(self, run: RunRow) -> str:
         """Return where to look at a run: its picture, and the command that replays it."""
@@ -134,6 +141,10 @@ def _draw(trace: Path, picture: Path) -> None:
     from daemon.analysis.report.run_maps import draw_run
 
     picture.parent.mkdir(exist_ok=True)
+    for earlier in picture.parent.glob("*.svg"):
+        with suppress(FileNotFoundError):  # another process removes it
+            if time.time() - earlier.stat().st_mtime > _PICTURES_KEPT:
+                earlier.unlink()
     draw_run(trace, picture)
 
 
@@ -197,13 +208,13 @@ class CampaignRuns:
         policy = self.campaign.declared.policy
         self._watched = WatchedCells(receipt.campaign, whole=policy.until_decided)
 
-    def results(self, cells: frozenset[CellName], item: pytest.Item) -> tuple[RunRow, ...]:
+    def results(self, cells: frozenset[CellName]) -> tuple[RunRow, ...]:
         """Return the runs of ``cells`` after they have ended; :meth:`submit` comes first."""
         watched = self._watched
         assert watched is not None
         watched.cells = cells
         if not watched.finished:
-            with self.plugin.progress(item):
+            with self.plugin.progress():
                 watch_work(self.plugin.open, watched.campaign, watched, endurance=_ENDURANCE)
         return watched.of_cells
 
@@ -341,7 +352,7 @@ class CampaignItem(pytest.Item):
         """Execute the runs, which is an error where too few of them have a result."""
         try:
             self.file.submit()
-            self._runs = self.file.runs.results(self.cells, self)
+            self._runs = self.file.runs.results(self.cells)
         except ScenarioError as error:
             pytest.fail(str(error), pytrace=False)
         assessment = assess(self.file.runs.campaign.declared, self._runs)

@@ -50,7 +50,7 @@ def house(tmp_path_factory, campaigns):
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, folder / part)
     (folder / "demo" / "checks.oracles.yaml").write_text(ORACLES)
-    with shared_daemon(folder / ".pytest_cache" / "d" / "scenario", quota="1GiB") as endpoint:
+    with shared_daemon(folder / ".pytest_cache" / "d" / "scenario", kept=2**30) as endpoint:
         yield folder, endpoint
 
 
@@ -160,8 +160,8 @@ def test_findings_are_told_without_a_traceback(run):
 def test_a_lost_run_is_an_error_unless_the_verdict_stands_without_it(run, monkeypatch):
     wait = CampaignRuns.results
 
-    def lose_one(runs, cells, item):
-        first, *rest = wait(runs, cells, item)
+    def lose_one(runs, cells):
+        first, *rest = wait(runs, cells)
         return replace(first, state=RunState.LOST, outcome=None, result=None), *rest
 
     monkeypatch.setattr(CampaignRuns, "results", lose_one)
