@@ -2,36 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+import shlex
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from grammars.text.words import count_noun
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import CampaignFile
-from scenario_tui.cli.output import report_findings, say
+from scenario_tui.cli.output import CommandError, report_findings, say
+from scenario_tui.terminal.capabilities import why_no_screen
 
 if TYPE_CHECKING:
     from daemon.live.foxglove_server import FoxgloveServer
     from daemon.live.ros_bridge import RosBridge
     from daemon.live.simulation import LiveSimulation, LiveThread
     from daemon.model.spec import RunSpec
-    from daemon.model.submission import Submission
     from daemon.model.sut import SystemUnderTest
-    from daemon.stacks.ros2.settings import Ros2Settings
     from grammars.model.scene import Scene
 
 _LOOPBACK: Final = frozenset({"127.0.0.1", "localhost", "::1"})
 _LOOK: Final = 0.5
 """Seconds between two looks at whether there is anything to tell."""
 _NOBODY: Final = "nobody"
-"""What stands for a system under test where none drives."""
+"""Name of the system under test where none drives."""
 _NO_SDK: Final = (
     "Foxglove needs its SDK: pip install 'scenario-tui[foxglove]' (or leave it out: --no-foxglove)"
 )
+
+
+@dataclass(frozen=True, slots=True)
+class _Bridge:
+    """The way to a stack: what to type there, and the map that its map server reads, if any."""
+
+    ros: RosBridge
+    to_type: str
+    map_file: str = ""
+
+
+@dataclass(slots=True)
+class _Services:
+    """Services by which a world can be reached; ``lacking`` says what is not served, and why."""
+
+    foxglove: FoxgloveServer | None = None
+    bridge: _Bridge | None = None
+    lacking: str = ""
+
+    def lines(self) -> list[str]:
+        """Say where it is served and who is connected; the line to type is the last one."""
+        lines = [self.lacking] if self.lacking else []
+        if self.foxglove is not None:
+            count = self.foxglove.clients
+            clients = count_noun(count, "client") if count else "nobody listens"
+            lines.append(f"Foxglove {_url(self.foxglove)}  {clients}")
+        if self.bridge is not None:
+            lines.append(f"ROS 2 {self.bridge.ros.state}")
+            if self.bridge.map_file:
+                lines.append(f"map for the stack: {self.bridge.map_file}")
+            if not self.bridge.ros.connected:
+                lines += ["type this in a terminal of the stack's ROS 2:", self.bridge.to_type]
+        return lines
 
 
 def serve(
@@ -83,7 +121,7 @@ def serve(
     headless: Annotated[
         bool, typer.Option("--headless", help="Print where it is served; no view, no keys.")
     ] = False,
-) -> None:  # fmt: skip
+) -> int | None:  # fmt: skip
     """Let a scenario's world go on by the clock: drive in it, look at it, connect a stack to it.
 
     The topics are those of a trace. Nothing is recorded or judged, and nobody is waited for: it
@@ -105,67 +143,36 @@ def serve(
     # Before the clock counts: a world that stutters at its start would say it cannot keep up.
     load_kernels(spec, scene)
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
-    with _served(simulation, foxglove, host, port, socket if ros2 else None) as services:
+    code = 0
+    with ExitStack() as stack:
+        services = _Services()
+        if foxglove is not False:
+            _serve_foxglove(services, simulation, host, port, is_required=bool(foxglove))
+        if services.foxglove is not None:
+            stack.enter_context(closing(services.foxglove))
+        if ros2:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="scenario-")))
+            services.bridge = _open_bridge(simulation, socket or f"{folder}/relay", folder)
+            stack.enter_context(closing(services.bridge.ros))
         with simulation.running() as thread:
-            if headless or _why_no_view():
+            if headless or why_no_screen():
                 _serve_headless(simulation, services, thread)
             else:
-                _serve_in_view(simulation, services, thread)
+                code = _serve_in_view(simulation, services, thread)
         bridge = services.bridge
-        for failure in (thread.failure, bridge.failure if bridge is not None else None):
+        for failure in (thread.failure, bridge.ros.failure if bridge is not None else None):
             if failure is not None:
                 raise failure
+    return ExitCode.BUG if code else None
 
 
-@dataclass(frozen=True, slots=True)
-class LiveServices:
-    """By what a world can be reached.
+def _url(foxglove: FoxgloveServer) -> str:
+    host = foxglove.host
+    if host in ("0.0.0.0", "::"):
+        from socket import gethostname
 
-    ``to_type`` connects a stack, whose map server is to read ``map_file``, if any.
-    """
-
-    foxglove: FoxgloveServer | None = None
-    bridge: RosBridge | None = None
-    to_type: str = ""
-    map_file: str = ""
-    without: str = ""
-
-    def where(self) -> list[str]:
-        """Say where it is served, a line each; the line to type is the last one."""
-        lines = [self.without] if self.without else []
-        if self.foxglove is not None:
-            lines.append(f"Foxglove: open a connection to {self._url()}")
-        if self.map_file:
-            lines.append(f"ROS 2: start your stack with this map: {self.map_file}")
-        if self.bridge is not None:
-            lines += ["ROS 2: type this in a terminal of the stack's ROS 2:", self.to_type]
-        return lines
-
-    def who(self) -> list[str]:
-        """Say who is connected, a line each."""
-        from grammars.text.words import count_noun
-
-        lines = [self.without] if self.without else []
-        if self.foxglove is not None:
-            count = self.foxglove.clients
-            said = count_noun(count, "client") if count else "nobody listens"
-            lines.append(f"Foxglove {self._url()}  {said}")
-        if self.bridge is not None:
-            lines.append(f"ROS 2 {self.bridge.state}")
-            if self.map_file:
-                lines.append(f"map for the stack: {self.map_file}")
-            if not self.bridge.connected:
-                lines.append(self.to_type)
-        return lines
-
-    def _url(self) -> str:
-        assert self.foxglove is not None
-        host = self.foxglove.host
-        if host in ("0.0.0.0", "::"):
-            from socket import gethostname
-
-            host = gethostname()
-        return f"ws://{f'[{host}]' if ':' in host else host}:{self.foxglove.port}"
+        host = gethostname()
+    return f"ws://{f'[{host}]' if ':' in host else host}:{foxglove.port}"
 
 
 def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Scene]:
@@ -174,47 +181,23 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
     from scenario_tui.library.campaign import load
 
     campaign = load(path)
+    campaign = campaign.select(scenario or campaign.scenarios[0], sut)
     submission = campaign.submission()
     report_findings(campaign.findings)
     runs = tuple(map(submission.spec, (*submission.runs, *submission.reserve)))
-    found = _matching(runs, scenario, sut, repeat)
+    spec = next((run for run in runs if run.repeat == repeat), None)
+    if spec is None:
+        last = max(run.repeat for run in runs)
+        message = f"{runs[0].scenario} has repeats 0 to {last}"
+        raise typer.BadParameter(message, param_hint="--repeat")
     if not sut:
         # Chance is the same for all systems of a scenario, so any of its runs is its world.
-        found = replace(found, sut=SutReference(_NOBODY, "idle", {}))
-    return found, _scene(submission, found)
-
-
-def _matching(runs: Sequence[RunSpec], scenario: str, sut: str, repeat: int) -> RunSpec:
-    """Return the run of that scenario, system and repeat; say what there is otherwise."""
-    from grammars.text.diagnostics import did_you_mean
-
-    scenarios = list(dict.fromkeys(run.scenario for run in runs))
-    name = scenario or scenarios[0]
-    if name not in scenarios:
-        hint = did_you_mean(name, scenarios)
-        raise typer.BadParameter(f'no scenario "{name}": {hint}', param_hint="--scenario")
-    runs = [run for run in runs if run.scenario == name]
-    suts = list(dict.fromkeys(run.sut.name for run in runs))
-    if sut and sut not in suts:
-        hint = did_you_mean(sut, suts)
-        raise typer.BadParameter(f'{name} has no "{sut}": {hint}', param_hint="--sut")
-    runs = [run for run in runs if run.sut.name == (sut or suts[0])]
-    for run in runs:
-        if run.repeat == repeat:
-            return run
-    raise typer.BadParameter(
-        f"{name} has repeats 0 to {max(run.repeat for run in runs)}", param_hint="--repeat"
-    )
-
-
-def _scene(submission: Submission, spec: RunSpec) -> Scene:
-    return next(scene for scene in submission.scenes if scene.digest == spec.scene)
+        spec = replace(spec, sut=SutReference(_NOBODY, "idle", {}))
+    return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
 
 
 def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
     """Return what makes the system that drives, or nothing where nobody does."""
-    from functools import partial
-
     from daemon.stacks.registry import make_sut
 
     if spec.sut.name == _NOBODY or not spec.sut.repeatable:
@@ -222,62 +205,42 @@ def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
     return partial(make_sut, spec.sut.kind, spec.sut.local_parameters)
 
 
-@contextmanager
-def _served(
-    simulation: LiveSimulation, foxglove: bool | None, host: str, port: int, socket: str | None
-) -> Iterator[LiveServices]:
-    """Serve a simulation as long as the context lasts; ``socket`` is empty for one of its own."""
-    services = LiveServices()
-    with ExitStack() as stack:
-        if foxglove is not False:
-            services = _with_foxglove(services, simulation, host, port, wanted=bool(foxglove))
-        if services.foxglove is not None:
-            stack.callback(services.foxglove.close)
-        if socket is not None:
-            from tempfile import TemporaryDirectory
-
-            folder = stack.enter_context(TemporaryDirectory(prefix="scenario-"))
-            services = _with_bridge(services, simulation, socket or f"{folder}/relay", Path(folder))
-            assert services.bridge is not None
-            stack.callback(services.bridge.close)
-        yield services
-
-
-def _with_foxglove(
-    services: LiveServices, simulation: LiveSimulation, host: str, port: int, *, wanted: bool
-) -> LiveServices:
+def _serve_foxglove(
+    services: _Services, simulation: LiveSimulation, host: str, port: int, *, is_required: bool
+) -> None:
     try:
         from daemon.live.foxglove_server import FoxgloveServer, OutletError
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] != "foxglove":
             raise
-        if wanted:
-            say(f"scenario: {_NO_SDK}")
-            raise typer.Exit(ExitCode.INFRASTRUCTURE) from error
-        return replace(services, without=_NO_SDK)
+        if is_required:
+            raise CommandError(_NO_SDK, ExitCode.INFRASTRUCTURE) from error
+        services.lacking = _NO_SDK
+        return
     if host not in _LOOPBACK:
         say(
             f"warning: whoever reaches this machine at {host} can watch and drive: the protocol "
             "knows no passwords. Safer: leave --host out, and ssh -L 8765:127.0.0.1:8765 to it"
         )
     try:
-        return replace(services, foxglove=FoxgloveServer(simulation, host=host, port=port))
+        services.foxglove = FoxgloveServer(simulation, host=host, port=port)
     except OutletError as error:
-        say(f"scenario: {error}; --port 0 takes a free port, --no-foxglove does without")
-        raise typer.Exit(ExitCode.INFRASTRUCTURE) from error
+        message = f"{error}; --port 0 takes a free port, --no-foxglove does without"
+        raise CommandError(message, ExitCode.INFRASTRUCTURE) from error
 
 
-def _with_bridge(
-    services: LiveServices, simulation: LiveSimulation, socket: str, folder: Path
-) -> LiveServices:
+def _open_bridge(simulation: LiveSimulation, socket: str, folder: Path) -> _Bridge:
+    """Listen for the relay of a stack; files for it lie in ``folder``."""
     import secrets
-    import shlex
 
-    from daemon.live.ros_bridge import RosBridge
+    from daemon.live.ros_bridge import RosBridge, usual_settings
+    from daemon.stacks.ros2 import ROS2
     from daemon.stacks.ros2.link import LinkLost
     from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 
-    nonce, settings = secrets.token_hex(8), _settings(simulation.spec)
+    sut, nonce = simulation.spec.sut, secrets.token_hex(8)
+    is_ros2 = sut.kind == ROS2.name
+    settings = ROS2.read(sut.local_parameters) if is_ros2 else usual_settings()
     map_file = _write_map(simulation, folder) if settings.map == "file" else ""
     try:
         first = [RelayLink.listen(socket, nonce)]
@@ -289,12 +252,9 @@ def _with_bridge(
             settings,
         )
     except LinkLost as error:
-        say(f"scenario: {error}")
-        raise typer.Exit(ExitCode.INFRASTRUCTURE) from error
-    script = shlex.quote(str(relay_path()))
+        raise CommandError(str(error), ExitCode.INFRASTRUCTURE) from error
     variables = f"SCENARIO_SOCKET={shlex.quote(address)} SCENARIO_NONCE={nonce}"
-    to_type = f"{variables} python3 {script}"
-    return replace(services, bridge=bridge, to_type=to_type, map_file=map_file)
+    return _Bridge(bridge, f"{variables} python3 {shlex.quote(str(relay_path()))}", map_file)
 
 
 def _write_map(simulation: LiveSimulation, folder: Path) -> str:
@@ -309,31 +269,8 @@ def _write_map(simulation: LiveSimulation, folder: Path) -> str:
     return str(write_map(grid, folder / "map", laser_height=height)[1])
 
 
-def _settings(spec: RunSpec) -> Ros2Settings:
-    """Return the names of the stack that was named, else the usual ones."""
-    from daemon.live.ros_bridge import usual_settings
-    from daemon.stacks.ros2 import ROS2
-
-    return ROS2.read(spec.sut.local_parameters) if spec.sut.kind == ROS2.name else usual_settings()
-
-
-def _why_no_view() -> str:
-    """Say why there can be no view here, empty when there can."""
-    import sys
-
-    from scenario_tui.terminal.capabilities import why_undrawable
-
-    # Drawn on standard error like the dashboard, with keys from standard input.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return "no terminal"
-    return why_undrawable()
-
-
-def _serve_headless(simulation: LiveSimulation, services: LiveServices, thread: LiveThread) -> None:
+def _serve_headless(simulation: LiveSimulation, services: _Services, thread: LiveThread) -> None:
     """Say where it is served, then what changes, until the end."""
-    import signal
-    import threading
-
     # Told to end or interrupted: both are the way this ends, and nothing is lost. An event, as an
     # exception raised by a signal is lost where Python cannot pass it on (in a weak reference's
     # callback, say).
@@ -341,16 +278,18 @@ def _serve_headless(simulation: LiveSimulation, services: LiveServices, thread: 
     endings = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, lambda *_: ended.set()) for number in endings]
     try:
-        for line in services.where():
+        previous = services.lines()
+        for line in (*previous, "Ctrl-C ends it"):
             say(line)
-        say("Ctrl-C ends it")
-        told: tuple[str, ...] = ()
         while thread.is_alive() and not ended.wait(_LOOK):
-            news = _news(simulation, services)
-            for line in news:
-                if line not in told:
+            status = simulation.status
+            lines = services.lines()
+            lines += [f"cannot keep up with {status.speed:g}x"] if status.late else []
+            lines += [status.note] if status.note else []
+            for line in lines:
+                if line not in previous:
                     say(line)
-            told = news
+            previous = lines
         if ended.is_set():
             say("\nthe world has ended")
     finally:
@@ -358,19 +297,9 @@ def _serve_headless(simulation: LiveSimulation, services: LiveServices, thread: 
             signal.signal(number, handler)
 
 
-def _news(simulation: LiveSimulation, services: LiveServices) -> tuple[str, ...]:
-    """Return what is to be told when it was not so before."""
-    status = simulation.status
-    found = [f"cannot keep up with {status.speed:g}x"] if status.late else []
-    if services.bridge is not None:
-        found.append(f"ROS 2 {services.bridge.state}")
-    return (*found, *([status.note] if status.note else ()))
-
-
-def _serve_in_view(simulation: LiveSimulation, services: LiveServices, thread: LiveThread) -> None:
-    """Show it until somebody leaves."""
+def _serve_in_view(simulation: LiveSimulation, services: _Services, thread: LiveThread) -> int:
+    """Show it until somebody leaves; return the code of the screen."""
     from scenario_tui.dashboard.screens.live import LiveScreen, run_live
 
-    code = run_live(LiveScreen(simulation, thread, services.who, services.to_type))
-    if code:
-        raise typer.Exit(ExitCode.BUG)
+    to_type = services.bridge.to_type if services.bridge is not None else ""
+    return run_live(LiveScreen(simulation, thread, services.lines, to_type))

@@ -95,7 +95,7 @@ def test_the_map_is_named_that_a_stack_reads_from_a_file(file, scenario, tmp_pat
     arguments = ("mine/campaign.yaml", "--ros2", "--sut", "my-nav2", "--no-foxglove")
     with served(*arguments) as process:
         lines = said_until(process, "Ctrl-C")
-        named = re.search(r"^ROS 2: start your stack with this map: (\S+)$", lines, re.M)
+        named = re.search(r"^map for the stack: (\S+)$", lines, re.M)
         assert named is not None
         drawn = read_map(Path(named[1])).grid
         assert drawn.resolution == 0.05
