@@ -182,6 +182,26 @@ Attempts: TypeAlias = Annotated[
         help="How often a run is tried whose process dies without a result. Default: 3.",
     ),
 ]
+
+
+def _check_table(path: Path | None) -> Path | None:
+    if path is not None:
+        from daemon.analysis.table import table_writer
+
+        check_writable(path, "--table")
+        table_writer(path)
+    return path
+
+
+TableFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--table",
+        metavar="FILE",
+        help="Write a row for each run and oracle: .parquet, .csv or .arrow.",
+        callback=_check_table,
+    ),
+]
 Processes: TypeAlias = Annotated[
     int | None,
     typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),

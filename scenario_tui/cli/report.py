@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from daemon.analysis.history import CampaignHistory
+from daemon.analysis.table import write_table
 from daemon.batch.errors import TraceUnavailable
 from daemon.model.assessments import ReferenceComparison
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Processes, check_writable, why_no_folder
+from scenario_tui.cli.options import Processes, TableFile, check_writable, why_no_folder
 from scenario_tui.cli.output import stdout_console, track_progress
 from scenario_tui.source import (
     DaemonTarget,
@@ -91,14 +92,7 @@ def report(
             "--junit", metavar="FILE", dir_okay=False, help="Write verdicts as JUnit XML."
         ),
     ] = None,
-    csv: Annotated[
-        Path | None,
-        typer.Option("--csv", metavar="FILE", help="Write all measures and margins as CSV."),
-    ] = None,
-    parquet: Annotated[
-        Path | None,
-        typer.Option("--parquet", metavar="FILE", help="The same as Parquet."),
-    ] = None,
+    table: TableFile = None,
     history: Annotated[
         bool,
         typer.Option(
@@ -112,11 +106,11 @@ def report(
     processes: Processes = None,
 ) -> Answer[WrittenReport] | Answer[WrittenHistory]:
     """Write a campaign or a search as one page with figures, a campaign as tables, too."""
-    tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    tables = {"junit": junit, "table": table}
     if figures is not None and (lacking := why_no_folder(figures.absolute().parent)):
         why = f"{figures} cannot be written: {figures.absolute().parent} {lacking}"
         raise typer.BadParameter(why, param_hint="--figures")
-    for option, file in ({"output": output} | tables).items():
+    for option, file in {"output": output, "junit": junit}.items():
         if file is not None:
             check_writable(file, f"--{option}")
     asked = [f"--{kind}" for kind, path in (tables | {"figures": figures}).items() if path]
@@ -142,10 +136,9 @@ def report(
     from daemon.analysis.report import (
         headline,
         read_report_data,
-        write_csv,
+        report_table,
         write_junit,
         write_page,
-        write_parquet,
     )
 
     bar = partial(track_progress, description="reading traces")
@@ -156,9 +149,8 @@ def report(
     if junit is not None:
         records = tuple(run.record for run in material.runs)
         write_junit(row.name, material.assessment, records, junit)
-    for writer, path in ((write_csv, csv), (write_parquet, parquet)):
-        if path is not None:
-            writer(material, path)
+    if table is not None:
+        write_table(report_table(material), table)
     written = {"page": page, "figures": figures} | tables
     answer, code = headline(material.assessment, material.runs), material.assessment.exit_code
     report = WrittenReport(

@@ -18,12 +18,12 @@ from daemon.analysis.recorded import read_traces
 from daemon.analysis.report import (
     SuggestedCommand,
     read_report_data,
-    write_csv,
+    report_table,
     write_junit,
     write_page,
-    write_parquet,
 )
 from daemon.analysis.results import read_results
+from daemon.analysis.table import write_table
 from daemon.campaign import expand, load_campaign
 from daemon.model.ids import trace_name
 from daemon.run import execute
@@ -78,9 +78,10 @@ def _report(folder, executed):
         f"drawn in {drawn - read:.1f} s, {len(page.encode()) / 1e6:.2f} MB",
     )  # fmt: skip
     assessed = material.input.row.name, material.assessment, records
+    table = report_table(material)
     tables = {
-        "csv": partial(write_csv, material),
-        "parquet": partial(write_parquet, material),
+        "csv": partial(write_table, table),
+        "parquet": partial(write_table, table),
         "xml": partial(write_junit, *assessed),
     }
     for name, write in tables.items():

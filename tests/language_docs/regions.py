@@ -6,6 +6,7 @@ Each stands between two comments, of which the first says what it is::
     <!-- keys: robot drive -->                 this part of a schema
     <!-- keys: sut sut about like -->          these keys of it
     <!-- signals -->                           the signals of the oracle language
+    <!-- columns -->                           the columns of a table of results
     <!-- end -->
 
 ``python -m tests.language_docs`` writes them anew; a test holds the pages to it.
@@ -13,12 +14,13 @@ Each stands between two comments, of which the first says what it is::
 
 import re
 
+from daemon.analysis.table import COLUMNS
 from tests.language_docs import ebnf, tables
 from tests.language_docs.markdown import DOCS
 from tests.oracle_docs import signal_table
 
 _REGION = re.compile(
-    r"^(?P<begin><!-- (?P<what>grammar|keys|signals)(?::(?P<words>[^>]*))? -->\n)"
+    r"^(?P<begin><!-- (?P<what>grammar|keys|signals|columns)(?::(?P<words>[^>]*))? -->\n)"
     r".*?^(?P<end><!-- end -->)$",
     re.DOTALL | re.MULTILINE,
 )
@@ -48,6 +50,8 @@ def _made(found):
     words = (found["words"] or "").split()
     if found["what"] == "signals":
         return signal_table()
+    if found["what"] == "columns":
+        return _column_table()
     if found["what"] == "keys":
         return tables.key_table(*words)
     language, *names = words
@@ -55,3 +59,8 @@ def _made(found):
     # Classes of syntax nodes end so; to readers a rule is what it stands for.
     text = re.sub(r"\b(\w+)Node\b", r"\1", "\n".join(rules[name] for name in names))
     return f"```ebnf\n{text}\n```\n"
+
+
+def _column_table():
+    rows = [f"| `{one.name}` | {one.kind} | {one.unit} | {one.about} |" for one in COLUMNS]
+    return "\n".join(("| column | kind | unit | |", "|---|---|---|---|", *rows)) + "\n"

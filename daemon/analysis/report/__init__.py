@@ -1,7 +1,6 @@
 """Reports: what the traces of a campaign say, for people and for machines."""
 
-from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
-from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
+from daemon.analysis.report._data import ReportData, ReportRun, read_report_data, report_table
 from daemon.analysis.report._junit import write_junit
 from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._page import (
@@ -16,7 +15,6 @@ from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
 from daemon.analysis.report._tracks import thinned_indices
 
 __all__ = [
-    "COLUMNS",
     "GLYPHS",
     "MEASURES",
     "ReportData",
@@ -25,12 +23,11 @@ __all__ = [
     "headline",
     "oracle_limit",
     "read_report_data",
+    "report_table",
     "safety_buffer",
     "spread_text",
     "thinned_indices",
     "verdict_details",
-    "write_csv",
     "write_junit",
     "write_page",
-    "write_parquet",
 ]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
 from daemon.analysis.parallel_map import parallel_map
@@ -20,14 +20,19 @@ from daemon.analysis.report._measures import (
 from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.analysis.results import CampaignResults
+from daemon.analysis.table import results_table
 from daemon.judging import oracles
 from daemon.judging.assessment import assess, reference_comparisons
 from daemon.judging.oracles import SignalSampler
 from daemon.model.assessments import Assessment, ReferenceComparison
 from daemon.model.spec import RunSpec
 from daemon.model.status import RunRow
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.trace import TraceError, read_trace
 from grammars.model.behaviour import Trigger
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _SAMPLES: Final = 36_000
 """Samples drawn in all figures of one kind together: what keeps a report small."""
@@ -179,3 +184,26 @@ def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
         for key, column in columns.items()
         if column.values
     )
+
+
+def report_table(data: ReportData) -> pa.Table:
+    """Return the table of results, with the standard measures as further oracles of each run."""
+    standard = {measure.name: measure for measure in standard_measures(data.buffer)}
+    rows = tuple(
+        run.record
+        if run.record.result is None
+        else replace(run.record, result=replace(
+            run.record.result,
+            verdicts=(*run.record.verdicts, *_measure_verdicts(run, standard)),
+        ))
+        for run in data.runs
+    )  # fmt: skip
+    return results_table(replace(data.input, rows=rows))
+
+
+def _measure_verdicts(run: ReportRun, standard: Mapping[str, RunMeasure]) -> Iterator[Verdict]:
+    declared = {verdict.oracle for verdict in run.record.verdicts}
+    for name, value in run.tracks.measures.items():
+        if name not in declared:
+            measure, evidence = standard[name], Evidence(value=value)
+            yield Verdict(name, measure.text, Outcome.MEASURE, None, None, measure.unit, evidence)

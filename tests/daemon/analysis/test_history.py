@@ -226,4 +226,4 @@ def test_a_name_that_nobody_submitted_is_refused_with_what_there_is(ledger, caps
     assert "demo" in capsys.readouterr().err.partition("dmeo")[2]
     assert invoke(["report", "doors", "--history"]) == 2
     assert "doors is a search" in capsys.readouterr().err
-    assert invoke(["report", "demo", "--history", "--csv", "a.csv"]) == 2
+    assert invoke(["report", "demo", "--history", "--table", "a.csv"]) == 2

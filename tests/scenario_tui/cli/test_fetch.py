@@ -110,7 +110,7 @@ def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
     out = capsys.readouterr().out
     assert len(json.loads(out[out.index('{\n  "schema"') :])["traces"]) == 2
     assert len(cached(here)) == 2
-    assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0
+    assert invoke(["report", "corr", "--table", "m.csv", "-j", "1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["runs"] == 3
     assert invoke(["export", "corr-1.0", "picture", "-o", "run.svg"]) == 0
     assert invoke(["coverage", "corr-1", "-j", "1", "--json"]) == 0
@@ -136,7 +136,7 @@ def test_traces_in_a_store_are_read_without_a_daemon(tmp_path, monkeypatch, caps
     campaign_at(StatePaths(tmp_path / "state"), (tmp_path / "store").as_uri())
     assert invoke(["plot", "corr.1", "speed"]) == 0
     assert len(cached(tmp_path)) == 1
-    assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0
+    assert invoke(["report", "corr", "--table", "m.csv", "-j", "1", "--json"]) == 0
     assert len(cached(tmp_path)) == 2
     assert len(Path("m.csv").read_text().splitlines()) > 2
     first, second = sorted((tmp_path / "store").rglob("*.mcap"))

@@ -79,7 +79,7 @@ CASES = {
     "verify": (("{FOREIGN}",), ("none{NAME}",)),
     "compare": (("first", "nightly"), ("{FOREIGN}", "{NAME}.json")),
     "report": (
-        ("traces", "--csv", "out/{NAME}.csv", "--junit", "out/junit.xml"),
+        ("traces", "--table", "out/{NAME}.csv", "--junit", "out/junit.xml"),
         ("first", "-o", "out/{NAME}.html"),
     ),
     "coverage": (("{TRACE}", "{FOREIGN}"), ("demo/campaign.yaml",)),

@@ -58,21 +58,21 @@ def ledger(here):
 
 
 def test_tables_alone_need_no_page(here, capsys):
-    arguments = ["--junit", "r.xml", "--csv", "m.csv", "--parquet", "m.parquet"]
+    arguments = ["--junit", "r.xml", "--table", "m.parquet"]
     assert invoke(["report", "traces", *arguments]) == 0
-    assert {path.name for path in here.iterdir()} == {"traces", "r.xml", "m.csv", "m.parquet"}
+    assert {path.name for path in here.iterdir()} == {"traces", "r.xml", "m.parquet"}
     out = capsys.readouterr().out
     assert "Yes. All 6 verdicts are as expected." in out
     assert re.search(r"m\.parquet \([0-9.]+ kB\)", out)
 
 
 def test_a_campaign_of_the_ledger_needs_no_daemon(ledger, capsys):
-    assert invoke(["report", "corr", "--csv", "m.csv", "--json"]) == 0
+    assert invoke(["report", "corr", "--table", "m.csv", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/report/1"
     assert (body["campaign"], body["runs"], body["exit_code"]) == ("corr", 3, 1)
-    assert body["written"] == {"csv": "m.csv"}
-    assert invoke(["report", "corr", "--csv", "m.csv", "--exit-status"]) == 1
+    assert body["written"] == {"table": "m.csv"}
+    assert invoke(["report", "corr", "--table", "m.csv", "--exit-status"]) == 1
 
 
 def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger):

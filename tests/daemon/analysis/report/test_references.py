@@ -1,12 +1,11 @@
 """What others found: marks in figures, a table of the page, rows of the tables for machines."""
 
-import csv
 import re
 from dataclasses import replace
 
 import pytest
 
-from daemon.analysis.report import write_csv, write_page
+from daemon.analysis.report import write_page
 from daemon.model.assessments import ReferenceValue
 from tests.daemon.analysis.report.recordings import OPEN, SHUT, SUTS
 
@@ -73,17 +72,3 @@ def test_the_page_puts_them_beside_what_was_found(told_page):
         ["delay", "paper -8.9 s", "5", "0 s ± 0 s", "0 s to 0 s"],
     ]
     assert [row[8] for row in rows] == ["−1.5 s", "+1 s", "–", "+8.9 s"]
-
-
-def test_tables_for_machines_have_them(told, tmp_path):
-    write_csv(told, tmp_path / "m.csv")
-    with (tmp_path / "m.csv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["kind"].startswith("reference")]
-    assert [(row["kind"], row["name"], float(row["value"])) for row in rows] == [
-        ("reference", "duration mean", 21.5),
-        ("reference-deviation", "duration mean", 0.5),
-        ("reference", "buffer-time mean", 19.0),
-        ("reference", "reached rate", 0.8),
-        ("reference", "delay mean", -8.9),
-    ]
-    assert {row["object"] for row in rows} == {"paper: Somebody & others"}
