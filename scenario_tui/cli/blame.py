@@ -13,7 +13,6 @@ from daemon.batch.errors import DaemonError
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.completion import campaign_files
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import CommandError, open_progress, say, stdout_console
 from scenario_tui.cli.suggestions import refuse_missing_file
@@ -30,7 +29,9 @@ def blame(
         typer.Argument(
             metavar="RUN | CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]",
             help="A failed run: its trace (.mcap), its id, or its place in a campaign file.",
-            autocompletion=completion.blame_arguments,
+            autocompletion=completion.offers(
+                completion.runs, completion.files(".mcap"), completion.campaign_files
+            ),
         ),
     ],
     oracle: Annotated[
@@ -38,7 +39,7 @@ def blame(
         typer.Option(
             "--oracle",
             help="The verdict to explain. Default: the first failing.",
-            autocompletion=completion.oracles,
+            autocompletion=completion.offers(completion.oracles),
         ),
     ] = "",
     runs: Annotated[
@@ -50,7 +51,7 @@ def blame(
             "--campaign",
             metavar="FILE",
             help="Campaign file of a trace or id. Default: the file it was run from.",
-            autocompletion=completion.files(campaign_files),
+            autocompletion=completion.offers(completion.campaign_files),
         ),
     ] = None,
     out: Annotated[

@@ -117,7 +117,7 @@ def compare(
         typer.Argument(
             metavar="BEFORE",
             help="A campaign, a folder of traces, or a file that --json wrote.",
-            autocompletion=completion.campaigns_or_results,
+            autocompletion=completion.offers(completion.campaigns, completion.files(".json")),
         ),
     ],
     after: Annotated[
@@ -125,7 +125,7 @@ def compare(
         typer.Argument(
             metavar="AFTER",
             help="Another one, compared with it.",
-            autocompletion=completion.campaigns_or_results,
+            autocompletion=completion.offers(completion.campaigns, completion.files(".json")),
         ),
     ],
     target: DaemonTarget,

@@ -30,7 +30,12 @@ def coverage(
             metavar="CAMPAIGN.yaml|TRACES...",
             help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
             "them, ids of campaigns or runs.",
-            autocompletion=completion.campaign_files_or_recorded,
+            autocompletion=completion.offers(
+                completion.campaigns,
+                completion.runs,
+                completion.files(".mcap"),
+                completion.campaign_files,
+            ),
         ),
     ],
     near: Annotated[

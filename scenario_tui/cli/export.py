@@ -95,7 +95,11 @@ def export(
             help="A floor plan (.fpm, .jsonld or a folder of .json), a walls layer "
             "(.walls.yaml), a campaign file; a recorded run or its trace (.mcap), a campaign that "
             "was submitted.",
-            autocompletion=completion.exportable,
+            autocompletion=completion.offers(
+                completion.runs,
+                completion.files(".mcap", ".fpm", ".jsonld", ".json", ".walls.yaml"),
+                completion.campaign_files,
+            ),
         ),
     ],
     kinds: Annotated[

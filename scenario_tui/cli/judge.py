@@ -10,7 +10,6 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.completion import oracle_files
 from scenario_tui.cli.exit_codes import exit_code
 from scenario_tui.cli.options import Processes
 from scenario_tui.cli.output import stdout_console, track_progress
@@ -26,7 +25,9 @@ def judge(
         typer.Argument(
             metavar="TRACES",
             help="Traces (.mcap), folders of them, or ids of campaigns or runs.",
-            autocompletion=completion.campaigns_runs_or_traces,
+            autocompletion=completion.offers(
+                completion.campaigns, completion.runs, completion.files(".mcap")
+            ),
         ),
     ],
     oracles: Annotated[
@@ -37,7 +38,7 @@ def judge(
             metavar="FILE",
             help="Oracle layer to judge by, such as navigation.oracles.yaml. "
             "Default: the oracles inside of each trace.",
-            autocompletion=completion.files(oracle_files),
+            autocompletion=completion.offers(completion.files(".oracles.yaml")),
         ),
     ] = None,
     processes: Processes = None,

@@ -31,7 +31,7 @@ def results(
         typer.Argument(
             metavar="CAMPAIGN",
             help="Id or name of a campaign, or how it begins. Default: the newest.",
-            autocompletion=completion.campaigns,
+            autocompletion=completion.offers(completion.campaigns),
         ),
     ] = "",
     runs: Annotated[bool, typer.Option("--runs", help="List every run and its trace.")] = False,
@@ -41,7 +41,9 @@ def results(
         typer.Option(
             "--outcome",
             help="List only runs with this verdict, pass, fail ...",
-            autocompletion=completion.one_of("pass", "fail", "inconclusive", "error"),
+            autocompletion=completion.offers(
+                completion.words("pass", "fail", "inconclusive", "error")
+            ),
         ),
     ] = "",
     text: Annotated[
@@ -49,7 +51,7 @@ def results(
         typer.Option(
             "--filter",
             help="List only runs that mention this text.",
-            autocompletion=completion.names_in_campaign,
+            autocompletion=completion.offers(completion.names_in_campaign),
         ),
     ] = "",
     exit_status: Annotated[
@@ -180,7 +182,7 @@ RunName: TypeAlias = Annotated[
     typer.Argument(
         metavar="RUN",
         help="Id of a run, or a campaign's name, a dot and the run's number.",
-        autocompletion=completion.runs,
+        autocompletion=completion.offers(completion.runs),
     ),
 ]
 

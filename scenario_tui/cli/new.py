@@ -68,7 +68,7 @@ def new(
             "--floorplan",
             metavar="FILE",
             help="Begin with this building instead of a flat of its own.",
-            autocompletion=completion.files(completion.plan_files),
+            autocompletion=completion.offers(completion.files(".fpm", ".jsonld")),
         ),
     ] = None,
     robot: Annotated[

@@ -13,7 +13,6 @@ import typer
 
 from daemon.batch.amounts import parse_time
 from scenario_tui.cli import completion
-from scenario_tui.cli.completion import campaign_files
 
 
 def parse_age(text: str) -> float:
@@ -133,7 +132,9 @@ Baseline: TypeAlias = Annotated[
         metavar="CAMPAIGN",
         help="Fail when results are worse than those of this campaign, folder of traces, file of "
         "results (JSON), or last-green. Default: what the campaign file says under gate.",
-        autocompletion=completion.baselines,
+        autocompletion=completion.offers(
+            completion.words("last-green"), completion.campaigns, completion.files(".json")
+        ),
     ),
 ]
 WorseBy: TypeAlias = Annotated[
@@ -212,7 +213,7 @@ CampaignFile: TypeAlias = Annotated[
         metavar="CAMPAIGN.yaml",
         callback=check_campaign_file,
         help="The campaign file.",
-        autocompletion=completion.files(campaign_files),
+        autocompletion=completion.offers(completion.campaign_files),
     ),
 ]
 CampaignName: TypeAlias = Annotated[
@@ -220,7 +221,7 @@ CampaignName: TypeAlias = Annotated[
     typer.Argument(
         metavar="CAMPAIGN",
         help="Id or name of a campaign, or how it begins.",
-        autocompletion=completion.campaigns,
+        autocompletion=completion.offers(completion.campaigns),
     ),
 ]
 RunOrTrace: TypeAlias = Annotated[
@@ -228,7 +229,7 @@ RunOrTrace: TypeAlias = Annotated[
     typer.Argument(
         metavar="RUN",
         help="Id of a run, or a trace (.mcap).",
-        autocompletion=completion.runs_or_traces,
+        autocompletion=completion.offers(completion.runs, completion.files(".mcap")),
     ),
 ]
 

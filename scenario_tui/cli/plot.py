@@ -52,7 +52,7 @@ def plot(
             metavar="SIGNAL",
             help="Signals as oracles name them: clearance speed loc.error door_17.angle "
             "'clearance(0.35 m, 0.2 m)'.",
-            autocompletion=completion.signals,
+            autocompletion=completion.offers(completion.signals),
         ),
     ],
     *,

@@ -28,7 +28,7 @@ def replay(
         typer.Argument(
             metavar="[OTHER]",
             help="Another run, to see both side by side.",
-            autocompletion=completion.runs_or_traces,
+            autocompletion=completion.offers(completion.runs, completion.files(".mcap")),
         ),
     ] = "",
     start: Annotated[
@@ -37,7 +37,7 @@ def replay(
             "--from",
             metavar="SECONDS|ORACLE",
             help="Begin there: a moment, or when that oracle was decided.",
-            autocompletion=completion.oracles,
+            autocompletion=completion.offers(completion.oracles),
         ),
     ] = "",
     speed: Annotated[
@@ -51,7 +51,7 @@ def replay(
             metavar="SECONDS|ORACLE",
             help="Only print this moment as text: a time in seconds, such as 124.2, or an oracle; "
             "needs no terminal.",
-            autocompletion=completion.oracles,
+            autocompletion=completion.offers(completion.oracles),
         ),
     ] = "",
     *,

@@ -68,7 +68,7 @@ def report(
             metavar="CAMPAIGN",
             help="Id or name of a campaign or search, or how it begins; a folder of traces. "
             "Default: the newest campaign.",
-            autocompletion=completion.campaigns_or_folders,
+            autocompletion=completion.offers(completion.campaigns, completion.files()),
         ),
     ] = "",
     output: Annotated[

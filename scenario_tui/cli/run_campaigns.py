@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import (
     AsJson,
@@ -212,7 +211,11 @@ def check(
         typer.Argument(
             metavar="FILE",
             help="Campaigns, floor plans, scenery or other layers.",
-            autocompletion=completion.files(layer_files),
+            autocompletion=completion.offers(
+                completion.files(
+                    ".yaml", ".yml", ".fpm", ".scenery", ".variation", ".jsonld", ".json"
+                )
+            ),
         ),
     ],
     base: Base = "",

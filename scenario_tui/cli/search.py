@@ -66,7 +66,7 @@ def search(
             metavar="CAMPAIGN.yaml | SEARCH",
             help="A campaign file; or id or name of a search that the daemon has. "
             "Default: list those.",
-            autocompletion=completion.campaign_files_or_campaigns,
+            autocompletion=completion.offers(completion.campaigns, completion.campaign_files),
         ),
     ] = "",
     name: Annotated[
@@ -94,7 +94,9 @@ def search(
             "--method",
             metavar="NAME",
             help="auto, halton, random, tpe, cma or boundary.",
-            autocompletion=completion.one_of("auto", "halton", "random", "tpe", "cma", "boundary"),
+            autocompletion=completion.offers(
+                completion.words("auto", "halton", "random", "tpe", "cma", "boundary")
+            ),
         ),
     ] = "",
     seed: Annotated[

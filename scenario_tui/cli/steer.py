@@ -84,7 +84,7 @@ def retry(
         typer.Option(
             "--only",
             help="Which runs: lost, cancelled, an outcome, or all; separated by |.",
-            autocompletion=completion.one_of(*_RETRYABLE),
+            autocompletion=completion.offers(completion.words(*_RETRYABLE)),
         ),
     ] = "lost|cancelled",
     *,
@@ -136,7 +136,7 @@ def delete(
         typer.Argument(
             metavar="CAMPAIGN...",
             help="Ids or names of campaigns, or how they begin.",
-            autocompletion=completion.campaigns,
+            autocompletion=completion.offers(completion.campaigns),
         ),
     ],
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,

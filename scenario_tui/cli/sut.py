@@ -63,7 +63,7 @@ def show(
         typer.Argument(
             metavar="SUT.yaml",
             help="A system under test: its file, or a name as campaigns say it.",
-            autocompletion=completion.files(completion.sut_files),
+            autocompletion=completion.offers(completion.sut_files),
         ),
     ],
 ) -> Answer[ShownSut]:

@@ -42,7 +42,7 @@ def check(
         typer.Argument(
             metavar="SUT",
             help="A system under test that lives outside: its file, or its name as campaigns say.",
-            autocompletion=completion.files(completion.sut_files),
+            autocompletion=completion.offers(completion.sut_files),
         ),
     ],
     campaign: Annotated[
@@ -51,7 +51,7 @@ def check(
             "--campaign",
             metavar="FILE",
             help="Take robot, map and start of its first run. Default: an empty room.",
-            autocompletion=completion.files(completion.campaign_files),
+            autocompletion=completion.offers(completion.campaign_files),
         ),
     ] = None,
     out: Annotated[

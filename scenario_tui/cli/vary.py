@@ -12,7 +12,6 @@ import typer
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.completion import variation_files
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
 
@@ -30,7 +29,7 @@ def vary(
         typer.Argument(
             metavar="FILE.variation",
             help="What to vary, and how.",
-            autocompletion=completion.files(variation_files),
+            autocompletion=completion.offers(completion.files(".variation")),
         ),
     ],
     number: Annotated[

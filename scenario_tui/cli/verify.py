@@ -41,7 +41,12 @@ def verify(
             metavar="RUN|CAMPAIGN...",
             help="Runs, traces (.mcap), folders of traces, campaigns, or campaign files, whose "
             "specifications nobody has to have run before.",
-            autocompletion=completion.campaign_files_or_recorded,
+            autocompletion=completion.offers(
+                completion.campaigns,
+                completion.runs,
+                completion.files(".mcap"),
+                completion.campaign_files,
+            ),
         ),
     ],
     repeats: Annotated[

@@ -101,7 +101,6 @@ def test_words_and_signals(tab):
 def test_campaign_files_and_campaigns(tab, tmp_path):
     (tmp_path / "house.yaml").write_text("campaign: h\nsearch: {doors: {about: a}, noise: {}}\n")
     assert tab("scenario search ") == ["new-1", "old-1", "house.yaml"]
-    assert tab("scenario blame house.yaml ") == []
     assert tab("scenario search house.yaml --method h") == ["halton"]
 
 
@@ -114,9 +113,9 @@ def test_files_that_fit(tab, tmp_path):
     (inner / "run.mcap").write_text("")
     assert tab("scenario run te") == ["tests/inner/one.yaml"]
     assert tab("scenario export tests/inner/") == [
-        "tests/inner/one.yaml",
         "tests/inner/plan.fpm",
         "tests/inner/run.mcap",
+        "tests/inner/one.yaml",
     ]
     assert tab("scenario replay tests/inner/r") == ["tests/inner/run.mcap"]
     assert tab("scenario run tests/inner/r") == []  # then the shell offers every file
