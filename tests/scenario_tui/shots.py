@@ -23,7 +23,7 @@ from textual.keys import format_key
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from scenario_tui.cli import invoke, target
+from scenario_tui.cli import invoke
 from scenario_tui.dashboard.key_bindings import list_key_bindings
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.playback import open_playback
@@ -31,6 +31,7 @@ from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
 from scenario_tui.dashboard.widgets.map_style import MapSigns
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal import printable_console
 from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
@@ -188,7 +189,7 @@ def typed(name, folder, executed):
         line = f"scenario {' '.join(arguments)}"
         console.print(f"$ {line}", markup=False, style="bold")
         for patch in (
-            mock.patch.object(target.DaemonTarget, "open", side_effect=fake.open),
+            mock.patch.object(DaemonTarget, "open", side_effect=fake.open),
             mock.patch.object(printable_console, "open_console", return_value=console),
             mock.patch.dict(os.environ, environment),
         ):

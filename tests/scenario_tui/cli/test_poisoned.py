@@ -16,8 +16,9 @@ import pytest
 import typer
 
 from grammars.model.map_files import write_map
-from scenario_tui.cli import command_line, invoke, target
+from scenario_tui.cli import command_line, invoke
 from scenario_tui.cli.plain_flags import PlainFlagsCommand
+from scenario_tui.source import DaemonTarget
 from tests.grammars.maps.imported import house
 from tests.scenario_tui.fake_search import SEARCH, make_proposals, make_search
 from tests.scenario_tui.poison import (
@@ -167,7 +168,7 @@ def place(tmp_path_factory, campaigns):
             patch.setenv(name, str(folder / name))
         patch.setenv("TERM", "xterm-256color")
         patch.setenv("SCENARIO_KEYS", f"keys{NAME}")
-        patch.setattr(target.DaemonTarget, "open", lambda self: fake.open())
+        patch.setattr(DaemonTarget, "open", lambda self: fake.open())
         # Made once: typer makes all commands anew each time they are called.
         patch.setattr(command_line, "app", typer.main.get_command(command_line.app))
         yield Place(folder, typed)

@@ -202,10 +202,11 @@ def test_a_line_stays_as_wide_as_it_was():
 
 PROGRAM = """
 import sys
-from scenario_tui.cli import main, target
+from scenario_tui.cli import main
+from scenario_tui.source import DaemonTarget
 from tests.scenario_tui.poison import PoisonedDaemon
 fake = PoisonedDaemon(trouble="no space left")
-target.DaemonTarget.open = lambda self: fake.open()
+DaemonTarget.open = lambda self: fake.open()
 main(["tui", "--connect", "tcp/127.0.0.1:9"])
 """
 
