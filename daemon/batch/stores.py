@@ -238,7 +238,7 @@ def _bring(
     trace: TraceReference, source: DaemonClient | None, part: Path, progress: ByteProgress
 ) -> None:
     """Make ``part`` all of the trace."""
-    if is_url(trace.location):
+    if is_url(trace.location) or (source is None and Path(trace.location).is_file()):
         copy_between(trace.location, str(part))
         progress(trace.size)
     elif source is None:

@@ -73,25 +73,27 @@ def export_recorded(
 
 
 def _copy_traces(name: str, folder: Path, target: DaemonTarget) -> ExportedFiles:
-    """Bring the traces of a campaign or a run here, from a daemon or the store they lie in.
+    """Copy the traces of a campaign or a run, from a daemon or where they lie.
 
     Each is verified. What was interrupted goes on where it was; what is here already stays.
     """
     from daemon.batch.stores import copy_trace, trace_reference
     from daemon.model.ids import trace_name
+    from daemon.model.verbs import DaemonClient
 
     # All are asked for first, so that the bar knows how much there is to come.
     traces: list[tuple[TraceReference, Path]] = []
     missing: dict[str, str] = {}
     files: list[Path] = []
-    with target.open() as daemon:
-        for row in recorded_runs(daemon, name, target):
+    with target.read() as source:
+        for row in recorded_runs(source, name, target):
             try:
                 path = folder / trace_name(row.campaign, row.scenario, row.sut, row.repeat)
                 traces.append((trace_reference(row), path))
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
         size = sum(trace.size for trace, _ in traces)
+        daemon = source if isinstance(source, DaemonClient) else None
         with target.progress("bringing traces", size, "bytes") as advance:
             for trace, path in traces:
                 try:

@@ -94,6 +94,14 @@ def test_a_campaign_is_fetched_once_and_verified(here, far, capsys):
         assert capsys.readouterr().out == f"{Path('out') / name}\n"
 
 
+def test_traces_of_this_machine_are_copied_without_a_daemon(far, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+    assert invoke(["export", "corr-1.0", "traces", "--state", str(far.state)]) == 0
+    name = trace_name("corr-1", SHUT, SUTS[0], 0)
+    assert (tmp_path / name).read_bytes() == StatePaths(far.state).trace(name).read_bytes()
+
+
 def test_what_cannot_be_fetched_is_said(here, capsys):
     assert invoke(["export", "corr-1.2", "traces"]) == 2
     assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err

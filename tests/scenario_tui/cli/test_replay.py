@@ -47,7 +47,7 @@ def test_a_run_nobody_knows_and_a_damaged_trace(tmp_path, capsys):
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(b"not a trace")
     assert invoke(["replay", str(broken), "--frame", "1"]) == 2
-    assert "is not an MCAP file" in capsys.readouterr().err
+    assert "is no trace (MCAP file)" in capsys.readouterr().err
 
 
 def test_two_runs_without_a_terminal_are_compared_in_words(trace, tmp_path, capsys):
