@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Finding
 from grammars.text.terminal_text import printable, printable_streams
@@ -28,18 +28,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_ASCII_SIGNS: Final = {
-    "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
-    "−": "-", "–": "-", "∞": "inf", "×": "x", "→": "->", "°": " deg",
-}  # fmt: skip
-"""Our signs for terminals that lack them; a minus must never become a question mark."""
-
 
 def _replace_signs(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    lacking = error.object[error.start : error.end]
-    return "".join(_ASCII_SIGNS.get(sign, "?") for sign in lacking), error.end
+    from scenario_tui.text.ascii_signs import spell_in_ascii
+
+    return spell_in_ascii(error.object[error.start : error.end]), error.end
 
 
 class _LibraryMessages(logging.Handler):

@@ -100,7 +100,7 @@ def _moment(playback: Playback, text: str, option: str) -> float:
 
 def _print_frame(playback: Playback, moment: str) -> None:
     from scenario_tui.dashboard.playback import render_frame
-    from scenario_tui.terminal.filters import text_in_ascii
+    from scenario_tui.text.ascii_signs import text_in_ascii
 
     time = _moment(playback, moment, "--frame")
     size = shutil.get_terminal_size((80, 24))

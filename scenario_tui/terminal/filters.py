@@ -7,29 +7,25 @@ a lost connection) is shown in reverse.
 
 from __future__ import annotations
 
-import colorsys
 import re
-import unicodedata
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
 
 from rich.cells import cell_len
-from rich.color import Color as TerminalColor
-from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
 from rich.style import Style
-from rich.text import Text
 from textual.color import Color
 from textual.filter import LineFilter
 
 from grammars.text.terminal_text import printable
+from scenario_tui.text.ascii_signs import to_ascii
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
 
-_LIT: Final = 0.1
-"""Relative luminance from which on a background is there to be seen, over a dark one."""
-_FAINT: Final = 0.03
-"""Relative luminance below which words are meant to be overlooked; shown dim instead."""
+_LIT: Final = 0.35
+"""Brightness from which on a background is there to be seen, over a dark one."""
+_FAINT: Final = 0.19
+"""Brightness below which words are meant to be overlooked; shown dim instead."""
 _GREY: Final = 0.22
 """Saturation below which a colour is none."""
 _HUES: Final = (
@@ -109,13 +105,13 @@ class ReducedColours(LineFilter):
 @lru_cache(maxsize=4096)
 def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
     """Return a style with the terminal's own colours; without ``colours`` attributes only."""
-    lit = style.bgcolor is not None and _stands_out(style.bgcolor.get_truecolor(), dark)
+    over, colour = (one and Color.from_rich_color(one) for one in (style.bgcolor, style.color))
+    lit = over is not None and (over.brightness > _LIT if dark else over.brightness < 0.73)
     # What stands on a bright background is shown in reverse, in the terminal's own two colours.
-    colour = None if lit or style.color is None else style.color.get_truecolor()
-    faint = colour is not None and _faint(colour, dark)
-    hue = _named(colour) if colour is not None and colours and not faint else None
+    colour = None if lit else colour
+    faint = colour is not None and (colour.brightness < _FAINT if dark else colour.brightness > 0.9)
     return Style(
-        color=hue,
+        color=_named(colour) if colour is not None and colours and not faint else None,
         # None and not False: what is not set is not sent.
         bold=style.bold or None,
         dim=faint or style.dim or None,
@@ -126,56 +122,12 @@ def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
     )
 
 
-def _luminance(colour: ColorTriplet) -> float:
-    """Relative luminance as the WCAG defines it."""
-    parts = (part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4
-             for part in colour.normalized)  # fmt: skip
-    return sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), parts, strict=True))
-
-
-def _stands_out(background: ColorTriplet, dark: bool) -> bool:
-    luminance = _luminance(background)
-    return luminance > _LIT if dark else luminance < 0.5
-
-
-def _faint(foreground: ColorTriplet, dark: bool) -> bool:
-    luminance = _luminance(foreground)
-    return luminance < _FAINT if dark else luminance > 0.8
-
-
-def _named(colour: ColorTriplet) -> str | None:
+def _named(colour: Color) -> str | None:
     """Return the colour of the terminal with that hue, its foreground for greys."""
-    hue, _, saturation = colorsys.rgb_to_hls(*colour.normalized)
+    hue, saturation, _ = colour.hsl
     if saturation < _GREY:
         return None
     return next(name for last, name in _HUES if hue * 360 < last)
-
-
-_BRAILLE: Final = range(0x2800, 0x2900)
-_SEXTANTS: Final = range(0x1FB00, 0x1FB3C)
-_DENSITY: Final = " ..::::##"
-"""How the number of dots of a braille cell looks."""
-# One character for each: a sign that took another number of cells would shift all behind it.
-_SIGNS: Final = str.maketrans(
-    "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪╱",
-    "+xE~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#/",
-)
-_LINES: Final = {
-    **dict.fromkeys(map(ord, "─━╌╍┄┅┈┉═╴╶╸╺"), "-"),
-    **dict.fromkeys(map(ord, "│┃╎╏┆┇┊┋║╵╷╹╻"), "|"),
-}
-_BLOCKS: Final = {
-    **dict.fromkeys(map(ord, "▁▂▃"), "_"),
-    **dict.fromkeys(map(ord, "▀▔"), '"'),
-    **dict.fromkeys(map(ord, "▏▎▍▕▐▌"), "|"),
-}
-_REST: Final = {
-    **dict.fromkeys(range(0x2500, 0x2580), "+"),
-    **dict.fromkeys(range(0x2580, 0x25A0), "#"),
-    **dict.fromkeys(_SEXTANTS, "#"),
-    **{code: _DENSITY[(code - _BRAILLE.start).bit_count()] for code in _BRAILLE},
-}
-_TABLE: Final[dict[int, str | int]] = {**_REST, **_LINES, **_BLOCKS, **_SIGNS}
 
 
 class AsciiGlyphs(LineFilter):
@@ -187,28 +139,6 @@ class AsciiGlyphs(LineFilter):
             segment if segment.text.isascii() else segment._replace(text=to_ascii(segment.text))
             for segment in segments
         ]
-
-
-@lru_cache(maxsize=4096)
-def to_ascii(text: str) -> str:
-    """Return a text in ASCII that takes as many cells: signs by their likes, ``?`` for the rest."""
-    return "".join(map(_ascii_character, text.translate(_TABLE)))
-
-
-def text_in_ascii(text: Text) -> Text:
-    """Return a text with its styles in ASCII, as :func:`to_ascii`."""
-    shown = text.copy()
-    shown.plain = to_ascii(text.plain)
-    return shown
-
-
-def _ascii_character(character: str) -> str:
-    if character.isascii():
-        return character
-    # Letters lose their accents; what decomposes into more cells than it took is not shown.
-    width = cell_len(character)
-    letters = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
-    return letters if len(letters) == width else "?" * width
 
 
 _DARK_LIGHTNESS: Final = 0.27
@@ -234,11 +164,9 @@ class BrightThemeColours(LineFilter):
 def _darken_style(style: Style) -> Style:
     if style.color is None or style.color.get_truecolor() not in _OUR_COLOURS:
         return style
-    return style + Style(color=TerminalColor.from_triplet(darken(style.color.get_truecolor())))
+    return style + Style(color=darken(Color.from_rich_color(style.color)).rich_color)
 
 
-def darken(colour: ColorTriplet) -> ColorTriplet:
+def darken(colour: Color) -> Color:
     """Return a colour of the same hue that stands out from white."""
-    hue, _, saturation = colorsys.rgb_to_hls(*colour.normalized)
-    red, green, blue = colorsys.hls_to_rgb(hue, _DARK_LIGHTNESS, saturation)
-    return ColorTriplet(round(255 * red), round(255 * green), round(255 * blue))
+    return Color.from_hsl(colour.hsl.h, colour.hsl.s, _DARK_LIGHTNESS)

@@ -177,7 +177,7 @@ def test_a_terminal_without_our_signs_still_shows_a_minus():
         [sys.executable, "-c", program],
         capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=True,
     )  # fmt: skip
-    assert done.stdout == b"x -0.3 ?\n"
+    assert done.stdout == b"x -0.3 u\n"
 
 
 def test_a_dashboard_without_a_terminal_says_so(scenario, fake):

@@ -192,7 +192,8 @@ def luminance(colour):
 @pytest.mark.parametrize("colour", PALE, ids=NAMES)
 def test_words_can_be_read_in_bright_themes(colour):
     """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
-    paper, ink = (luminance(one) for one in (ColorTriplet(224, 224, 224), darken(colour)))
+    dark = darken(Color(*colour)).rich_color.get_truecolor()
+    paper, ink = luminance(ColorTriplet(224, 224, 224)), luminance(dark)
     assert (paper + 0.05) / (ink + 0.05) >= 4.5
 
 
@@ -204,7 +205,7 @@ async def test_a_bright_theme_darkens_the_words(written):
         styles = [segment.style for strip in strips for segment in strip if segment.style]
     used = {style.color.get_truecolor() for style in styles if style.color is not None}
     assert not used & set(PALE)
-    assert darken(PALE[1]) in used
+    assert darken(Color(*PALE[1])).rich_color.get_truecolor() in used
 
 
 def test_doctor_says_which_settings_are_used(scenario, written, monkeypatch, tmp_path):

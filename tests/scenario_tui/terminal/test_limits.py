@@ -16,7 +16,8 @@ from scenario_tui.terminal.capabilities import (
     terminal_limits,
     why_undrawable,
 )
-from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours, reduce_style, to_ascii
+from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours, reduce_style
+from scenario_tui.text.ascii_signs import to_ascii
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS
 
 BLACK = Color.parse("#121212")
