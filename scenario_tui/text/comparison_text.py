@@ -6,7 +6,6 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from rich import box
@@ -40,78 +39,54 @@ _FEW: Final = 2
 """Differences of one part that are listed one by one."""
 
 
-@dataclass(frozen=True, slots=True)
-class VerdictPair:
-    """What one oracle says of two runs; ``None`` where a run was not judged by it."""
-
-    oracle: str
-    first: Verdict | None
-    second: Verdict | None
-
-    @property
-    def differs(self) -> bool:
-        """Whether the two have different verdicts, or only one has any."""
-        a, b = self.first, self.second
-        return a is None or b is None or a.outcome is not b.outcome
-
-    @property
-    def change(self) -> float | None:
-        """How much larger the margin of the second is, or the measured value.
-
-        To the third digit of the larger of both: they are shown with no more.
-        """
-        a, b = _amount(self.first), _amount(self.second)
-        if a is None or b is None or not math.isfinite(b - a):
-            return None if a is None or b is None else b - a
-        size = max(abs(a), abs(b))
-        return round(b - a, 2 - math.floor(math.log10(size))) if size else 0.0
-
-
-def _amount(verdict: Verdict | None) -> float | None:
-    if verdict is None:
-        return None
-    return verdict.margin if verdict.margin is not None else verdict.evidence.value
-
-
-def pair_verdicts(
-    first: tuple[Verdict, ...], second: tuple[Verdict, ...]
-) -> tuple[VerdictPair, ...]:
+def pair_verdicts(first: tuple[Verdict, ...], second: tuple[Verdict, ...]) -> list[OracleChange]:
     """Return the verdicts of two runs oracle by oracle, those that differ first."""
     ours, theirs = ({v.oracle: v for v in verdicts} for verdicts in (first, second))
-    found = [VerdictPair(name, ours.get(name), theirs.get(name)) for name in ours | theirs]
-    return tuple(sorted(found, key=lambda pair: not pair.differs))
+    pairs = [OracleChange(name, ours.get(name), theirs.get(name)) for name in ours | theirs]
+    return sorted(pairs, key=_is_alike)
 
 
-@dataclass(frozen=True, slots=True)
-class SpecDifference:
-    """A part of the specification, by its path, that is not the same: as texts."""
-
-    path: str
-    first: str
-    second: str
+def _is_alike(pair: OracleChange) -> bool:
+    return pair.kind in ("same", "margin")
 
 
-def spec_differences(first: RunSpec, second: RunSpec) -> tuple[SpecDifference, ...]:
-    """Return what is not the same in two specifications, part by part."""
+def margin_change(pair: OracleChange) -> float | None:
+    """Return how much larger the second margin is, or the measured value.
+
+    To the third digit of the larger of both: they are shown with no more.
+    """
+    amounts = [_amount(verdict) for verdict in (pair.before, pair.now) if verdict is not None]
+    match amounts:
+        case [float(a), float(b)]:
+            size = max(abs(a), abs(b))
+            if not size or not math.isfinite(size):
+                return b - a
+            return round(b - a, 2 - math.floor(math.log10(size)))
+    return None
+
+
+def _amount(verdict: Verdict) -> float | None:
+    return verdict.evidence.value if verdict.margin is None else verdict.margin
+
+
+def spec_differences(first: RunSpec, second: RunSpec) -> list[tuple[str, str, str]]:
+    """Return what is not the same in two specifications: the path of a part, then as two texts."""
     ours, theirs = (dict(_flat("", codec.to_plain(spec))) for spec in (first, second))
-    found = [
-        SpecDifference(path, *_shown(ours.get(path, NOTHING), theirs.get(path, NOTHING)))
+    parts = [
+        (path, *_shown(ours.get(path, NOTHING), theirs.get(path, NOTHING)))
         for path in ours | theirs
         if ours.get(path) != theirs.get(path) and path not in _IDENTITY
     ]
-    return tuple(_grouped(found))
-
-
-def _grouped(found: list[SpecDifference]) -> Iterator[SpecDifference]:
-    """Make one line of many that are about the same part, the behaviour of a door, say."""
-    for part, group in itertools.groupby(found, key=lambda d: d.path.partition("]")[0]):
+    # One line of many that are about the same part, the behaviour of a door, say.
+    lines: list[tuple[str, str, str]] = []
+    for part, group in itertools.groupby(parts, key=lambda one: one[0].partition("]")[0]):
         listed = list(group)
-        if len(listed) <= _FEW:
-            yield from listed
-            continue
-        sides = ([d.first for d in listed], [d.second for d in listed])
-        first, second = (NOTHING if set(side) == {NOTHING} else "differs" for side in sides)
-        yield SpecDifference(f"{part}]", first, f"{second} in {len(listed)} places")
+        if len(listed) > _FEW:
+            sides = zip(*(one[1:] for one in listed), strict=True)
+            left, right = (NOTHING if set(s) == {NOTHING} else "differs" for s in sides)
+            listed = [(f"{part}]", left, f"{right} in {len(listed)} places")]
+        lines += listed
+    return lines
 
 
 def _shown(first: str, second: str) -> tuple[str, str]:
@@ -152,19 +127,18 @@ def comparison_text(
     text = Text()
     text.append("oracle               first              second             change\n", style=QUIET)
     for pair in pair_verdicts(first, second):
-        unit = next(v.unit for v in (pair.first, pair.second) if v is not None)
-        text.append(f"{pair.oracle:<20.20} ", style="bold" if pair.differs else "")
-        for verdict in (pair.first, pair.second):
+        alike, change = _is_alike(pair), margin_change(pair)
+        text.append(f"{pair.oracle:<20.20} ", style="" if alike else "bold")
+        for verdict in (pair.before, pair.now):
             text.append(*_cell(verdict))
-        change = "" if pair.change is None else margin(pair.change, unit)
-        text.append(f"{change}{'  ≠' if pair.differs else ''}\n")
-    found = spec_differences(one, other)
+        unit = next(v.unit for v in (pair.before, pair.now) if v is not None)
+        text.append(f"{'' if change is None else margin(change, unit)}{'' if alike else '  ≠'}\n")
     text.append("\nspecification\n", style="bold")
-    if not found:
+    differences = spec_differences(one, other)
+    if not differences:
         text.append("the same, but for the repeat\n", style=QUIET)
-    for part in found:
-        text.append(f"{part.path}\n  ", style="")
-        text.append(f"{part.first}  →  {part.second}\n", style=QUIET)
+    for path, ours, theirs in differences:
+        text.append(f"{path}\n  ").append(f"{ours}  →  {theirs}\n", style=QUIET)
     return text
 
 
@@ -176,15 +150,13 @@ def _cell(verdict: Verdict | None) -> tuple[str, str]:
     """Return a verdict in 19 columns and its style."""
     if verdict is None:
         return f"{NOTHING:<19}", QUIET
-    amount = verdict.margin
-    shown = margin(amount, verdict.unit)
-    if amount is None:
-        shown = format_quantity(verdict.evidence.value, verdict.unit)
-    sign = glyph_word(verdict.outcome).split()[0]
-    said = f"{sign} {verdict.outcome} {shown}"
-    if len(said) > _CELL:
-        said = f"{sign} {shown}"
-    return f"{said:<{_CELL}.{_CELL}} ", DASHBOARD_STYLES[verdict.outcome]
+    amount = margin(verdict.margin, verdict.unit)
+    if verdict.margin is None:
+        amount = format_quantity(verdict.evidence.value, verdict.unit)
+    words = f"{glyph_word(verdict.outcome)} {amount}"
+    if len(words) > _CELL:
+        words = f"{GLYPHS[verdict.outcome]} {amount}"
+    return f"{words:<{_CELL}.{_CELL}} ", DASHBOARD_STYLES[verdict.outcome]
 
 
 _LISTED: Final = 20

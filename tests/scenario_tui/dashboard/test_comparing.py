@@ -21,7 +21,12 @@ from scenario_tui.dashboard.signal_strips import (
     shift_to_clock,
 )
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.comparison_text import pair_verdicts, rejudge_parts, spec_differences
+from scenario_tui.text.comparison_text import (
+    margin_change,
+    pair_verdicts,
+    rejudge_parts,
+    spec_differences,
+)
 from scenario_tui.text.formatting import DASHBOARD_STYLES
 from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, make_run, record_run
@@ -62,15 +67,15 @@ def test_a_change_has_no_more_digits_than_what_changes():
     (less,) = pair_verdicts(
         (verdict("a", Outcome.PASS, 0.0111),), (verdict("a", Outcome.PASS, 0.00803),)
     )
-    assert (same.change, less.change) == (0.0, -0.0031)
+    assert (margin_change(same), margin_change(less)) == (0.0, -0.0031)
 
 
 def test_verdicts_that_differ_come_first():
     first = (verdict("same", Outcome.PASS, 1.0), verdict("turns", Outcome.PASS, 0.5))
     second = (verdict("turns", Outcome.FAIL, -0.1), verdict("same", Outcome.PASS, 3.0))
     found = pair_verdicts(first, (*second, verdict("new", Outcome.PASS, 1.0)))
-    assert [(p.oracle, p.differs, p.change) for p in found] == [
-        ("turns", True, pytest.approx(-0.6)), ("new", True, None), ("same", False, 2.0),
+    assert [(p.oracle, p.kind, margin_change(p)) for p in found] == [
+        ("turns", "verdict", pytest.approx(-0.6)), ("new", "new", None), ("same", "margin", 2.0),
     ]  # fmt: skip
 
 
@@ -90,14 +95,14 @@ def test_specifications_differ_part_by_part():
     other = replace(
         spec, scenario="S9", repeat=4, seed=7, sut=SutReference("pilot", "pilot", {"speed": 0.3})
     )
-    found = {d.path: (d.first, d.second) for d in spec_differences(spec, other)}
+    found = {path: texts for path, *texts in spec_differences(spec, other)}
     assert found == {
-        "scenario": (spec.scenario, "S9"),
-        "sut.parameters": ("{}", "–"),
-        "sut.parameters.speed": ("–", "0.3"),
-        "seed": (str(spec.seed), "7"),
+        "scenario": [spec.scenario, "S9"],
+        "sut.parameters": ["{}", "–"],
+        "sut.parameters.speed": ["–", "0.3"],
+        "seed": [str(spec.seed), "7"],
     }
-    assert spec_differences(spec, replace(spec, repeat=3)) == ()
+    assert spec_differences(spec, replace(spec, repeat=3)) == []
 
 
 @pytest.mark.parametrize(
@@ -113,7 +118,7 @@ def test_differences_are_short_but_never_look_the_same(first, second, shown):
     spec = make_run()
     a, b = (replace(spec, sut=SutReference("it", "it", {"p": value})) for value in (first, second))
     (found,) = spec_differences(a, b)
-    assert (found.first, found.second) == shown
+    assert found[1:] == shown
 
 
 @pytest.fixture(scope="module")
