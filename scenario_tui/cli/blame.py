@@ -189,11 +189,11 @@ def _folder(case: RunCase) -> Path:
     return Path("scenario-results") / "blame" / name.removesuffix(".mcap")
 
 
-def _print(found: Explanation, like: str) -> None:
+def _print(explanation: Explanation, like: str) -> None:
     from daemon.analysis.blame import story_lines
     from scenario_tui.cli.results import print_commands
 
-    console, story = stdout_console(), found.blame
+    console, story = stdout_console(), explanation.blame
     console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
     console.print()
     for line in story_lines(story, like):
@@ -201,6 +201,8 @@ def _print(found: Explanation, like: str) -> None:
     console.print()
     if story.stopped:
         console.print(f"stopped before nothing else could go: {story.stopped}")
-    took = f"{count_noun(found.runs, 'run')}, {duration_text(found.seconds)}"
-    console.print(f"{took}; {found.cached} more were known already")
-    print_commands((command_line("run", found.saved), "the smallest failing scenario, on its own"))
+    took = f"{count_noun(explanation.runs, 'run')}, {duration_text(explanation.seconds)}"
+    console.print(f"{took}; {explanation.cached} more were known already")
+    print_commands(
+        (command_line("run", explanation.saved), "the smallest failing scenario, on its own")
+    )

@@ -1,4 +1,4 @@
-"""What is exported of recorded runs: their traces, and pictures of single ones."""
+"""Export of recorded runs: their traces, and pictures of single ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RECORDED_KINDS: Final = ("picture", "traces")
 _PICTURE_ENDINGS: Final = (".svg", ".png", ".pdf")
 _FILE_ENDINGS: Final = (".fpm", ".yaml", ".yml", ".json", ".jsonld", ".variation", ".scenery")
-"""What ends so is a file of somebody, also where it is not there."""
+"""Endings of files that people write; they may be missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class ExportedFiles:
 
 
 def is_recorded(source: Path) -> bool:
-    """Whether a name is that of a trace, a run or a campaign that was submitted, not of a file."""
+    """Return True for the name of a trace, a run or a submitted campaign, not of another file."""
     if source.suffix == ".mcap":
         return True
     return not source.exists() and source.suffix not in _FILE_ENDINGS and len(source.parts) == 1

@@ -90,10 +90,10 @@ def _summary(signal: Signal) -> Text:
     import numpy as np
     from rich.text import Text
 
-    known = signal.value[np.isfinite(signal.value)]
+    finite = signal.value[np.isfinite(signal.value)]
     words = "never known in this run"
-    if len(known):
+    if len(finite):
         unit = "" if signal.unit == "bool" else signal.unit
-        low, high = format_quantity(float(known.min())), format_quantity(float(known.max()), unit)
-        words = f"{low} to {high}, at the end {format_quantity(float(known[-1]), unit)}"
+        low, high = format_quantity(float(finite.min())), format_quantity(float(finite.max()), unit)
+        words = f"{low} to {high}, at the end {format_quantity(float(finite[-1]), unit)}"
     return Text.assemble((signal.name, "bold"), f"  {words}")

@@ -108,5 +108,5 @@ def _print_frame(playback: Playback, moment: str) -> None:
     plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
     blocks: Blocks = "cells" if plain else "quadrants"
     for line in render_frame(playback, time, size.columns, size.lines - 1, blocks=blocks):
-        shown = text_in_ascii(line) if plain else line
-        stdout_console().print(shown, no_wrap=True, soft_wrap=True)
+        text = text_in_ascii(line) if plain else line
+        stdout_console().print(text, no_wrap=True, soft_wrap=True)

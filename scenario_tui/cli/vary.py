@@ -105,16 +105,16 @@ def vary(
         )
     files = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
     # A plan may have defects of its own: only more than those are the variant's.
-    known = len(source.source.warnings)
-    doubtful = sum(len(one.plan.warnings) > known for one in variants) if check is None else 0
+    defects = len(source.source.warnings)
+    doubtful = sum(len(one.plan.warnings) > defects for one in variants) if check is None else 0
     value = WrittenVariants(source.file, source.plan_file, files)
     return Answer("vary", value, partial(_print, value, out, doubtful))
 
 
-def _print(written: WrittenVariants, folder: Path, doubtful: int) -> None:
-    for table in _tables(written.variants):
+def _print(value: WrittenVariants, folder: Path, doubtful: int) -> None:
+    for table in _tables(value.variants):
         stdout_console().print(table)
-    say(_summary(written.variants, folder))
+    say(_summary(value.variants, folder))
     if doubtful:
         say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
 
