@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
 from daemon.model.run_state import RunState
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
-from grammars.text.words import count_noun
+from grammars.text.words import command_line, count_noun
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
 if TYPE_CHECKING:
@@ -91,6 +91,10 @@ class DaemonTarget:
         """The options that mean this daemon."""
         state = ("--state", str(self.state)) if self.state is not None else ()
         return (*(("--connect", self.connect) if self.connect else ()), *state)
+
+    def command(self, *words: object) -> str:
+        """Return a command about this daemon for people to type, quoted for a shell."""
+        return command_line(*words, *self.words)
 
     @property
     def may_come_back(self) -> bool:

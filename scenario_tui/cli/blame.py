@@ -203,6 +203,5 @@ def _print(explanation: Explanation, like: str) -> None:
         console.print(f"stopped before nothing else could go: {story.stopped}")
     took = f"{count_noun(explanation.runs, 'run')}, {duration_text(explanation.seconds)}"
     console.print(f"{took}; {explanation.cached} more were known already")
-    print_commands(
-        (command_line("run", explanation.saved), "the smallest failing scenario, on its own")
-    )
+    command = command_line("run", explanation.saved)
+    print_commands((command, "the smallest failing scenario, on its own"))

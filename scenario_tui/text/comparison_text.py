@@ -1,4 +1,4 @@
-"""What is different, in words: between two runs, and between two judgements of the same runs."""
+"""Differences in words: of two runs, and of two judgements of the same runs."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ def spec_differences(first: RunSpec, second: RunSpec) -> list[tuple[str, str, st
         listed = list(group)
         if len(listed) > _FEW:
             sides = zip(*(one[1:] for one in listed), strict=True)
-            left, right = (NOTHING if set(s) == {NOTHING} else "differs" for s in sides)
-            listed = [(f"{part}]", left, f"{right} in {len(listed)} places")]
+            words = [NOTHING if set(side) == {NOTHING} else "differs" for side in sides]
+            listed = [(f"{part}]", words[0], f"{words[1]} in {len(listed)} places")]
         lines += listed
     return lines
 
