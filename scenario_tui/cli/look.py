@@ -70,7 +70,7 @@ def results(
     from daemon.analysis.results import read_results
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.results import emit_results, print_summary
-    from scenario_tui.cli.search_report import ask_search
+    from scenario_tui.cli.search import read_search
     from scenario_tui.source import DaemonTarget, find_campaign_or_search, open_source
 
     target = DaemonTarget(connect, state, say, show_progress)
@@ -79,7 +79,7 @@ def results(
         listed = outcome or text
         if row.search and not listed:
             _refuse_baseline(baseline)
-            answer = ask_search(daemon, row.id, runs=as_json)
+            answer = read_search(daemon, row.id, runs=as_json)
             rows = daemon.all_runs(row.id) if runs else ()
             _show_search(answer, rows, exit_status=exit_status, as_json=as_json)
             return

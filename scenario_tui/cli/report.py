@@ -125,7 +125,7 @@ def report(
                 hint = f"its runs are in `scenario search {row.id} --json`"
                 message = f"tables are of campaigns, {row.id} is a search: {hint}"
                 raise typer.BadParameter(message, param_hint=", ".join(asked))
-            return _report_search(source, row.id, output or _DEFAULT_PAGE, exit_status)
+            return _report_search(source, row.id, output or _DEFAULT_PAGE, exit_status, target)
         from daemon.analysis.results import read_results
 
         results = read_results(source, row)
@@ -198,18 +198,24 @@ def _report_history(campaign: str, page: Path, target: DaemonTarget) -> Answer[W
 
 
 def _report_search(
-    source: CampaignSource, campaign: str, page: Path, exit_status: bool
+    source: CampaignSource, campaign: str, page: Path, exit_status: bool, target: DaemonTarget
 ) -> Answer[WrittenReport]:
     """Write the page of a search: nothing is expected of what it tries, so there are no tables."""
     from daemon.search.answers.sentences import headline
-    from scenario_tui.cli.search import search_code
-    from scenario_tui.cli.search_report import ask_search, search_material, write_search_page
+    from daemon.search.page import search_page
+    from scenario_tui.cli.search import read_search, search_code
+    from scenario_tui.text.search_text import search_commands
 
-    material = search_material(source, *ask_search(source, campaign))
-    row = material.row
-    write_search_page(material, page)
-    code, runs = search_code(row), len(material.proposals)
-    report = WrittenReport(row.name, runs, headline(row), int(code), {"page": str(page)})
+    row, runs = read_search(source, campaign)
+    shown = row.answer.shown if row.answer is not None else None
+    drawn = [run for run in runs if shown is not None and run.id == shown.run and run.trace]
+    # A trace that is gone leaves its pictures out.
+    brought = zip(drawn, bring_traces(drawn, source, target), strict=True)
+    traces = {run.id: trace for run, trace in brought if isinstance(trace, Path)}
+    text = search_page(row, runs, traces=traces, commands=search_commands(row))
+    page.write_text(text, encoding="utf-8")
+    code = search_code(row)
+    report = WrittenReport(row.name, len(runs), headline(row), int(code), {"page": str(page)})
     say = partial(_print_written, report, f"{row.task.name} ({campaign})")
     return Answer("report", report, say, code if exit_status else ExitCode.EXPECTED)
 

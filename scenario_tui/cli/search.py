@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from daemon.batch.errors import Refused
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunRow
 from grammars.text.words import command_line, count_noun, duration_text
@@ -33,7 +34,7 @@ from scenario_tui.source import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
-    from daemon.model.verbs import DaemonClient
+    from daemon.model.verbs import CampaignSource, DaemonClient
     from daemon.search.client import SearchClient
     from daemon.search.preparation import PreparedSearch
 
@@ -190,6 +191,16 @@ def _watch(
         runs = daemon.all_runs(campaign, results=True)
     found = write_found(row, out or Path("scenario-results") / "search" / campaign, file)
     return search_answer(row, runs, found)
+
+
+def read_search(
+    source: CampaignSource, campaign: str, *, runs: bool = True
+) -> tuple[SearchRow, tuple[RunRow, ...]]:
+    """Return a search, with its ``runs`` if asked; raises :class:`Refused` if there is none."""
+    row = source.search_row(campaign)
+    if row is None:
+        raise Refused(f"there is no search {campaign}")
+    return row, source.all_runs(campaign, results=True) if runs else ()
 
 
 def search_answer(
