@@ -191,7 +191,7 @@ def _folder(case: RunCase) -> Path:
 
 def _print(explanation: Explanation, like: str) -> None:
     from daemon.analysis.blame import story_lines
-    from scenario_tui.cli.results import print_commands
+    from scenario_tui.cli.output import print_commands
 
     console, story = stdout_console(), explanation.blame
     console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)

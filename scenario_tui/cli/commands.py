@@ -93,8 +93,7 @@ COMMANDS: Final = {
 }
 _MODULES: Final = {
     "demo": "run_campaigns", "check": "run_campaigns", "run": "run_campaigns",
-    "submit": "run_campaigns", "wait": "run_campaigns", "results": "look", "show": "look",
-    "cancel": "steer",
+    "submit": "run_campaigns", "wait": "run_campaigns", "cancel": "steer",
     "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
     "import": "import_",
 }  # fmt: skip

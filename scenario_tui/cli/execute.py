@@ -26,8 +26,8 @@ from daemon.model.status import RunRow
 from grammars.text.words import count_noun
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import say, stdout_console
-from scenario_tui.cli.results import emit_results, print_commands, print_summary
+from scenario_tui.cli.output import print_commands, say, stdout_console
+from scenario_tui.cli.results import emit_results, print_summary
 from scenario_tui.library.watching import watch
 from scenario_tui.source import DaemonTarget
 

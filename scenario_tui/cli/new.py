@@ -156,7 +156,7 @@ def _campaign_name(folder: Path) -> str:
 
 
 def _print_next_steps(files: tuple[str, ...]) -> None:
-    from scenario_tui.cli.results import print_commands
+    from scenario_tui.cli.output import print_commands
     from templates.nav2 import NAV2_FILE
 
     file = shlex.quote(files[0])

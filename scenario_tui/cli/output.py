@@ -140,6 +140,20 @@ def wrap_parts(parts: Iterable[str], width: int) -> str:
     return "\n".join(lines)
 
 
+def print_commands(*commands: tuple[str, str]) -> None:
+    """Print what to type next: ``(command, what it does)`` pairs, the purpose where it fits."""
+    from rich.text import Text
+
+    console = stdout_console()
+    width = max(len(command) for command, _ in commands)
+    roomy = all(width + len(purpose) + 4 <= console.width for _, purpose in commands)
+    for command, purpose in commands:
+        line = Text.assemble("  ", (command, "bold cyan"))
+        if roomy:
+            line.append(f"{'':{width - len(command)}}  {purpose}", style="dim")
+        console.print(line, soft_wrap=True)
+
+
 class CommandError(Exception):
     """Why a command cannot do what was typed, in a line, and the exit ``code`` it leaves with."""
 

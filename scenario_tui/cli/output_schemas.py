@@ -28,14 +28,13 @@ from scenario_tui.cli import (
     gc,
     import_,
     keys,
-    logs,
-    look,
     new,
     plot,
     report,
     results,
     run_campaigns,
     search,
+    show,
     status,
     steer,
     sut,
@@ -52,9 +51,6 @@ SCHEMA_TITLE: Final = "Outputs of scenario-tui"
 SCHEMA_FILE: Final = "outputs.schema.json"
 
 _OUTPUTS: Final[tuple[type[Output], ...]] = (
-    results.ResultsOutput,
-    look.RunOutput,
-    logs.LogsOutput,
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
 )
@@ -84,11 +80,14 @@ VALUES: Final[dict[str, type]] = {
     "gc": gc.Removal,
     "keys": keys.KeyList,
     "layers": new.LayerList,
+    "logs": show.RunLog,
     "new": new.NewCampaign,
     "stop": daemon.LeavingDaemon,
     "search": search.SearchResult,
     "searches": search.Searches,
     "report": report.WrittenReport,
+    "results": results.ComparedResults,
+    "run": show.ShownRun,
     "status": status.DaemonStatus,
     "sut": sut.ShownSut,
     "vary": WrittenVariants,
@@ -97,7 +96,11 @@ VALUES: Final[dict[str, type]] = {
 """The values of answers (:class:`scenario_tui.cli.answer.Answer`) by the name of their schema."""
 
 
-_LEFT_OUT_WHEN_EMPTY: Final = {"Laser": ("name",), "Robot": ("other_lasers",)}
+_LEFT_OUT_WHEN_EMPTY: Final = {
+    "Laser": ("name",),
+    "CampaignOrigin": ("path",),
+    "Robot": ("other_lasers",),
+}
 """What JSON leaves out when it is empty, so that robots with one laser stay what they were."""
 
 

@@ -1,36 +1,142 @@
-"""The results of a campaign: as a table with what is not as expected, as JSON, and read back."""
+"""The command that shows what came out of a campaign, and its words for those that run one."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
 from rich.text import Text
 
-from daemon.analysis.results import CampaignResults
+from daemon.analysis.results import CampaignResults, read_results
 from daemon.judging.assessment import CampaignDifference
 from daemon.model.assessments import Assessment, AssessmentRules
 from daemon.model.status import CampaignRow, RunRow
-from scenario_tui.cli.output import Output, stdout_console
+from daemon.model.submission import CampaignOrigin
+from grammars.text.words import command_line, count_noun
+from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer, write_json
+from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import Baseline, WorseBy
+from scenario_tui.cli.output import plain_table, print_commands, stdout_console
+from scenario_tui.cli.search import SearchResult, search_answer
+from scenario_tui.source import DaemonTarget, find_campaign_or_search, open_source, with_time_left
+from scenario_tui.text.formatting import (
+    TERMINAL_STYLES,
+    glyph_word,
+    margin,
+    run_label,
+    run_word,
+)
 from scenario_tui.text.summary import summary_parts
 
+_WIDE: Final = 120
+"""Columns from which on a table has room for paths."""
 
-class ResultsOutput(Output, schema="results"):
-    """Everything about a campaign, with what it was held against."""
+
+@dataclass(frozen=True, slots=True)
+class ComparedResults:
+    """Everything about a campaign, with what it was held against; ``runs`` may be some of it."""
 
     campaign: CampaignRow
     declared: AssessmentRules
     assessment: Assessment
     runs: tuple[RunRow, ...]
-    comparison: CampaignDifference | None
+    origin: CampaignOrigin
+    comparison: CampaignDifference | None = None
+
+    @classmethod
+    def of(
+        cls, results: CampaignResults, comparison: CampaignDifference | None = None
+    ) -> ComparedResults:
+        """Return results with what they were compared with."""
+        declared, assessment = results.declared, results.assessment
+        return cls(results.row, declared, assessment, results.rows, results.origin, comparison)
 
 
 def emit_results(results: CampaignResults, comparison: CampaignDifference | None = None) -> None:
     """Write everything about a campaign as JSON."""
-    ResultsOutput(
-        results.row,
-        results.declared,
-        results.assessment,
-        results.rows,
-        comparison,
-    ).emit()
+    write_json("results", ComparedResults.of(results, comparison))
+
+
+def results(
+    target: DaemonTarget,
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Id or name of a campaign, or how it begins; a folder of traces, a trace or a "
+            "file of results. Default: the newest campaign.",
+            autocompletion=completion.offers(completion.campaigns, completion.files(".json")),
+        ),
+    ] = "",
+    runs: Annotated[bool, typer.Option("--runs", help="List every run and its trace.")] = False,
+    outcome: Annotated[
+        str,
+        typer.Option(
+            "--outcome",
+            help="List only runs with this verdict, pass, fail ...",
+            autocompletion=completion.offers(
+                completion.words("pass", "fail", "inconclusive", "error")
+            ),
+        ),
+    ] = "",
+    text: Annotated[
+        str,
+        typer.Option(
+            "--filter",
+            help="List only runs that mention this text.",
+            autocompletion=completion.offers(completion.names_in_campaign),
+        ),
+    ] = "",
+    exit_status: Annotated[
+        bool,
+        typer.Option(
+            "--exit-status",
+            help="Leave with the code of the campaign: 0 as expected, 1 not, 3 broken, 4 open.",
+        ),
+    ] = False,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
+) -> Answer[ComparedResults] | Answer[SearchResult]:
+    """Show what came out of a campaign: every cell, what is not as expected and why."""
+    is_listed = bool(outcome or text)
+    with open_source(campaign, target) as source:
+        row = find_campaign_or_search(source, campaign)
+        search = source.search_row(row.id) if row.search and not is_listed else None
+        whole = read_results(source, row)
+        # Filters choose what is listed; the verdict is always about all runs.
+        rows = whole.rows
+        if is_listed:
+            rows = source.all_runs(row.id, outcome=outcome, text=text)
+    if search is not None:
+        if baseline:
+            message = "a search has no verdicts to hold against others"
+            raise typer.BadParameter(message, param_hint="--baseline")
+        answer = search_answer(search, rows)
+        code = answer.code if exit_status else ExitCode.EXPECTED
+        return replace(answer, text=partial(_print_search, answer, rows, runs), code=code)
+    whole = replace(whole, row=with_time_left(whole.row, target))
+    between = compare_with_baseline(whole, baseline, worse_by, target)
+    print_text = partial(_print_runs, rows)
+    if not is_listed:
+        print_text = partial(_print_results, whole, between, runs)
+    return Answer(
+        "results",
+        ComparedResults.of(replace(whole, rows=rows), between),
+        print_text,
+        final_code(whole, between) if exit_status or baseline else ExitCode.EXPECTED,
+    )
+
+
+def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed: bool) -> None:
+    """Print a search in place of a matrix of verdicts, which it has not."""
+    answer.text()
+    if listed:
+        _print_runs(rows)
 
 
 def print_summary(results: CampaignResults, *, took: float | None = None) -> None:
@@ -38,15 +144,48 @@ def print_summary(results: CampaignResults, *, took: float | None = None) -> Non
     console = stdout_console()
     for part in summary_parts(results, took=took):
         console.print(part, crop=False)
+    for file, problem in results.unread:
+        console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
 
 
-def print_commands(*commands: tuple[str, str]) -> None:
-    """Print what to type next: ``(command, what it does)`` pairs, the purpose where it fits."""
+def _print_results(
+    results: CampaignResults, comparison: CampaignDifference | None, listed: bool
+) -> None:
+    row, rows = results.row, results.rows
+    took = None if row.finished_at is None else row.finished_at - row.submitted_at
+    print_summary(results, took=took)
+    if comparison is not None:
+        print_comparison(comparison)
+    if listed:
+        _print_runs(rows)
+    traces = [run.trace for run in rows if run.trace]
+    if traces:
+        where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0] or '.'}"
+        stdout_console().print(where, markup=False, soft_wrap=True)
+    more = (command_line("results", row.id, "--runs"), "every run and its trace")
+    if listed and rows:
+        more = (command_line("show", rows[0].id), "one run: what each oracle says")
+    # The dashboard is of a daemon and knows no folders.
+    whole = ("scenario tui", "the dashboard")
+    if Path(row.id).exists():
+        whole = (command_line("report", row.id), "one page with figures")
+    print_commands(more, whole)
+
+
+def _print_runs(rows: tuple[RunRow, ...]) -> None:
     console = stdout_console()
-    width = max(len(command) for command, _ in commands)
-    roomy = all(width + len(purpose) + 4 <= console.width for _, purpose in commands)
-    for command, purpose in commands:
-        line = Text.assemble("  ", (command, "bold cyan"))
-        if roomy:
-            line.append(f"{'':{width - len(command)}}  {purpose}", style="dim")
-        console.print(line, soft_wrap=True)
+    # Paths would be folded into columns of letters; below, the folder of all of them is said.
+    paths = console.width >= _WIDE
+    remarks = paths or any(row.reason or row.cached for row in rows)
+    more = ("trace" if paths else "remark",) if remarks else ()
+    table = plain_table("run", "", "verdict", "decided by", "margin", *more)
+    for row in rows:
+        word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
+        shown = margin(row.margin, row.unit) if row.oracle else ""
+        # In a folder a run is called as its trace.
+        kept = (paths and row.trace != row.id and row.trace) or row.reason
+        if row.cached:
+            kept += " (cached)" if kept else "cached"
+        cells = (row.id, run_label(row), word, row.oracle, shown, *([kept] if remarks else ()))
+        table.add_row(*cells)
+    console.print(table)

@@ -50,7 +50,8 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     from importlib.resources import as_file, files
 
     from scenario_tui.cli.execute import run_here
-    from scenario_tui.cli.results import emit_results, print_commands
+    from scenario_tui.cli.output import print_commands
+    from scenario_tui.cli.results import emit_results
     from scenario_tui.text.formatting import run_word
 
     # The campaigns are part of the package, which may lie in an archive.
@@ -102,7 +103,8 @@ def run(
     """
     from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
     from scenario_tui.cli.execute import run_here, typed_path
-    from scenario_tui.cli.results import emit_results, print_commands
+    from scenario_tui.cli.output import print_commands
+    from scenario_tui.cli.results import emit_results
     from scenario_tui.source import DaemonTarget
 
     limit = wall or 0.0
@@ -144,7 +146,7 @@ class SubmitOutput(Output, schema="submit"):
 
     def print(self) -> None:
         """Print what to type next."""
-        from scenario_tui.cli.results import print_commands
+        from scenario_tui.cli.output import print_commands
 
         print_commands(
             ("scenario tui", "watch it in the dashboard"),

@@ -212,7 +212,7 @@ def search_answer(
 
 
 def _print_search(row: SearchRow, found: str) -> None:
-    from scenario_tui.cli.results import print_commands
+    from scenario_tui.cli.output import print_commands
     from scenario_tui.text.formatting import TERMINAL_STYLES
     from scenario_tui.text.search_text import answer_lines, search_commands
 
@@ -227,7 +227,7 @@ def _print_searches(searches: tuple[SearchRow, ...]) -> None:
     from rich.text import Text
 
     from daemon.search.answers.sentences import search_word
-    from scenario_tui.cli.results import print_commands
+    from scenario_tui.cli.output import print_commands
     from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
     from scenario_tui.text.search_text import search_line
 

@@ -83,8 +83,12 @@ def scenario(fake, monkeypatch, capsys):
     """Call ``scenario ...`` in this process, against the fake daemon."""
     for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
         monkeypatch.delenv(name, raising=False)
-    for road in ("open", "read"):
-        monkeypatch.setattr(source.DaemonTarget, road, lambda self: fake.open())
+    read = source.DaemonTarget.read
+    monkeypatch.setattr(source.DaemonTarget, "open", lambda self: fake.open())
+    # Without --state it is the fake that has a ledger.
+    monkeypatch.setattr(
+        source.DaemonTarget, "read", lambda self: read(self) if self.state else fake.open()
+    )
     before = dict(os.environ)
 
     def call(*arguments):

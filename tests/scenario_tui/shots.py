@@ -190,6 +190,7 @@ def typed(name, folder, executed):
         console.print(f"$ {line}", markup=False, style="bold")
         for patch in (
             mock.patch.object(DaemonTarget, "open", side_effect=fake.open),
+            mock.patch.object(DaemonTarget, "read", side_effect=fake.open),
             mock.patch.object(printable_console, "open_console", return_value=console),
             mock.patch.dict(os.environ, environment),
         ):

@@ -36,7 +36,7 @@ def options(kind):
 def _is_number(parameter):
     kind = parameter.type_descriptor.annotation
     # What a reader of ours makes a number of (20GiB, 10min) has its own words.
-    if parameter.metavar in ("SIZE", "TIME", "AGE", "LENGTH"):
+    if parameter.metavar in ("SIZE", "TIME", "AGE", "LENGTH", "RATIO"):
         return False
     return bool({int, float} & {kind, *getattr(kind, "__args__", ())})
 

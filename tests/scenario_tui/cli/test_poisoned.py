@@ -168,7 +168,8 @@ def place(tmp_path_factory, campaigns):
             patch.setenv(name, str(folder / name))
         patch.setenv("TERM", "xterm-256color")
         patch.setenv("SCENARIO_KEYS", f"keys{NAME}")
-        patch.setattr(DaemonTarget, "open", lambda self: fake.open())
+        for road in ("open", "read"):
+            patch.setattr(DaemonTarget, road, lambda self: fake.open())
         # Made once: typer makes all commands anew each time they are called.
         patch.setattr(command_line, "app", typer.main.get_command(command_line.app))
         yield Place(folder, typed)

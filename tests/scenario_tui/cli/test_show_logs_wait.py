@@ -148,7 +148,7 @@ def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(scenario, ex
 def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path):
     said = scenario("show", "c-1.0", "--log", "--state", str(tmp_path))
     assert said.code == 2
-    assert "is no state directory" in said.err
+    assert "c-1.0 is no trace, no folder, no campaign or run in" in said.err
     assert scenario("show", str(tmp_path / "none.mcap"), "--log").code == 2
 
 

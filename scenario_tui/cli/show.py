@@ -1,0 +1,272 @@
+"""The command that shows one run: what each oracle says of it, or its log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.text import Text
+
+from daemon.batch.errors import TraceUnavailable, Unreachable
+from daemon.model.live_judgement import LogLine
+from daemon.model.run_state import RunState
+from daemon.model.search import SearchTask
+from daemon.model.spec import Snapshot
+from daemon.model.status import RunDetail
+from grammars.text.diagnostics import did_you_mean
+from grammars.text.words import command_line, count_noun
+from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.output import print_commands, stdout_console
+from scenario_tui.library.watching import latest_snapshot
+from scenario_tui.source import DaemonTarget, bring_traces, find_run, open_source, why_no_trace
+from scenario_tui.text.formatting import (
+    SHOWN_LINES,
+    TERMINAL_STYLES,
+    last_lines,
+    printed_lines,
+    time_text,
+)
+
+if TYPE_CHECKING:
+    from daemon.batch.paths import StatePaths
+    from daemon.model.verbs import CampaignSource
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRun:
+    """Everything about one run; ``task`` is the search that it belongs to, if any.
+
+    ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
+    far one is that runs, if it told within half a second.
+    """
+
+    run: RunDetail
+    task: SearchTask | None = None
+    standing: str = ""
+    live: Snapshot | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunStep:
+    """A step in the life of a run: the state it came to, when, and why if there is a reason."""
+
+    at: float
+    state: str
+    note: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunLog:
+    """Log of a run: the ``steps`` of its attempts, their ``output``, events that it recorded.
+
+    ``printed`` is what an external system under test wrote while it ran, by name. Of a trace
+    alone only what it recorded and printed is known. ``standing`` says why there is no trace of it
+    (yet), empty when there is one.
+    """
+
+    run: str
+    attempts: int
+    reason: str
+    steps: tuple[RunStep, ...] = ()
+    output: tuple[str, ...] = ()
+    recorded: tuple[LogLine, ...] = ()
+    printed: dict[str, str] = field(default_factory=dict)
+    standing: str = ""
+
+
+def show(
+    target: DaemonTarget,
+    run: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN",
+            help="Id of a run, or a campaign's name, a dot and the run's number; or a trace.",
+            autocompletion=completion.offers(completion.runs, completion.files(".mcap")),
+        ),
+    ],
+    log: Annotated[
+        bool,
+        typer.Option(
+            "--log",
+            help="Tell what happened instead: attempts, mission, contacts, what the SUT said.",
+        ),
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="With the log all lines of all outputs, not the last.")
+    ] = False,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="NAME",
+            help="Of the log all that the system under test wrote to this output, stack.txt say.",
+        ),
+    ] = "",
+) -> Answer[ShownRun] | Answer[RunLog]:
+    """Show one run: what each oracle says and why, or what happened in it.
+
+    It is read from the state directory of this machine unless a daemon is named. No daemon is
+    needed, except to say how far a run is.
+    """
+    wants_log = log or everything or bool(output)
+    with open_source(run, target, judge=not wants_log) as source:
+        detail = find_run(source, run)
+        standing = "" if detail.row.trace else why_no_trace(detail.row, source, target)
+        if wants_log:
+            happened = _read_log(source, detail, standing, target)
+            if output and output not in happened.printed:
+                raise _no_output(output, happened.printed)
+            text = partial(_print_log, happened, everything)
+            if output:
+                text = partial(_print_output, happened.printed[output])
+            return Answer("logs", happened, text)
+        search = source.search_row(detail.row.campaign)
+    shown = ShownRun(detail, search.task if search else None, standing)
+    if detail.row.state == RunState.RUNNING:
+        shown = _with_progress(shown, target)
+    return Answer("run", shown, partial(_print_run, shown))
+
+
+def _with_progress(shown: ShownRun, target: DaemonTarget) -> ShownRun:
+    """Return a running run with how far it is, which only a daemon that is there can say."""
+    row = shown.run.row
+    with suppress(Unreachable), target.open() as daemon:
+        shown = replace(shown, live=latest_snapshot(daemon, row.id))
+        workers = daemon.workers() if shown.live is None else ()
+        prepares = [one.preparing for one in workers if one.id == row.worker]
+        shown = replace(shown, standing=next(filter(None, prepares), shown.standing))
+    return shown
+
+
+def _print_run(shown: ShownRun) -> None:
+    """Print what it was and what each oracle says, then what to type next."""
+    from scenario_tui.text.run_text import run_text
+    from scenario_tui.text.search_text import proposal_text
+
+    console, row = stdout_console(), shown.run.row
+    console.print(run_text(shown.run, shown.live, TERMINAL_STYLES), soft_wrap=True)
+    is_starting = row.state == RunState.RUNNING and shown.live is None
+    if is_starting or (row.state == RunState.QUEUED and not row.reason):
+        console.print(f"{shown.standing}\n", markup=False, soft_wrap=True)
+    if row.proposal is not None and shown.task is not None:
+        about = proposal_text(shown.task, row.proposal, console.width, TERMINAL_STYLES)
+        console.print(about, soft_wrap=True)
+    print_commands(*_next_commands(shown))
+
+
+def _next_commands(shown: ShownRun) -> Iterator[tuple[str, str]]:
+    row = shown.run.row
+    if row.trace:
+        begin = ("--from", row.oracle) if row.outcome == "fail" else ()
+        yield command_line("replay", row.id, *begin), "watch it"
+    yield command_line("show", row.id, "--log"), "what happened, in order"
+    if not row.repeatable and row.trace:
+        yield command_line("verify", row.id), "how far its outcomes spread"
+    if shown.task is not None:
+        yield command_line("search", row.campaign), "the search it belongs to"
+    elif row.outcome == "fail":
+        yield command_line("blame", row.id), "what makes it fail"
+    if row.state in (RunState.LOST, RunState.CANCELLED):
+        yield command_line("retry", row.campaign), "queue what is lost or cancelled again"
+
+
+def _read_log(
+    source: CampaignSource, detail: RunDetail, standing: str, target: DaemonTarget
+) -> RunLog:
+    """Return what a run left; a daemon elsewhere does not tell of attempts."""
+    from daemon.batch.ledger import LedgerReader
+
+    row = detail.row
+    log = RunLog(row.id, row.attempt, row.reason, standing=standing)
+    # Attempts and what they print are of the state directory: no verb of the bus has them.
+    if isinstance(source, LedgerReader):
+        steps = tuple(RunStep(*step) for step in source.steps(row.id))
+        log = replace(log, steps=steps, output=_read_outputs(target.paths, row.id))
+    if not row.trace:
+        return log
+    from daemon.judging.run_log import ended_run_log
+    from daemon.trace import read_outputs, read_trace
+
+    (trace,) = bring_traces((row,), source, target)
+    if isinstance(trace, TraceUnavailable):
+        raise trace
+    return replace(log, recorded=ended_run_log(read_trace(trace)), printed=read_outputs(trace))
+
+
+def _read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
+    """Return what attempts on this machine printed that are running or not yet handed over.
+
+    Of each the first and the last part, about a MiB at most.
+    """
+    from daemon.batch.run_process import OUTPUT, read_output
+    from grammars.text.files import matching_paths
+
+    files = sorted(matching_paths(paths.spool, f"*/{run}/attempt-*/{OUTPUT}"))
+    texts = (read_output(file.parent).decode("utf-8", "replace").strip() for file in files)
+    return tuple(filter(None, texts))
+
+
+def _no_output(name: str, printed: Mapping[str, str]) -> typer.BadParameter:
+    """Return wrong usage for an output that the run has not."""
+    hint = did_you_mean(name, printed) if printed else "its system under test printed nothing"
+    return typer.BadParameter(f'no output "{name}" in this run: {hint}', param_hint="--output")
+
+
+def _print_log(log: RunLog, everything: bool) -> None:
+    """Print a log in the order it happened, of what was printed the last lines or everything."""
+    _print_steps(log)
+    # The reason is the note of an attempt, as long as that attempt is remembered.
+    has_reason = any(step.note.strip() == log.reason.strip() for step in log.steps)
+    for text in filter(None, (*log.output, "" if has_reason else log.reason)):
+        stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
+    if log.recorded:
+        _print_recorded(log.recorded)
+    console = stdout_console()
+    for name, text in log.printed.items():
+        lines, hidden = last_lines(text, None if everything else SHOWN_LINES)
+        console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
+        if hidden:
+            more = f"{count_noun(hidden, 'line')} before these"
+            how = command_line("show", log.run, "--output", name)
+            console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
+        for line in lines or ["(nothing)"]:
+            console.print(line, markup=False, soft_wrap=True)
+
+
+def _print_steps(log: RunLog) -> None:
+    console = stdout_console()
+    for step in log.steps:
+        when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+        note = f"  {step.note.strip()}" if step.note else ""
+        console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
+    if log.steps:
+        return
+    if log.attempts:
+        attempts = count_noun(log.attempts, "attempt")
+        console.print(f"{attempts}; when is not remembered any more")
+    elif log.standing:
+        console.print(log.standing, markup=False, soft_wrap=True)
+
+
+def _print_recorded(recorded: tuple[LogLine, ...]) -> None:
+    console = stdout_console()
+    console.print("\nin simulated time", style="dim")
+    styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
+    width = max(len(line.source) for line in recorded)
+    for line in recorded:
+        text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
+        # What nodes log is anybody's text, as what they print is.
+        words = "\n".join(printed_lines(line.text))
+        console.print(text.append(words, style=styles.get(line.level, "")), soft_wrap=True)
+
+
+def _print_output(text: str) -> None:
+    for line in printed_lines(text):
+        stdout_console().print(line, markup=False, soft_wrap=True)
