@@ -7,19 +7,19 @@ other. A test holds every line to the first sentence of the command it is about.
 from __future__ import annotations
 
 import inspect
-from collections import UserDict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import cache
 from importlib import import_module
 from keyword import iskeyword
 from typing import Any, Final, TypeVar
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
+from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.examples import EXAMPLES
-from scenario_tui.cli.plain_flags import PlainFlagsCommand, PlainFlagsGroup
 
 C = TypeVar("C", bound=Callable[..., Any])
 
@@ -100,6 +100,35 @@ _MODULES: Final = {
 """The module of a command that is not in one of its own name."""
 
 
+class _PlainFlags:
+    """Shows flags without the ``<bool>`` that typer puts behind them, and help in colours."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters as help shows them."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for one in parameters:
+            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
+                one.metavar = ""
+        return parameters
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help, whose words are all ours, in colours."""
+        # typer joins the lines of the first paragraph only.
+        paragraphs = inspect.cleandoc(self.help or "").split("\n\n")
+        self.help: str | None = "\n\n".join(" ".join(one.split()) for one in paragraphs)
+        # rich, which typer prints it with, writes its styles as text of this stream.
+        with redirect_stdout(unfiltered(sys.stdout)):
+            super().format_help(ctx, formatter)  # type: ignore[misc]
+
+
+class PlainFlagsCommand(_PlainFlags, TyperCommand):
+    """A command whose flags are shown without ``<bool>``."""
+
+
+class PlainFlagsGroup(_PlainFlags, TyperGroup):
+    """A group of commands whose flags are shown without ``<bool>``."""
+
+
 @cache
 def load_command(name: str) -> Any:
     """Import a command and return it as typer calls it."""
@@ -131,43 +160,17 @@ def command_of(group: typer.Typer, name: str) -> Callable[[C], C]:
     return add
 
 
-class _Commands(UserDict[str, Any]):
-    """Commands by name, each made when it is asked for."""
-
-    def __getitem__(self, name: str) -> Any:
-        return load_command(name) if name in self.data else super().__getitem__(name)
-
-
 class CommandGroup(PlainFlagsGroup):
     """All our commands; help and completion list them without loading any."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self.commands = _Commands(COMMANDS)
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """Return the names of the commands in the order of help."""
-        return list(COMMANDS)
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help."""
-        with self._summaries():
-            super().format_help(ctx, formatter)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Return the commands and options that begin so."""
-        with self._summaries():
-            return super().shell_complete(ctx, incomplete)
-
-    @contextmanager
-    def _summaries(self) -> Iterator[None]:
-        """Have every command be its name and its line, while none is called."""
-        whole = self.commands
         self.commands = {
             name: TyperCommand(name=name, help=about, rich_help_panel=panel)
             for name, (panel, about) in COMMANDS.items()
         }
-        try:
-            yield
-        finally:
-            self.commands = whole
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the command that is called, by its name; only that one is loaded."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command and load_command(command.name or ""), rest

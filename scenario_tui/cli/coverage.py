@@ -12,9 +12,8 @@ from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Processes
+from scenario_tui.cli.options import Processes, refuse_missing_campaign
 from scenario_tui.cli.output import plain_table, say, stdout_console
-from scenario_tui.cli.suggestions import refuse_missing_campaign
 from scenario_tui.source import DaemonTarget, all_traces
 
 if TYPE_CHECKING:

@@ -15,10 +15,9 @@ import typer
 from daemon.batch.security import IssuedKey, keys_folder, load_register
 from daemon.model.verbs import Role
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.commands import command_of
+from scenario_tui.cli.commands import PlainFlagsGroup, command_of
 from scenario_tui.cli.options import Keys
 from scenario_tui.cli.output import plain_table, say, stdout_console
-from scenario_tui.cli.plain_flags import PlainFlagsGroup
 
 app = typer.Typer(
     name="keys",

@@ -12,7 +12,11 @@ from typing import Annotated, Any, Final, TypeAlias
 import typer
 
 from daemon.batch.amounts import parse_time
+from grammars.text.diagnostics import InputError, Where, closest
 from scenario_tui.cli import completion
+
+_LISTED: Final = 5
+"""Campaign files that are named when none is close to what was typed."""
 
 
 def parse_age(text: str) -> float:
@@ -83,11 +87,39 @@ def parse_endpoint(text: str) -> str:
 
 
 def check_campaign_file(path: Path) -> Path:
-    """Return the path; refuse what is not there, with what may be meant."""
-    from scenario_tui.cli.suggestions import refuse_missing_campaign
-
+    """Return the path of a campaign; raises :class:`InputError`, with what may be meant."""
     refuse_missing_campaign(path)
     return path
+
+
+def refuse_missing_campaign(path: Path) -> None:
+    """Raise :class:`InputError` for a campaign file that does not exist, with those near by."""
+    if not path.exists():
+        raise InputError.at(Where(str(path)), "no such file", _campaign_hint(path))
+
+
+def refuse_missing_file(name: str) -> None:
+    """Do so for a name with the ending of a file; campaigns and runs have none."""
+    if name.endswith((".yaml", ".yml")):
+        refuse_missing_campaign(Path(name))
+
+
+def _campaign_hint(path: Path) -> str:
+    from scenario_tui.campaign_files import find_files, is_campaign
+
+    files = find_files(Path(), is_campaign)
+    # Without their endings, which would make any two of them alike.
+    names = {file.stem: file for file in path.parent.glob("*.y*ml")}
+    for file in files:
+        for word in (str(file.with_suffix("")), file.stem, file.parent.name):
+            names.setdefault(word, file)
+    typed = (str(path.with_suffix("")), path.stem)
+    if word := next(filter(None, (closest(one, names) for one in typed)), ""):
+        return f"did you mean {names[word]}?"
+    if not files:
+        return "there is no campaign file here: `scenario new my-tests` writes one"
+    more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
+    return f"campaign files here: {', '.join(map(str, files[:_LISTED]))}{more}"
 
 
 _COMMON: Final = "Common options"

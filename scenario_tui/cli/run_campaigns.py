@@ -247,7 +247,7 @@ def check(
 def _check(file: Path, base: str) -> tuple[str, tuple[Finding, ...]]:
     """Return what a file is and what is wrong with it; of one that is not there, what is meant."""
     from grammars.text.diagnostics import InputError
-    from scenario_tui.cli.suggestions import refuse_missing_file
+    from scenario_tui.cli.options import refuse_missing_file
     from scenario_tui.library.checking import check_file
 
     try:

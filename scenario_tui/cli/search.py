@@ -21,7 +21,7 @@ from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode, exit_code, wrong_usage
-from scenario_tui.cli.options import Slots
+from scenario_tui.cli.options import Slots, refuse_missing_campaign
 from scenario_tui.cli.output import (
     CommandError,
     plain_table,
@@ -29,7 +29,6 @@ from scenario_tui.cli.output import (
     say,
     stdout_console,
 )
-from scenario_tui.cli.suggestions import refuse_missing_campaign
 from scenario_tui.source import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from daemon.model.spec import SutReference
 from grammars.text.diagnostics import Finding, Where
 from scenario_tui.cli import completion, sut_ros
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.commands import command_of
+from scenario_tui.cli.commands import PlainFlagsGroup, command_of
 from scenario_tui.cli.output import plain_table, report_findings, stderr_console, stdout_console
-from scenario_tui.cli.plain_flags import PlainFlagsGroup
 from scenario_tui.cli.sut_check import check
 from scenario_tui.text.formatting import NOT_REPEATABLE
 

@@ -12,9 +12,8 @@ from grammars.text.words import format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Wall
+from scenario_tui.cli.options import Wall, refuse_missing_file
 from scenario_tui.cli.output import open_progress, plain_table, report_findings, stdout_console
-from scenario_tui.cli.suggestions import refuse_missing_file
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:

@@ -5,10 +5,9 @@ import re
 from pathlib import Path
 
 import pytest
-import typer
 
 from grammars.text.words import format_quantity
-from scenario_tui.cli.command_line import app
+from scenario_tui.cli.commands import COMMANDS, load_command
 from scenario_tui.dashboard.key_bindings import list_key_bindings
 from scenario_tui.text.formatting import GLYPHS
 
@@ -42,7 +41,8 @@ def helps():
         for word, inner in getattr(command, "commands", {}).items():
             yield from walk(f"{name} {word}", inner)
 
-    yield from walk("scenario", typer.main.get_command(app))
+    for name in COMMANDS:
+        yield from walk(f"scenario {name}", load_command(name))
 
 
 def keys():

@@ -5,10 +5,9 @@ import shlex
 import shutil
 
 import pytest
-import typer
 
 from grammars.model.map_files import write_map
-from scenario_tui.cli import command_line
+from scenario_tui.cli.commands import load_command
 from scenario_tui.cli.examples import EXAMPLES
 from tests.grammars.maps.imported import house
 from tests.scenario_tui.cli.real import call, call_here
@@ -117,7 +116,8 @@ def test_examples_do_what_they_show(word, place, monkeypatch):
 
 def _read(arguments):
     """Read what was typed as far as the command line does, and call nothing."""
-    command = typer.main.get_command(command_line.app)
+    command = load_command(arguments[0])
+    arguments = arguments[1:]
     while True:
         inner = getattr(command, "get_command", None)
         if inner is None:

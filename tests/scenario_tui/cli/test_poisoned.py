@@ -17,7 +17,7 @@ import typer
 
 from grammars.model.map_files import write_map
 from scenario_tui.cli import command_line, invoke
-from scenario_tui.cli.plain_flags import PlainFlagsCommand
+from scenario_tui.cli.commands import COMMANDS, PlainFlagsCommand, load_command
 from scenario_tui.source import DaemonTarget
 from tests.grammars.maps.imported import house
 from tests.scenario_tui.fake_search import SEARCH, make_proposals, make_search
@@ -128,8 +128,8 @@ def commands():
         for name, one in (inner or {}).items():
             yield from walk(one, (*words, name))
 
-    app = command_line.app
-    return walk(typer.main.get_command(app) if isinstance(app, typer.Typer) else app, ())
+    for name in COMMANDS:
+        yield from walk(load_command(name), (name,))
 
 
 @dataclass(frozen=True)
