@@ -1,6 +1,7 @@
 """Every line that help shows as an example is typed, as it stands, and does what it should."""
 
 import importlib.resources
+import re
 import shlex
 import shutil
 
@@ -63,6 +64,9 @@ WRITTEN = {
 """A file that examples of a command leave."""
 
 
+_NEXT_STEP = re.compile(r"^  (scenario .+?)(?:   *[^ ].*)?$", re.MULTILINE)
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory, campaigns):
     """A folder with what the examples name, and a daemon that has finished its campaign."""
@@ -110,6 +114,10 @@ def test_examples_do_what_they_show(word, place, monkeypatch):
                 continue
             done = call_here(*arguments, state=place / "state", cwd=place)
             assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+            # The next steps of the demo are about files that its first one writes.
+            steps = [] if word == "demo" else _NEXT_STEP.findall(done.stdout)
+            for step in steps:
+                _read(shlex.split(step)[1:])
     if word in WRITTEN:
         assert (place / WRITTEN[word]).is_file()
 
