@@ -93,15 +93,3 @@ def fuzzy_matches(names: tuple[str, ...], typed: str) -> tuple[str, ...]:
     scored = [(search.match(typed, name)[0], name) for name in names]
     best = sorted((pair for pair in scored if pair[0] > 0), key=lambda pair: -pair[0])
     return tuple(name for _, name in best)
-
-
-def typed_folder(typed: str, here: Path) -> tuple[Path, str] | None:
-    """Return the folder a path begins with and the rest; ``None`` where no path is typed.
-
-    ``../lab/cam`` looks for ``cam`` in ``../lab``; a folder below ``here`` is no reason to leave.
-    """
-    above, slash, rest = typed.rpartition("/")
-    if not slash or typed[0] not in "/~.":
-        return None
-    folder = (here / Path(above or "/").expanduser()).resolve()
-    return (folder, rest) if folder.is_dir() else None

@@ -42,7 +42,7 @@ from scenario_tui.text.formatting import (
     run_label,
 )
 from scenario_tui.text.run_text import reached_text
-from scenario_tui.text.search_text import search_line
+from scenario_tui.text.search_text import search_state
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
@@ -308,7 +308,7 @@ class WatchedSearch:
 
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str) -> RenderableType:
         """Return the lines of its campaign and one about the search."""
-        about = search_line(self.row) if self.row is not None else ""
+        about = search_state(self.row) if self.row is not None else ""
         return self.runs.draw(live, preparing, about)
 
 

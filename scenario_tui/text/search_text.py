@@ -117,6 +117,11 @@ def resuming_command(row: SearchRow) -> str:
 
 def search_line(row: SearchRow) -> str:
     """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
+    return f"{row.task.name}: {search_state(row)}"
+
+
+def search_state(row: SearchRow) -> str:
+    """Return how a search stands, without its name."""
     waiting = row.state == "waiting"
     parts = [f"waiting for `{resuming_command(row)}`" if waiting else phase_words(row)]
     answer, exploring = row.answer, not row.ended and row.phase == "explore"
@@ -132,7 +137,7 @@ def search_line(row: SearchRow) -> str:
     # While it explores the note has the same numbers, as they were when it was written.
     if row.note and not exploring:
         parts.append(row.note.strip().splitlines()[-1])
-    return f"{row.task.name}: {', '.join(parts)}"
+    return ", ".join(parts)
 
 
 def headline_text(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:

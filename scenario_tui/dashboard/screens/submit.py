@@ -20,13 +20,7 @@ from daemon.model.submission import Submission
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Severity
 from grammars.text.words import count_noun
-from scenario_tui.campaign_files import (
-    find_files,
-    fuzzy_matches,
-    is_campaign,
-    relative_name,
-    typed_folder,
-)
+from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, relative_name
 from scenario_tui.dashboard.background import CheckQueue
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
@@ -42,7 +36,7 @@ _AGAIN: Final = 1.0
 """Seconds between two looks for whether it was edited."""
 _NONE: Final = (
     "No campaign file here: a YAML file with `campaign:` in it.\n\n"
-    "Type the way to another folder, such as ../ or ~/lab/."
+    "Leave with q and start `scenario tui` in the folder of your campaigns."
 )
 
 
@@ -71,17 +65,16 @@ class SubmitScreen(BaseScreen):
 
     def __init__(self) -> None:
         super().__init__()
-        self._here = self._folder = Path.cwd()
+        self._here = Path.cwd()
         self._files: tuple[Path, ...] | None = None
         self._names: tuple[str, ...] = ()
         self._fresh = self._busy = False
         self._slots = 0
         self._pausing: Timer | None = None
         self._news: int | None = None
-        hint = "parts of the name, or the way to a folder"
         # Held here and not queried: what background tasks bring may come while the screen is being
         # taken down, when there is nothing left to be found by a query.
-        self._line = Input(placeholder=hint, id="wanted", compact=True)
+        self._line = Input(placeholder="parts of the name", id="wanted", compact=True)
         self._list = OptionList(id="files", compact=True)
         self._empty, self._about = StaticText(id="empty"), StaticText(id="about")
         self._picker = Container(id="picker")
@@ -105,11 +98,13 @@ class SubmitScreen(BaseScreen):
         )
         super().on_mount()
         self.set_interval(_AGAIN, self._look_again)
-        self._look_in(self._folder)
+        self.dashboard.background_tasks.start(
+            partial(find_files, self._here, is_campaign), self._found, self.dashboard.problem
+        )
 
     def trail(self) -> str:
         """Which folder, how many files, whether everything is run anew."""
-        parts = ["submit a campaign", f"{self._folder}"]
+        parts = ["submit a campaign", f"{self._here}"]
         if self._files is not None:
             parts.append(f"{len(self._names)} of {count_noun(len(self._files), 'file')}")
         return "  ".join([*parts, *(["everything anew"] if self._fresh else [])])
@@ -135,36 +130,22 @@ class SubmitScreen(BaseScreen):
             self._slots = slots
             self._tell()
 
-    def _look_in(self, folder: Path) -> None:
-        self._folder, self._files = folder, None
-        self.dashboard.background_tasks.start(
-            partial(find_files, folder, is_campaign),
-            partial(self._found, folder),
-            self.dashboard.problem,
-        )
-
-    def _found(self, folder: Path, files: tuple[Path, ...]) -> None:
-        if folder == self._folder and self.is_attached:
+    def _found(self, files: tuple[Path, ...]) -> None:
+        if self.is_attached:
             recent = [path for path in self.dashboard.submitted if path in files]
             self._files = tuple(dict.fromkeys((*recent, *files)))
             self._narrow()
 
-    def on_input_changed(self, event: Input.Changed) -> None:
-        """Narrow the files down, or look into the folder that is typed."""
-        folder, _ = typed_folder(event.value, self._here) or (self._here, "")
-        if folder != self._folder:
-            self._look_in(folder)
-        else:
-            self._narrow()
+    def on_input_changed(self) -> None:
+        """Narrow the files down to what is typed."""
+        self._narrow()
 
     def _narrow(self) -> None:
         """Show the files that fit what is typed."""
         if self._files is None:
             return
-        typed = self._line.value
-        where = typed_folder(typed, self._here)
-        names = tuple(relative_name(path, self._folder) for path in self._files)
-        self._names = fuzzy_matches(names, where[1] if where else typed)
+        names = tuple(relative_name(path, self._here) for path in self._files)
+        self._names = fuzzy_matches(names, self._line.value)
         self._list.clear_options()
         for name in self._names:
             self._list.add_option(Text(name, no_wrap=True, overflow="ellipsis"))
@@ -178,7 +159,7 @@ class SubmitScreen(BaseScreen):
         index = self._list.highlighted
         if index is None or index >= len(self._names):
             return None
-        return self._folder / self._names[index]
+        return self._here / self._names[index]
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Check the file the cursor came to, once it rests there."""
@@ -230,7 +211,7 @@ class SubmitScreen(BaseScreen):
         """Submit the file, unless something is wrong with it."""
         path = self._chosen()
         if path is None:
-            self.notify("there is no campaign file to submit: type the way to another folder")
+            self.notify("there is no campaign file to submit")
         elif not self._busy and self.dashboard.may_steer():
             self._busy = True
             self._tell()

@@ -297,7 +297,7 @@ def test_what_a_search_does_is_said_where_it_is_watched(fake, phase, note, shown
     console = Console(width=100, record=True)
     console.print(watched.draw({}, "compiling kernels 7/42"))
     _, about, *_, waiting = console.export_text().splitlines()
-    assert about.startswith("  doors-in-time: ")
+    assert about == f"  {search_line(row).removeprefix('doors-in-time: ')}"
     assert waiting == "  compiling kernels 7/42"
     assert (note in about) is shown
     assert (note in search_line(row)) is shown
