@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,6 +14,7 @@ import typer
 from grammars.maps import ImportReport
 from grammars.text.diagnostics import Findings, InputError, Where
 from grammars.text.quantity import read_as
+from grammars.text.words import command_line
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import report_findings, say
 
@@ -196,6 +196,6 @@ def _print_report(imported: ImportedBuilding) -> None:
     typer.echo("\n".join(lines))
     name = Path(imported.file).name.removesuffix(".walls.yaml")
     say(
-        f"Look at it: scenario export {shlex.quote(imported.file)} picture. "
+        f"Look at it: {command_line('export', imported.file, 'picture')}\n"
         f"Campaigns name it in place of a floor plan: floorplan: {name}"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import socket
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,6 +13,7 @@ import typer
 
 from daemon.batch.security import IssuedKey, keys_folder, load_register
 from daemon.model.verbs import Role
+from grammars.text.words import command_line
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import PlainFlagsGroup, command_of
 from scenario_tui.cli.options import Keys
@@ -70,8 +70,8 @@ def init(
     place = keys_folder(folder)
     register = create_authority(place, _certificate_hosts(host), utc_now(), days)
     _print_keys(register.issued)
-    named = f" --keys {shlex.quote(str(folder))}" if folder else ""
-    next_step = f"scenario keys bundle worker -o worker.tar{named}"
+    words = ("--keys", folder) if folder else ()
+    next_step = command_line("keys", "bundle", "worker", "-o", "worker.tar", *words)
     say(f"keys in {place}; next: `{next_step}` for another machine")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.words import command_line
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import why_no_folder
@@ -159,13 +159,13 @@ def _print_next_steps(files: tuple[str, ...]) -> None:
     from scenario_tui.cli.output import print_commands
     from templates.nav2 import NAV2_FILE
 
-    file = shlex.quote(files[0])
-    stacks = [shlex.quote(path) for path in files if path.endswith(NAV2_FILE)]
-    start = [f"scenario sut check {stack} --campaign {file}" for stack in stacks]
+    file = files[0]
+    stacks = [path for path in files if path.endswith(NAV2_FILE)]
+    start = [command_line("sut", "check", path, "--campaign", file) for path in stacks]
     print_commands(
-        (f"scenario check {file}", "find every problem before anything runs"),
+        (command_line("check", file), "find every problem before anything runs"),
         *((command, "start Nav2, and see whether it fits") for command in start),
-        (f"scenario run {file}", "run it here and now"),
+        (command_line("run", file), "run it here and now"),
         ("scenario new --layers", "robots and systems under test it can name"),
     )
 

@@ -19,7 +19,7 @@ from daemon.model.search import SearchTask
 from daemon.model.spec import Snapshot
 from daemon.model.status import RunDetail
 from grammars.text.diagnostics import did_you_mean
-from grammars.text.words import command_line, count_noun
+from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import print_commands, stdout_console
@@ -123,7 +123,7 @@ def show(
             happened = _read_log(source, detail, standing, target)
             if output and output not in happened.printed:
                 raise _no_output(output, happened.printed)
-            text = partial(_print_log, happened, everything)
+            text = partial(_print_log, happened, everything, target)
             if output:
                 text = partial(_print_output, happened.printed[output])
             return Answer("logs", happened, text)
@@ -131,7 +131,7 @@ def show(
     shown = ShownRun(detail, search.task if search else None, standing)
     if detail.row.state == RunState.RUNNING:
         shown = _with_progress(shown, target)
-    return Answer("run", shown, partial(_print_run, shown))
+    return Answer("run", shown, partial(_print_run, shown, target))
 
 
 def _with_progress(shown: ShownRun, target: DaemonTarget) -> ShownRun:
@@ -145,7 +145,7 @@ def _with_progress(shown: ShownRun, target: DaemonTarget) -> ShownRun:
     return shown
 
 
-def _print_run(shown: ShownRun) -> None:
+def _print_run(shown: ShownRun, target: DaemonTarget) -> None:
     """Print what it was and what each oracle says, then what to type next."""
     from scenario_tui.text.run_text import run_text
     from scenario_tui.text.search_text import proposal_text
@@ -158,23 +158,23 @@ def _print_run(shown: ShownRun) -> None:
     if row.proposal is not None and shown.task is not None:
         about = proposal_text(shown.task, row.proposal, console.width, TERMINAL_STYLES)
         console.print(about, soft_wrap=True)
-    print_commands(*_next_commands(shown))
+    print_commands(*_next_commands(shown, target))
 
 
-def _next_commands(shown: ShownRun) -> Iterator[tuple[str, str]]:
+def _next_commands(shown: ShownRun, target: DaemonTarget) -> Iterator[tuple[str, str]]:
     row = shown.run.row
     if row.trace:
         begin = ("--from", row.oracle) if row.outcome == "fail" else ()
-        yield command_line("replay", row.id, *begin), "watch it"
-    yield command_line("show", row.id, "--log"), "what happened, in order"
+        yield target.command("replay", row.id, *begin), "watch it"
+    yield target.command("show", row.id, "--log"), "what happened, in order"
     if not row.repeatable and row.trace:
-        yield command_line("verify", row.id), "how far its outcomes spread"
+        yield target.command("verify", row.id), "how far its outcomes spread"
     if shown.task is not None:
-        yield command_line("search", row.campaign), "the search it belongs to"
+        yield target.command("search", row.campaign), "the search it belongs to"
     elif row.outcome == "fail":
-        yield command_line("blame", row.id), "what makes it fail"
+        yield target.command("blame", row.id), "what makes it fail"
     if row.state in (RunState.LOST, RunState.CANCELLED):
-        yield command_line("retry", row.campaign), "queue what is lost or cancelled again"
+        yield target.command("retry", row.campaign), "queue what is lost or cancelled again"
 
 
 def _read_log(
@@ -219,7 +219,7 @@ def _no_output(name: str, printed: Mapping[str, str]) -> typer.BadParameter:
     return typer.BadParameter(f'no output "{name}" in this run: {hint}', param_hint="--output")
 
 
-def _print_log(log: RunLog, everything: bool) -> None:
+def _print_log(log: RunLog, everything: bool, target: DaemonTarget) -> None:
     """Print a log in the order it happened, of what was printed the last lines or everything."""
     _print_steps(log)
     # The reason is the note of an attempt, as long as that attempt is remembered.
@@ -234,7 +234,7 @@ def _print_log(log: RunLog, everything: bool) -> None:
         console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
         if hidden:
             more = f"{count_noun(hidden, 'line')} before these"
-            how = command_line("show", log.run, "--output", name)
+            how = target.command("show", log.run, "--output", name)
             console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
         for line in lines or ["(nothing)"]:
             console.print(line, markup=False, soft_wrap=True)
