@@ -203,10 +203,12 @@ def _report_search(
     """Write the page of a search: nothing is expected of what it tries, so there are no tables."""
     from daemon.search.answers.sentences import headline
     from daemon.search.page import search_page
-    from scenario_tui.cli.search import read_search, search_code
+    from scenario_tui.cli.search import search_code
     from scenario_tui.text.search_text import search_commands
 
-    row, runs = read_search(source, campaign)
+    row = source.search_row(campaign)
+    assert row is not None  # its campaign is one of a search
+    runs = source.all_runs(campaign, results=True)
     shown = row.answer.shown if row.answer is not None else None
     drawn = [run for run in runs if shown is not None and run.id == shown.run and run.trace]
     # A trace that is gone leaves its pictures out.

@@ -116,7 +116,7 @@ def results(
         if baseline:
             message = "a search has no verdicts to hold against others"
             raise typer.BadParameter(message, param_hint="--baseline")
-        answer = search_answer(search, rows)
+        answer = search_answer(search, rows, target)
         code = answer.code if exit_status else ExitCode.EXPECTED
         return replace(answer, text=partial(_print_search, answer, rows, runs), code=code)
     whole = replace(whole, row=with_time_left(whole.row, target))

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from daemon.batch.errors import Refused
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunRow
-from grammars.text.words import command_line, count_noun, duration_text
+from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode, exit_code, wrong_usage
@@ -25,6 +24,7 @@ from scenario_tui.cli.options import Slots, refuse_missing_campaign
 from scenario_tui.cli.output import (
     CommandError,
     plain_table,
+    print_commands,
     report_findings,
     say,
     stdout_console,
@@ -33,7 +33,7 @@ from scenario_tui.source import DaemonTarget, find_campaign_or_search
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
-    from daemon.model.verbs import CampaignSource, DaemonClient
+    from daemon.model.verbs import DaemonClient
     from daemon.search.client import SearchClient
     from daemon.search.preparation import PreparedSearch
 
@@ -139,8 +139,9 @@ def search(
     if not campaign:
         with target.open() as daemon:
             searches = daemon.searches()
-        return Answer("searches", Searches(searches), partial(_print_searches, searches))
-    if not _is_file(campaign):
+        return Answer("searches", Searches(searches), partial(_print_searches, searches, target))
+    file = Path(campaign)
+    if not (file.suffix in (".yaml", ".yml") or file.is_file()):
         changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
                    "--confirm": confirm, "--fresh": fresh or None, "--detach": detach or None,
                    "NAME": name}  # fmt: skip
@@ -149,7 +150,6 @@ def search(
             message = "is for campaign files: a search that is there is shown as it was asked for"
             raise typer.BadParameter(message, param_hint=given[0])
         return _watch(target, _find_search(target, campaign), out)
-    file = Path(campaign)
     change = _read_changes(budget, stop, method, seed, confirm)
     prepared = _begin(file, name, change, target, slots, fresh=fresh)
     submission = prepared.submission
@@ -159,7 +159,7 @@ def search(
         row = daemon.searches(submission.campaign)[0]
     if not row.ended:
         row = _detach(submission, target, out)
-    return replace(search_answer(row, ()), code=ExitCode.EXPECTED)
+    return replace(search_answer(row, (), target), code=ExitCode.EXPECTED)
 
 
 def _watch(
@@ -183,50 +183,39 @@ def _watch(
     except KeyboardInterrupt:
         if client is not None:
             client.leave()
-        again = command_line("search", *([file] if file else []), campaign)
-        message = f"go on with `{again}`, end it with `scenario cancel {campaign}`"
+        again = target.command("search", *([file] if file else []), campaign)
+        end = target.command("cancel", campaign)
+        message = f"interrupted: go on with `{again}`, end it with `{end}`"
         raise CommandError(message, ExitCode.INTERRUPTED) from None
     with target.open() as daemon:
         runs = daemon.all_runs(campaign, results=True)
     found = write_found(row, out or Path("scenario-results") / "search" / campaign, file)
-    return search_answer(row, runs, found)
-
-
-def read_search(
-    source: CampaignSource, campaign: str, *, runs: bool = True
-) -> tuple[SearchRow, tuple[RunRow, ...]]:
-    """Return a search, with its ``runs`` if asked; raises :class:`Refused` if there is none."""
-    row = source.search_row(campaign)
-    if row is None:
-        raise Refused(f"there is no search {campaign}")
-    return row, source.all_runs(campaign, results=True) if runs else ()
+    return search_answer(row, runs, target, found)
 
 
 def search_answer(
-    row: SearchRow, runs: tuple[RunRow, ...], found: Path | None = None
+    row: SearchRow, runs: tuple[RunRow, ...], target: DaemonTarget, found: Path | None = None
 ) -> Answer[SearchResult]:
     """Return the answer about a search, ``found`` being the campaign file of its failure."""
     value = SearchResult(row, runs, str(found or ""))
-    return Answer("search", value, partial(_print_search, row, value.found), search_code(row))
+    return Answer("search", value, partial(_print_search, value, target), search_code(row))
 
 
-def _print_search(row: SearchRow, found: str) -> None:
-    from scenario_tui.cli.output import print_commands
+def _print_search(value: SearchResult, target: DaemonTarget) -> None:
     from scenario_tui.text.formatting import TERMINAL_STYLES
     from scenario_tui.text.search_text import answer_lines, search_commands
 
     console = stdout_console()
-    for line in answer_lines(row, styles=TERMINAL_STYLES):
-        console.print(line, soft_wrap=True)
+    for line in answer_lines(value.search, styles=TERMINAL_STYLES):
+        console.print(line, soft_wrap=not console.is_terminal)
     console.print()
-    print_commands(*search_commands(row, found))
+    print_commands(*search_commands(value.search, value.found, target.command))
 
 
-def _print_searches(searches: tuple[SearchRow, ...]) -> None:
+def _print_searches(searches: tuple[SearchRow, ...], target: DaemonTarget) -> None:
     from rich.text import Text
 
     from daemon.search.answers.sentences import search_word
-    from scenario_tui.cli.output import print_commands
     from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
     from scenario_tui.text.search_text import search_line
 
@@ -240,7 +229,7 @@ def _print_searches(searches: tuple[SearchRow, ...]) -> None:
         shown = Text(glyph_word(word), style=TERMINAL_STYLES[word])
         table.add_row(Text(row.campaign), shown, Text(search_line(row)))
     console.print(table)
-    print_commands((f"scenario search {searches[0].campaign}", "its answer"))
+    print_commands((target.command("search", searches[0].campaign), "its answer"))
 
 
 def wait_for_search(
@@ -254,7 +243,7 @@ def wait_for_search(
     row = watch_work(target.open, campaign, work, patience=patience, limit=limit)
     runs = ask_patiently(target, lambda daemon: daemon.all_runs(campaign, results=True), patience)
     line = f"{row.campaign}: {search_line(row)}"
-    return replace(search_answer(row, runs), text=partial(say, line))
+    return replace(search_answer(row, runs, target), text=partial(say, line))
 
 
 def search_code(row: SearchRow) -> ExitCode:
@@ -265,10 +254,6 @@ def search_code(row: SearchRow) -> ExitCode:
     from daemon.search.answers.sentences import search_word
 
     return exit_code([search_word(row)]) if row.ended else ExitCode.INCONCLUSIVE
-
-
-def _is_file(word: str) -> bool:
-    return word.endswith((".yaml", ".yml")) or Path(word).is_file()
 
 
 def _read_changes(
@@ -382,17 +367,14 @@ def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str
     task, id_ = submission.task, submission.campaign
     if before is None:
         about = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario}"
-        return f"submitted {id_}: {about}, {_budget_text(task)}"
+        time_limit = f" or {duration_text(task.seconds)}" if task.seconds else ""
+        runs = count_noun(task.runs, "run")
+        return f"submitted {id_}: {about}, at most {runs}{time_limit}"
     anew = "(--fresh searches anew)"
     runs = count_noun(before.finished, "run")
     if before.state == "finished":
         return f"{id_} is known already, its answer is kept {anew}"
     return f"{id_} is known already and goes on after {runs} {anew}"
-
-
-def _budget_text(task: SearchTask) -> str:
-    runs = f"at most {count_noun(task.runs, 'run')}"
-    return f"{runs} or {duration_text(task.seconds)}" if task.seconds else runs
 
 
 def _find_search(target: DaemonTarget, wanted: str) -> str:

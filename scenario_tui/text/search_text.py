@@ -32,6 +32,8 @@ from scenario_tui.text.formatting import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from daemon.model.proposals import Proposal
     from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
     from daemon.model.search_answer import SearchAnswer, SearchRow
@@ -110,11 +112,6 @@ def _change_text(parameter: SearchParameter, value: PointValue) -> str:
     return f"{written} → {words}"
 
 
-def resuming_command(row: SearchRow) -> str:
-    """Return the command that goes on with a search, in the folder in which it was begun."""
-    return command_line("search", row.file, row.campaign)
-
-
 def search_line(row: SearchRow) -> str:
     """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
     return f"{row.task.name}: {search_state(row)}"
@@ -122,8 +119,9 @@ def search_line(row: SearchRow) -> str:
 
 def search_state(row: SearchRow) -> str:
     """Return how a search stands, without its name."""
-    waiting = row.state == "waiting"
-    parts = [f"waiting for `{resuming_command(row)}`" if waiting else phase_words(row)]
+    parts = [phase_words(row)]
+    if row.state == "waiting":
+        parts = [f"waiting for `{command_line('search', row.file, row.campaign)}`"]
     answer, exploring = row.answer, not row.ended and row.phase == "explore"
     if exploring:
         parts.append(f"{row.finished:,} of {count_noun(row.task.runs, 'run')}")
@@ -227,24 +225,26 @@ def influence_lines(
     return lines
 
 
-def search_commands(row: SearchRow, found: str = "") -> tuple[tuple[str, str], ...]:
+def search_commands(
+    row: SearchRow, found: str = "", command: Callable[..., str] = command_line
+) -> tuple[tuple[str, str], ...]:
     """Return what to type next about a search: commands and what they do.
 
-    ``found`` is the campaign file of its failure, if that is here.
+    ``found`` is the campaign file of its failure, if that is here; ``command`` makes lines of words
+    for the daemon that has the search.
     """
     if not row.ended:
-        watch = (f"scenario search {row.campaign}", "watch it")
-        return (
-            watch if row.state == "running" else (resuming_command(row), "go on with it"),
-            (f"scenario cancel {row.campaign}", "end it, what was found is kept"),
-        )
+        watch = (command("search", row.campaign), "watch it")
+        resume = (command("search", row.file, row.campaign), "go on with it")
+        end = (command("cancel", row.campaign), "end it, what was found is kept")
+        return (watch if row.state == "running" else resume, end)
     shown = row.answer.shown if row.answer is not None else None
     commands: list[tuple[str, str]] = []
     if shown is not None and shown.run:
-        begin = f" --from {shown.verdict.oracle}" if shown.fails and shown.verdict else ""
+        begin = ("--from", shown.verdict.oracle) if shown.fails and shown.verdict else ()
         what = "watch the failure" if shown.fails else "watch the run nearest to failing"
-        commands.append((f"scenario replay {shown.run}{begin}", what))
-        commands.append((f"scenario show {shown.run}", "what each oracle says"))
+        commands.append((command("replay", shown.run, *begin), what))
+        commands.append((command("show", shown.run), "what each oracle says"))
     if shown is not None and found:
         cell = shown.label.split("/")[:2]
         export = command_line("export", found, *GAZEBO_KINDS, "-o", "gazebo")
@@ -253,6 +253,6 @@ def search_commands(row: SearchRow, found: str = "") -> tuple[tuple[str, str], .
             (command_line("blame", found, *cell), "the least of it that still fails"),
             (export, "its world for Gazebo"),
         ]
-    commands.append((f"scenario report {row.campaign}", "a page with figures"))
-    commands.append((f"scenario results {row.campaign} --runs", "every run of the search"))
+    commands.append((command("report", row.campaign), "a page with figures"))
+    commands.append((command("results", row.campaign, "--runs"), "every run of the search"))
     return tuple(commands)
