@@ -36,6 +36,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
         "scenario results",
         "scenario results nightly --runs",
         "scenario results nightly --outcome fail --json",
+        "scenario results nightly --table nightly.parquet",
     ),
     "show": ("scenario show nightly.0", "scenario show nightly.0 --log"),
     "replay": ("scenario replay nightly.0", "scenario replay nightly.0 --frame 5"),

@@ -11,6 +11,7 @@ import typer
 from rich.text import Text
 
 from daemon.analysis.results import CampaignResults, read_results
+from daemon.analysis.table import results_table, write_table
 from daemon.judging.assessment import CampaignDifference
 from daemon.model.assessments import Assessment, AssessmentRules
 from daemon.model.status import CampaignRow, RunRow
@@ -20,7 +21,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer, write_json
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Baseline, WorseBy
+from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, stdout_console
 from scenario_tui.cli.search import SearchResult, search_answer
 from scenario_tui.source import DaemonTarget, find_campaign_or_search, open_source, with_time_left
@@ -101,6 +102,7 @@ def results(
     ] = False,
     baseline: Baseline = "",
     worse_by: WorseBy = None,
+    table: TableFile = None,
 ) -> Answer[ComparedResults] | Answer[SearchResult]:
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     is_listed = bool(outcome or text)
@@ -112,6 +114,10 @@ def results(
         rows = whole.rows
         if is_listed:
             rows = source.all_runs(row.id, outcome=outcome, text=text)
+    if table is not None:
+        rows_of_table = results_table(whole)
+        write_table(rows_of_table, table)
+        target.say(f"{table}: {count_noun(rows_of_table.num_rows, 'row')}")
     if search is not None:
         if baseline:
             message = "a search has no verdicts to hold against others"

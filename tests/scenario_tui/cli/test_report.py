@@ -1,5 +1,6 @@
 """``scenario report``: what people type, what is written, what is said when it cannot be."""
 
+import csv
 import os
 import re
 import xml.etree.ElementTree as ET
@@ -64,6 +65,19 @@ def test_tables_alone_need_no_page(here, capsys):
     out = capsys.readouterr().out
     assert "Yes. All 6 verdicts are as expected." in out
     assert re.search(r"m\.parquet \([0-9.]+ kB\)", out)
+
+
+def test_results_of_every_source_can_be_a_table(ledger, capsys):
+    assert invoke(["results", "corr", "--json"]) == 0
+    Path("corr.json").write_text(capsys.readouterr().out)
+    for name, campaign in (("corr", "corr-1"), ("corr.json", "corr.json"), ("traces", "traces")):
+        assert invoke(["results", name, "--table", "t.csv"]) == 0
+        said = capsys.readouterr()
+        with Path("t.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert said.err == f"t.csv: {len(rows)} rows\n"
+        assert {row["campaign"] for row in rows} == {campaign}
+        assert {"buffer", "reached"} < {row["oracle"] for row in rows}
 
 
 def test_a_campaign_of_the_ledger_needs_no_daemon(ledger, capsys):
