@@ -6,6 +6,7 @@ Everything people name is found here: campaigns, searches, runs and traces. Noth
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -52,7 +53,7 @@ class DaemonTarget:
 
     @property
     def endpoint(self) -> str:
-        """Where the daemon listens as far as known now; it may move when it restarts.
+        """Address of the daemon as far as known now; it may move when it restarts.
 
         Raises :class:`Unreachable` for a state directory somebody chose that no
         daemon keeps: there is no need to look for its socket. Raises
@@ -60,17 +61,17 @@ class DaemonTarget:
         """
         from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint
 
-        found = find_endpoint(self.connect, self.state)
-        if found.origin == "SCENARIO_CONNECT" and not is_endpoint(found.address):
-            message = f"{found.address!r} is not an endpoint"
+        endpoint = find_endpoint(self.connect, self.state)
+        if endpoint.origin == "SCENARIO_CONNECT" and not is_endpoint(endpoint.address):
+            message = f"{endpoint.address!r} is not an endpoint"
             hint = "write tcp/<host>:<port> or tls/<host>:<port>"
-            raise InputError(Finding(Where(found.origin), message, hint))
-        if found.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
+            raise InputError(Finding(Where(endpoint.origin), message, hint))
+        if endpoint.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
             folder = StatePaths.find(self.state).state
             raise Unreachable(
                 f"no daemon keeps {folder}: start one with `scenario daemon` or `scenario submit`"
             )
-        return found.address
+        return endpoint.address
 
     @property
     def paths(self) -> StatePaths:
@@ -81,7 +82,7 @@ class DaemonTarget:
 
     @property
     def named(self) -> bool:
-        """Whether people said which daemon: then none is started behind their back."""
+        """True if people named a daemon: then none is started behind their back."""
         from daemon.batch.paths import find_endpoint
 
         return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
@@ -98,7 +99,7 @@ class DaemonTarget:
 
     @property
     def may_come_back(self) -> bool:
-        """Whether there is a daemon that is only away: one that was named, or has left a ledger."""
+        """True for a daemon that is only away: one that was named, or has left a ledger."""
         return self.named or self.paths.ledger.exists()
 
     @contextmanager
@@ -162,9 +163,7 @@ def _read_here(name: str, target: DaemonTarget, judge: bool) -> RecordedCampaign
         return read_traces(name, progress=target.progress if judge else None)
     if path.suffix == ".mcap":
         raise Refused(_no_traces(name) or f"there is no trace {name}")
-    # Also a pipe, and a file that is not there and says so: no id ends like that.
-    is_file = path.exists() and not path.is_dir() and path.suffix not in (".yaml", ".yml")
-    if is_file or path.suffix == ".json":
+    if path.suffix == ".json" or path.is_fifo():
         from daemon.analysis.recorded import read_results_file
 
         return read_results_file(name)
@@ -197,90 +196,73 @@ def trace_files(name: str) -> Sequence[Path]:
     return sorted(path.rglob("*.mcap")) if name and path.is_dir() else []
 
 
-def find_run(source: CampaignSource, wanted: str) -> RunDetail:
-    """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
+def find_run(source: CampaignSource, name: str) -> RunDetail:
+    """Return the run of an id, or of a campaign as :func:`find_campaign`, a dot and its number.
 
-    Raises :class:`Refused` when there is none, with what there is.
+    Raises :class:`Refused` when it does not exist, with those that do.
     """
-    name, dot, number = wanted.rpartition(".")
-    # The id as it is costs one question; only what is none needs the list of campaigns.
+    campaign_name, dot, number = name.rpartition(".")
+    # An id costs one question; anything else needs the list of campaigns.
     try:
-        return source.run(wanted)
+        return source.run(name)
     except Refused:
-        campaign = find_campaign(source, name if dot else wanted)
-    meant = f"{campaign.id}.{number}"
-    if dot and meant != wanted:
+        if Path(name).is_file():
+            raise Refused(_no_traces(name)) from None
+        campaign = find_campaign(source, campaign_name if dot else name)
+    run = f"{campaign.id}.{number}"
+    if dot and run != name:
         with suppress(Refused):
-            return source.run(meant)
+            return source.run(run)
     ends = (source.runs(campaign.id, offset=n, limit=1) for n in (0, campaign.total - 1))
     runs = " to ".join(row.id for page in ends for row in page.rows)
-    raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {runs}')
+    raise Refused(f'"{name}" is no run: those of {campaign.id} are {runs}')
 
 
-def find_campaign(source: CampaignSource, wanted: str) -> CampaignRow:
-    """Return the campaign meant by an id, a name (the newest of it) or their beginning.
+def find_campaign(source: CampaignSource, name: str) -> CampaignRow:
+    """Return the campaign of an id, a name (the newest of it) or the beginning of either.
 
-    Without a word it is the newest. Raises :class:`Refused` when there is none or
-    when several different names begin that way.
+    Without a name it is the newest. A search has a name of its own, which its campaign file gives.
+    Raises :class:`Refused` when there is none, or when several different names begin that way.
     """
-    # An id beats a name and both beat a beginning, so that what is said in full is never doubtful.
-    # Asked one by one: there may be thousands of campaigns, and each of these finds a few.
-    if not wanted:
+    # An id beats a name and both beat a beginning, so that a whole word is never doubtful.
+    # Asked one by one: there may be thousands of campaigns, and each of these returns a few.
+    if not name:
         newest = source.campaign_page(limit=1)
         if newest:
             return newest[0]
         raise Refused(_NONE_YET)
-    exact = source.campaign_page(id=wanted, limit=1)
-    exact = exact or source.campaign_page(name=wanted, limit=1)
+    exact = source.campaign_page(id=name, limit=1) or source.campaign_page(name=name, limit=1)
     if exact:
         return exact[0]
     # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
-    close = source.campaign_page(beginning=wanted)
+    close = source.campaign_page(beginning=name)
     if len({row.name for row in close}) > 1:
         ids = ", ".join(row.id for row in close[:5])
-        raise Refused(f'several campaigns begin with "{wanted}": {ids}')
+        raise Refused(f'several campaigns begin with "{name}": {ids}')
     if close:
         return close[0]
-    if name := _name_in_file(wanted):
-        raise Refused(f'{wanted} is a file: what was submitted of it is called "{name}"')
-    if words := _no_traces(wanted):
-        raise Refused(f"{words}, and no campaign is called so")
-    # Ids have no slash (daemon.model.ids).
-    if "/" in wanted:
-        raise Refused(f"there is no folder or file {wanted}")
-    rows = source.campaign_page()
-    if not rows:
-        raise Refused(_NONE_YET)
-    names = {row.name for row in rows} | {row.id for row in rows}
-    raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
+    for search in source.searches():
+        row = source.campaign(search.campaign) if search.task.name == name else None
+        if row is not None:
+            return row
+    raise Refused(_why_no_campaign(source, name))
 
 
-def _name_in_file(path: str) -> str:
-    """Return how a campaign file calls its campaign, empty for what is none."""
+def _why_no_campaign(source: CampaignSource, name: str) -> str:
+    """Say what a word is that is no campaign, or what may be meant."""
     from scenario_tui.campaign_files import is_campaign
 
-    file = Path(path)
-    if not is_campaign(file):
-        return ""
-    found = re.search(r"^campaign\s*:\s*([\w-]+)", file.read_text("utf-8", "replace"), re.MULTILINE)
-    return found[1] if found else ""
-
-
-def find_campaign_or_search(source: CampaignSource, wanted: str) -> CampaignRow:
-    """Return the campaign meant as :func:`find_campaign` does, a search also by its own name.
-
-    That is what its campaign file calls it; the newest of that name is meant. Raises
-    :class:`Refused` when there is neither.
-    """
-    try:
-        return find_campaign(source, wanted)
-    except Refused:
-        # Searches are asked for only when no campaign is meant.
-        called = [row for row in source.searches() if row.task.name == wanted]
-        found = source.campaign_page(id=called[0].campaign, limit=1) if called else ()
-        if not found:
-            raise
-        return found[0]
+    text = Path(name).read_text("utf-8", "replace") if is_campaign(Path(name)) else ""
+    if written := re.search(r"^campaign\s*:\s*([\w-]+)", text, re.MULTILINE):
+        return f'{name} is a file: what was submitted of it is called "{written[1]}"'
+    if words := _no_traces(name):
+        return f"{words}, and no campaign is called so"
+    # Ids have no slash (daemon.model.ids).
+    if "/" in name:
+        return f"there is no folder or file {name}"
+    rows = source.campaign_page()
+    names = {row.name for row in rows} | {row.id for row in rows}
+    return f'there is no campaign "{name}": {did_you_mean(name, names)}' if rows else _NONE_YET
 
 
 def one_trace(run: str, target: DaemonTarget) -> Path:
@@ -288,56 +270,48 @@ def one_trace(run: str, target: DaemonTarget) -> Path:
 
     Raises :class:`Refused` for none or several, and :class:`TraceUnavailable`.
     """
-    if files := _named_files(run):
-        _refuse_several(run, [file.name for file in files])
-        return files[0]
-    with open_source(run, target) as source:
-        rows = recorded_runs(source, run, target)
-        # Before anything is brought: a campaign may have thousands of traces.
-        _refuse_several(run, [row.id for row in rows])
-        (trace,) = bring_traces(rows, source, target)
-    if isinstance(trace, TraceUnavailable):
-        raise trace
-    return trace
+    return _traces_of(run, target, is_alone=True)[0]
 
 
 def all_traces(
-    named: Sequence[str], target: DaemonTarget, *, one_of_cell: bool = False
+    names: Sequence[str], target: DaemonTarget, *, one_of_cell: bool = False
 ) -> tuple[Path, ...]:
-    """Return the traces meant: files, folders, and ids of campaigns and runs.
+    """Return the traces of files, folders, and ids of campaigns and runs.
 
     Each once, in the order named, those of a folder by name. Otherwise as :func:`one_trace`; a
     trace that cannot be brought is left out with a message, unless there is no other. With
     ``one_of_cell`` only the first of each scenario and system comes from a campaign.
     """
-    traces: dict[Path, None] = {}
-    for name in named:
-        files = _named_files(name)
-        if not files:
-            with open_source(name, target) as source:
-                rows = recorded_runs(source, name, target)
-                if one_of_cell:
-                    cells: dict[tuple[str, str], RunRow] = {}
-                    for row in rows:
-                        cells.setdefault((row.scenario, row.sut), row)
-                    rows = tuple(cells.values())
-                brought = bring_traces(rows, source, target)
-            files = [trace for trace in brought if isinstance(trace, Path)]
-            missing = [trace for trace in brought if not isinstance(trace, Path)]
-            if not files:
-                raise missing[0]
-            # One trace that is gone must not keep the others of a campaign.
-            for problem in missing:
-                target.say(str(problem))
-        traces |= dict.fromkeys(files)
-    return tuple(traces)
+    traces = [_traces_of(name, target, one_of_cell=one_of_cell) for name in names]
+    return tuple(dict.fromkeys(itertools.chain.from_iterable(traces)))
 
 
-def _named_files(name: str) -> Sequence[Path]:
-    """Return the traces of that name on this machine; refuse files that are none."""
+def _traces_of(
+    name: str, target: DaemonTarget, *, is_alone: bool = False, one_of_cell: bool = False
+) -> Sequence[Path]:
     files = trace_files(name)
-    if not files and Path(name).is_file() and not _name_in_file(name):
-        raise Refused(_no_traces(name))
+    if files:
+        if is_alone:
+            _refuse_several(name, [file.name for file in files])
+        return files
+    with open_source(name, target) as source:
+        rows = recorded_runs(source, name, target)
+        if one_of_cell:
+            cells: dict[tuple[str, str], RunRow] = {}
+            for row in rows:
+                cells.setdefault((row.scenario, row.sut), row)
+            rows = tuple(cells.values())
+        # Before anything is brought: a campaign may have thousands of traces.
+        if is_alone:
+            _refuse_several(name, [row.id for row in rows])
+        brought = bring_traces(rows, source, target)
+    files = [trace for trace in brought if isinstance(trace, Path)]
+    missing = [trace for trace in brought if not isinstance(trace, Path)]
+    if not files:
+        raise missing[0]
+    # One trace that is gone must not keep the others of a campaign.
+    for problem in missing:
+        target.say(str(problem))
     return files
 
 

@@ -106,7 +106,10 @@ class RecordedCampaign(CampaignSource):
         if row is None:
             raise Refused(f"there is no run {asked.id} in {self.row.id}")
         if row.id not in self.specs:
-            raise Refused(f"{self.row.id} holds results and no specification of {row.id}")
+            raise Refused(
+                f"{self.row.id} holds results alone, and no specification of {row.id}: "
+                "name the campaign or a folder of its traces"
+            )
         self._judge((row,))
         (row,) = (one for one in self.rows if one.id == asked.id)
         return RunDetail(row, self.specs[row.id])
@@ -157,7 +160,8 @@ def judge_row(
     verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
     ended = cast(RunEnding, trace.ended or "")  # a recording that was cut off has no end
     timing = Timing(0.0, 0.0, trace.valid_until)
-    outcome, info = oracles.overall_outcome(trace, verdicts), TraceInfo("", 0, 0)
+    outcome = oracles.overall_outcome(trace, verdicts)
+    info = TraceInfo("", Path(row.trace).stat().st_size, 0)
     result = RunResult(
         row.digest, outcome, verdicts, ended, info, timing, trace.note, machine=machine
     )

@@ -23,7 +23,6 @@ from scenario_tui.source import (
     DaemonTarget,
     bring_traces,
     find_campaign,
-    find_campaign_or_search,
     open_source,
 )
 
@@ -119,7 +118,7 @@ def report(
             raise typer.BadParameter("it is a page alone", param_hint="--history")
         return _report_history(campaign, output or _DEFAULT_PAGE, target)
     with open_source(campaign, target, judge=False) as source:
-        row = find_campaign_or_search(source, campaign)
+        row = find_campaign(source, campaign)
         if row.search:
             if asked:
                 hint = f"its runs are in `scenario search {row.id} --json`"

@@ -24,7 +24,7 @@ from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, stdout_console
 from scenario_tui.cli.search import SearchResult, search_answer
-from scenario_tui.source import DaemonTarget, find_campaign_or_search, open_source, with_time_left
+from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
 from scenario_tui.text.formatting import (
     TERMINAL_STYLES,
     glyph_word,
@@ -107,7 +107,7 @@ def results(
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     is_listed = bool(outcome or text)
     with open_source(campaign, target) as source:
-        row = find_campaign_or_search(source, campaign)
+        row = find_campaign(source, campaign)
         search = source.search_row(row.id) if row.search and not is_listed else None
         whole = read_results(source, row)
         # Filters choose what is listed; the verdict is always about all runs.
@@ -127,7 +127,7 @@ def results(
         return replace(answer, text=partial(_print_search, answer, rows, runs), code=code)
     whole = replace(whole, row=with_time_left(whole.row, target))
     between = compare_with_baseline(whole, baseline, worse_by, target)
-    print_text = partial(_print_runs, rows)
+    print_text = partial(_print_listed, rows)
     if not is_listed:
         print_text = partial(_print_results, whole, between, runs)
     return Answer(
@@ -164,10 +164,7 @@ def _print_results(
         print_comparison(comparison)
     if listed:
         _print_runs(rows)
-    traces = [run.trace for run in rows if run.trace]
-    if traces:
-        where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0] or '.'}"
-        stdout_console().print(where, markup=False, soft_wrap=True)
+    _print_folder(rows)
     more = (command_line("results", row.id, "--runs"), "every run and its trace")
     if listed and rows:
         more = (command_line("show", rows[0].id), "one run: what each oracle says")
@@ -176,6 +173,18 @@ def _print_results(
     if Path(row.id).exists():
         whole = (command_line("report", row.id), "one page with figures")
     print_commands(more, whole)
+
+
+def _print_folder(rows: tuple[RunRow, ...]) -> None:
+    traces = [run.trace for run in rows if run.trace]
+    if traces:
+        where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0] or '.'}"
+        stdout_console().print(where, markup=False, soft_wrap=True)
+
+
+def _print_listed(rows: tuple[RunRow, ...]) -> None:
+    _print_runs(rows)
+    _print_folder(rows)
 
 
 def _print_runs(rows: tuple[RunRow, ...]) -> None:
@@ -187,11 +196,12 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     table = plain_table("run", "", "verdict", "decided by", "margin", *more)
     for row in rows:
         word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
-        shown = margin(row.margin, row.unit) if row.oracle else ""
-        # In a folder a run is called as its trace.
-        kept = (paths and row.trace != row.id and row.trace) or row.reason
+        value = margin(row.margin, row.unit) if row.oracle else ""
+        # In a folder a run is called as its trace; the folder of all of them is said below.
+        name = row.id if paths or row.id != row.trace else row.id.rpartition("/")[2]
+        remark = (paths and row.trace != row.id and row.trace) or row.reason
         if row.cached:
-            kept += " (cached)" if kept else "cached"
-        cells = (row.id, run_label(row), word, row.oracle, shown, *([kept] if remarks else ()))
+            remark += " (cached)" if remark else "cached"
+        cells = (name, run_label(row), word, row.oracle, value, *([remark] if remarks else ()))
         table.add_row(*cells)
     console.print(table)

@@ -303,7 +303,7 @@ def wait(
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.library.watching import PATIENCE, ask_patiently, watch
-    from scenario_tui.source import DaemonTarget, find_campaign_or_search
+    from scenario_tui.source import DaemonTarget, find_campaign
     from scenario_tui.text.results import conclude
 
     limit = inf if timeout is None else timeout
@@ -312,9 +312,7 @@ def wait(
     target = DaemonTarget(connect, state, say, show_progress)
     name = campaign
     try:
-        meant = ask_patiently(
-            target, lambda daemon: find_campaign_or_search(daemon, campaign), patience
-        )
+        meant = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience)
         name, left = meant.id, max(0.0, deadline - time.monotonic())
         if meant.search:
             answer = wait_for_search(target, name, patience=patience, limit=left)

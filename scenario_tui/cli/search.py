@@ -29,7 +29,7 @@ from scenario_tui.cli.output import (
     say,
     stdout_console,
 )
-from scenario_tui.source import DaemonTarget, find_campaign_or_search
+from scenario_tui.source import DaemonTarget, find_campaign
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
@@ -380,7 +380,7 @@ def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str
 def _find_search(target: DaemonTarget, wanted: str) -> str:
     """Return the id of the search meant."""
     with target.open() as daemon:
-        row = find_campaign_or_search(daemon, wanted)
+        row = find_campaign(daemon, wanted)
     if not row.search:
         raise CommandError(
             f"{wanted} is no search: its results are shown by `scenario results {wanted}`"

@@ -25,7 +25,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import CampaignName
 from scenario_tui.cli.output import say
-from scenario_tui.source import DaemonTarget, find_campaign_or_search
+from scenario_tui.source import DaemonTarget, find_campaign
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 
@@ -59,7 +59,7 @@ def _steer(
 ) -> Answer[SteeredRuns]:
     """Ask the daemon for an action on a campaign."""
     with target.open() as daemon:
-        row = find_campaign_or_search(daemon, name)
+        row = find_campaign(daemon, name)
         value = SteeredRuns(row.id, action.request(daemon, row.id, **given))
     words = action.outcome_text(row.id, value.runs, **given)
     if action is CANCEL and row.search in ("running", "waiting"):
@@ -151,7 +151,7 @@ def delete(
     Not while runs of them wait or run: cancel them first.
     """
     with target.open() as daemon:
-        found = tuple(dict.fromkeys(find_campaign_or_search(daemon, name).id for name in campaigns))
+        found = tuple(dict.fromkeys(find_campaign(daemon, name).id for name in campaigns))
         gone = daemon.delete(found, dry=True)
         if not dry_run:
             if not yes:

@@ -253,10 +253,13 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
     ]
     if result is not None:
         timing = result.timing
-        speed = timing.simulated / timing.wall if timing.wall > 0 else 0.0
         found.append(("ended", result.ended))
-        wall = fine_duration(timing.wall)
-        found.append(("took", f"{timing.simulated:.1f} s simulated in {wall}, {speed:.0f}x"))
+        took = f"{timing.simulated:.1f} s simulated"
+        # A trace alone does not say how long that took.
+        if timing.wall > 0:
+            speed = timing.simulated / timing.wall
+            took += f" in {fine_duration(timing.wall)}, {speed:.0f}x"
+        found.append(("took", took))
     if row.worker:
         found.append(("worker", f"{row.worker}, attempt {row.attempt}"))
     if row.trace:

@@ -160,7 +160,7 @@ def test_runs_that_cannot_be_reproduced_are_named(scenario, fake):
 
 def test_a_filter_lists_the_runs_it_admits(scenario):
     said = scenario("results", "--outcome", "fail")
-    listed = [line.split()[:2] for line in said.out.splitlines()[2:]]
+    listed = [line.split()[:2] for line in said.out.splitlines()[2:-1]]
     assert listed == [[f"{CAMPAIGN}.5", "S2/pilot/0"], [f"{CAMPAIGN}.6", "S2/pilot/1"]]
 
 

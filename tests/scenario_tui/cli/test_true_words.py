@@ -241,7 +241,7 @@ def test_a_run_is_shown_as_it_stands(say, name):
 
 
 LOGS = {
-    "queued": "queued-1.0 is queued: it has not started yet",
+    "queued": "queued-1.0 is queued: the next of its campaign",
     "paused": "paused-1.0 is queued: its campaign is paused",
     "running": "running",
     "retrying": "queued the stack crashed",
