@@ -8,13 +8,12 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import takewhile
 from typing import Annotated, Final
 
 import typer
 
-from grammars.text.diagnostics import Finding, InputError, Severity
+from grammars.text.diagnostics import InputError, Severity
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import ExitCode
@@ -79,17 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # Whoever read us has left (`scenario results | head`) or a disk is full: nothing more
         # can be said there.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = _unhandled(error).code
+        code = _unhandled(error).exit_code
     sys.exit(code)
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """Why a command has no answer: the exit ``code``, and what to say in a line."""
-
-    code: int
-    message: str = ""
-    findings: tuple[Finding, ...] = ()
 
 
 def invoke(arguments: Sequence[str]) -> int:
@@ -103,19 +93,18 @@ def invoke(arguments: Sequence[str]) -> int:
             code = app(args=typed, prog_name="scenario", standalone_mode=False, obj=typed)
             return code if isinstance(code, int) else ExitCode.EXPECTED
         except (KeyboardInterrupt, typer.Abort):
-            failure = Failure(ExitCode.INTERRUPTED, "interrupted")
+            failure = ErrorValue("interrupted", ExitCode.INTERRUPTED)
         except SystemExit as leaving:
             return _typer_left(leaving)
         except Exception as error:
             failure = _report(error)
         # No component validates this text later: what was typed may be anything.
-        if failure.message and "--json" in takewhile(lambda word: word != "--", arguments):
+        if failure.error and "--json" in takewhile(lambda word: word != "--", arguments):
             from scenario_tui.cli.answer import write_json
 
-            value = ErrorValue(failure.message, int(failure.code), failure.findings)
             with suppress(BrokenPipeError):
-                write_json("error", value)
-        return failure.code
+                write_json("error", failure)
+        return failure.exit_code
 
 
 def _typer_left(leaving: SystemExit) -> int:
@@ -127,19 +116,19 @@ def _typer_left(leaving: SystemExit) -> int:
     return ExitCode.BROKEN_PIPE
 
 
-def _report(error: Exception) -> Failure:
+def _report(error: Exception) -> ErrorValue:
     """Say what went wrong to people; return the same for machines."""
     if isinstance(error, typer.TyperException):
         return _wrong_usage(error)
     if isinstance(error, InputError):
         return _bad_input(error)
     failure = _unhandled(error)
-    if failure.message:
-        say(f"scenario: {failure.message}")
+    if failure.error:
+        say(f"scenario: {failure.error}")
     return failure
 
 
-def _wrong_usage(error: typer.TyperException) -> Failure:
+def _wrong_usage(error: typer.TyperException) -> ErrorValue:
     # A validator's word for a choice that does not exist.
     error.message = error.message.replace("Value error, ", "")
     # Usage errors show themselves with the command they are about; the root has only its words.
@@ -150,10 +139,10 @@ def _wrong_usage(error: typer.TyperException) -> Failure:
         sys.stderr.write(f"{error}\n")
     message: Callable[[], str] | None = getattr(error, "format_message", None)
     words = message() if message is not None else str(error)
-    return Failure(ExitCode.BAD_INPUT, " ".join(words.split()))
+    return ErrorValue(" ".join(words.split()), ExitCode.BAD_INPUT)
 
 
-def _bad_input(error: InputError) -> Failure:
+def _bad_input(error: InputError) -> ErrorValue:
     from scenario_tui.text.diagnostics import diagnostic_counts
 
     report_findings(error.findings)
@@ -161,31 +150,31 @@ def _bad_input(error: InputError) -> Failure:
     errors = [one for one in error.findings if one.severity is Severity.ERROR] or error.findings
     message = f"{errors[0].where}: {errors[0].message}" if errors else ""
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-    return Failure(ExitCode.BAD_INPUT, message + more, error.findings)
+    return ErrorValue(message + more, ExitCode.BAD_INPUT, error.findings)
 
 
-def _unhandled(error: Exception) -> Failure:
+def _unhandled(error: Exception) -> ErrorValue:
     """Return the exit code, and a message unless whoever left knows why."""
     # A library that was interrupted while it loaded may raise anything.
     if was_interrupted():
-        return Failure(ExitCode.INTERRUPTED)
+        return ErrorValue("", ExitCode.INTERRUPTED)
     # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
-        return Failure(ExitCode.BROKEN_PIPE)
+        return ErrorValue("", ExitCode.BROKEN_PIPE)
     if isinstance(error, CommandError):
-        return Failure(error.code, str(error))
+        return ErrorValue(str(error), error.code)
     from daemon.batch.errors import DaemonError, KeysUnusable, PlaceUnusable, Refused
 
     if isinstance(error, DaemonError):
         # A daemon that refuses is fine itself: it was asked for something that is not there. Keys
         # and places are what somebody named or wrote.
         typed = isinstance(error, Refused | KeysUnusable | PlaceUnusable)
-        return Failure(ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE, str(error))
+        return ErrorValue(str(error), ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE)
     # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
         code = ExitCode.BAD_INPUT if error.errno in _TYPED else ExitCode.INFRASTRUCTURE
-        return Failure(code, f"{error.strerror or error}{where}")
+        return ErrorValue(f"{error.strerror or error}{where}", code)
     say("".join(traceback.format_exception(error)).rstrip())
     message = f"a bug in scenario, please report it: {type(error).__name__}: {error}"
-    return Failure(ExitCode.BUG, message)
+    return ErrorValue(message, ExitCode.BUG)
