@@ -4,6 +4,6 @@
 a DXF drawing.
 """
 
-from grammars.maps._walls_layer import ImportReport, WallsText, load_walls, walls_text
+from grammars.maps._walls_layer import WallsText, load_walls, walls_text
 
-__all__ = ["ImportReport", "WallsText", "load_walls", "walls_text"]
+__all__ = ["WallsText", "load_walls", "walls_text"]

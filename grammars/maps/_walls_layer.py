@@ -8,8 +8,8 @@ as features, and entryways that cut nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -28,7 +28,7 @@ from grammars.floorplan import (
     overlaps,
     warn_of,
 )
-from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.geometry import Pose2, Ring
 from grammars.text.diagnostics import Findings, Where, with_article
 from grammars.text.documents import (
     KeyPath,
@@ -109,34 +109,6 @@ class WallsText(StrictModel):
     """Walls, columns and whatever else never moves."""
     entryways: dict[Name, EntrywayText] = Field(default_factory=dict)
     """Gaps between walls by name."""
-
-
-@dataclass(frozen=True, slots=True)
-class ImportReport:
-    """Report on a building that was made of a map: its sizes, and how far it is from the map.
-
-    ``doorways`` have their width [m]. ``largest_error`` is the greatest distance between a corner
-    of the cells and the line drawn for it, in cells; ``directions`` are the main directions of the
-    walls [rad]; ``dropped_floor`` is the area of pockets that were left out [m²].
-    ``dropped_walls`` and ``filled_cells`` count cells that were taken for noise. Floor ends without
-    a wall along ``open_border`` [m], the longest piece of which has its middle at
-    ``widest_opening`` [m].
-    """
-
-    resolution: float
-    width: float
-    depth: float
-    spaces: tuple[str, ...]
-    walls: int
-    doorways: Mapping[str, float]
-    corners: int
-    largest_error: float
-    directions: tuple[float, ...]
-    dropped_floor: float
-    dropped_walls: int
-    filled_cells: int
-    open_border: float
-    widest_opening: Point2 | None
 
 
 def walls_text(building: WallsText) -> str:

@@ -6,7 +6,7 @@ This module takes scipy, which campaigns that only read a walls layer do without
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -31,7 +31,6 @@ from grammars.maps._straight_lines import StraightArc, main_directions
 from grammars.maps._walls_layer import (
     AreaText,
     EntrywayText,
-    ImportReport,
     StandingText,
     WallsText,
 )
@@ -72,6 +71,42 @@ class ImportSettings:
     least_room: float = 1.0
     height: float = 2.5
     doorways: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ImportReport:
+    """Report on a building that was made of a map: its sizes, and how far it is from the map.
+
+    ``doorways`` have their width [m]. ``largest_error`` is the greatest distance between a corner
+    of the cells and the line drawn for it, in cells; ``directions`` are the main directions of the
+    walls [rad]; ``dropped_floor`` is the area of pockets that were left out [m²].
+    ``dropped_walls`` and ``filled_cells`` count cells that were taken for noise. Floor ends without
+    a wall along ``open_border`` [m], the longest piece of which has its middle at
+    ``widest_opening`` [m].
+    """
+
+    resolution: float
+    width: float
+    depth: float
+    spaces: tuple[str, ...]
+    walls: int
+    doorways: Mapping[str, float]
+    corners: int
+    largest_error: float
+    directions: tuple[float, ...]
+    dropped_floor: float
+    dropped_walls: int
+    filled_cells: int
+    open_border: float
+    widest_opening: Point2 | None
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedBuilding:
+    """The file of a walls layer, and the report on the building in it."""
+
+    file: str
+    report: ImportReport
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from daemon.batch.operation import DoctorFinding, FindingLevel, examine, guarded
-from daemon.batch.paths import Endpoint, find_endpoint
 from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun
 from scenario_tui.cli.answer import Answer
@@ -22,17 +18,9 @@ from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import VerificationProgress
+    from daemon.batch.operation import DoctorFinding, Examination
 
 _SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
-
-
-@dataclass(frozen=True, slots=True)
-class Examination:
-    """Findings about the installation whose state directory is ``state``."""
-
-    state: Path
-    endpoint: Endpoint
-    findings: tuple[DoctorFinding, ...]
 
 
 def doctor(
@@ -48,6 +36,9 @@ def doctor(
 
     Every result is held against its digest. Changes nothing. Leaves with 3 when there is a problem.
     """
+    from daemon.batch.operation import Examination, FindingLevel, examine, guarded
+    from daemon.batch.paths import find_endpoint
+
     if quick and traces:
         raise typer.BadParameter("cannot be quick: leave one out", param_hint="--traces")
     endpoint = find_endpoint(target.connect, target.state)
@@ -76,6 +67,7 @@ def _verification_progress() -> Iterator[VerificationProgress]:
 
 def _check_settings() -> DoctorFinding:
     """Say which file the dashboard takes its settings from, and whether it can."""
+    from daemon.batch.operation import DoctorFinding, FindingLevel
     from scenario_tui.dashboard.config import config_path, read_config
 
     level, message, remedy = (

@@ -4,42 +4,19 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from daemon.batch.amounts import parse_size, size_text
-from daemon.batch.ledger import (
-    RetentionPolicy,
-    StoredTrace,
-    StrayFile,
-    find_strays,
-    remove_strays,
-    sweep_traces,
-)
-from daemon.batch.paths import StatePaths
 from grammars.text.words import count_noun
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import State, parse_age
 from scenario_tui.cli.output import stdout_console
 
-
-@dataclass(frozen=True, slots=True)
-class Removal:
-    """Traces and stray files that were removed, or would be; ``freed`` and ``kept`` are bytes.
-
-    Both are about traces alone.
-    """
-
-    state: Path
-    dry_run: bool
-    freed: int
-    kept: int
-    traces: tuple[StoredTrace, ...]
-    strays: tuple[StrayFile, ...]
+if TYPE_CHECKING:
+    from daemon.batch.ledger import Removal
 
 
 def gc(
@@ -70,6 +47,15 @@ def gc(
     of the options says so; without one no trace goes, only strays: temporary files, uploads
     given up, scenes and files of no campaign, spools of workers long dead.
     """
+    from daemon.batch.ledger import (
+        Removal,
+        RetentionPolicy,
+        find_strays,
+        remove_strays,
+        sweep_traces,
+    )
+    from daemon.batch.paths import StatePaths
+
     paths, policy = StatePaths.find(state), RetentionPolicy(keep, older_than, max_size)
     swept = sweep_traces(paths, policy, time.time(), dry=dry_run)
     strays = (find_strays if dry_run else remove_strays)(paths, time.time())

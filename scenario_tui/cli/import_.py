@@ -4,34 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from grammars.maps import ImportReport
 from grammars.text.diagnostics import Findings, InputError, Where
-from grammars.text.quantity import read_as
 from grammars.text.words import command_line
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import report_findings, say
 
 if TYPE_CHECKING:
+    from grammars.maps.map_import import ImportedBuilding
     from grammars.model.grid import OccupancyGrid
-
-
-@dataclass(frozen=True, slots=True)
-class ImportedBuilding:
-    """The file of a walls layer, and the report on the building in it."""
-
-    file: str
-    report: ImportReport
 
 
 def _parse_length(text: str) -> float:
     """Return a size of a building in metres; raises ``ValueError``."""
+    from grammars.text.quantity import read_as
+
     value = read_as(text, "length")
     if not 0.0 < value <= 100.0:
         raise ValueError(f"{text} is no size for a building")
@@ -109,7 +101,7 @@ def import_(
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
     from grammars.maps import walls_text
-    from grammars.maps.map_import import EmptyMapError, ImportSettings, vectorise
+    from grammars.maps.map_import import EmptyMapError, ImportedBuilding, ImportSettings, vectorise
     from grammars.model.map_files import read_map
 
     target = _target(file, out)

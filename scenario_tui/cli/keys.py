@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import socket
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
-from daemon.batch.security import IssuedKey, keys_folder, load_register
-from daemon.model.verbs import Role
 from grammars.text.words import command_line
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import PlainFlagsGroup, command_of
 from scenario_tui.cli.options import Keys
 from scenario_tui.cli.output import plain_table, say, stdout_console
+
+if TYPE_CHECKING:
+    from daemon.batch.security import IssuedKey, KeyList
 
 app = typer.Typer(
     name="keys",
@@ -44,14 +44,6 @@ KeyName: TypeAlias = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class KeyList:
-    """The keys of a folder."""
-
-    folder: Path
-    keys: tuple[IssuedKey, ...]
-
-
 @command_of(app, "init")
 def init(
     folder: Annotated[
@@ -65,6 +57,7 @@ def init(
 
     Nothing that is there is ever overwritten.
     """
+    from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import create_authority, utc_now
 
     place = keys_folder(folder)
@@ -78,7 +71,8 @@ def init(
 @command_of(app, "issue")
 def issue(
     role: Annotated[
-        Role, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
+        Literal["viewer", "operator", "worker", "daemon"],
+        typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon."),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is: a-z 0-9 and -.")],
     keys: Keys = None,
@@ -86,15 +80,19 @@ def issue(
     days: Days = 730,
 ) -> None:
     """Make one more key; a daemon admits it from its next start on."""
+    from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import issue_key, utc_now
+    from daemon.model.verbs import Role
 
-    hosts = _certificate_hosts(host) if role is Role.DAEMON else tuple(host or ())
-    _print_keys((issue_key(keys_folder(keys), role, name, hosts, utc_now(), days),))
+    hosts = _certificate_hosts(host) if role == "daemon" else tuple(host or ())
+    _print_keys((issue_key(keys_folder(keys), Role(role), name, hosts, utc_now(), days),))
 
 
 @command_of(app, "list")
 def list_(keys: Keys = None) -> Answer[KeyList]:
     """List who has a key, for what, until when, and its fingerprint."""
+    from daemon.batch.security import KeyList, keys_folder, load_register
+
     place = keys_folder(keys)
     issued = load_register(place).issued
     return Answer("keys", KeyList(place, issued), partial(_print_keys, issued))
@@ -106,6 +104,7 @@ def revoke(key: KeyName, keys: Keys = None) -> Answer[KeyList]:
 
     What it has brought so far counts: to have it run again, retry or delete those campaigns.
     """
+    from daemon.batch.security import KeyList, keys_folder, load_register
     from daemon.batch.security.authority import revoke_key, utc_now
 
     place = keys_folder(keys)
@@ -128,6 +127,7 @@ def bundle(
 
     There: tar -xf FILE.tar -C ~/.config/scenario
     """
+    from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import pack_key
 
     pack_key(keys_folder(keys), key, output)

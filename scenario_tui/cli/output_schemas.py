@@ -18,16 +18,16 @@ from daemon.analysis.blame import Explanation
 from daemon.analysis.coverage import Coverage
 from daemon.analysis.rejudge import Rejudgement
 from daemon.analysis.verification import Verifications
+from daemon.batch.ledger import Removal
+from daemon.batch.operation import Examination
+from daemon.batch.security import KeyList
 from daemon.stacks.ros2.checkup import StackCheck
+from grammars.maps.map_import import ImportedBuilding
 from grammars.variation import WrittenVariants
 from scenario_tui.cli import (
     compare,
     daemon,
-    doctor,
     export_runs,
-    gc,
-    import_,
-    keys,
     new,
     plot,
     report,
@@ -65,7 +65,7 @@ VALUES: Final[dict[str, type]] = {
     "compare": compare.ComparedCampaigns,
     "coverage": Coverage,
     "delete": steer.Deletion,
-    "doctor": doctor.Examination,
+    "doctor": Examination,
     "error": ErrorValue,
     "pause": steer.SteeredRuns,
     "priority": steer.CampaignPriority,
@@ -73,12 +73,12 @@ VALUES: Final[dict[str, type]] = {
     "retry": steer.SteeredRuns,
     "export": export_runs.ExportedFiles,
     "history": report.WrittenHistory,
-    "import": import_.ImportedBuilding,
+    "import": ImportedBuilding,
     "inspection": StackCheck,
     "judge": Rejudgement,
     "plot": plot.Plot,
-    "gc": gc.Removal,
-    "keys": keys.KeyList,
+    "gc": Removal,
+    "keys": KeyList,
     "layers": new.LayerList,
     "logs": show.RunLog,
     "new": new.NewCampaign,

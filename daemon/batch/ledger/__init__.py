@@ -14,12 +14,11 @@ from daemon.batch.ledger._connection import (
 from daemon.batch.ledger._reader import LedgerReader
 from daemon.batch.ledger._retention import (
     RetentionPolicy,
-    StoredTrace,
     SweepResult,
     stored_bytes,
     sweep_traces,
 )
-from daemon.batch.ledger._strays import StrayFile, find_strays, remove_strays
+from daemon.batch.ledger._strays import Removal, StrayFile, find_strays, remove_strays
 from daemon.batch.ledger._time_left import Forecast, PlannedRun, TimeLeft
 from daemon.batch.ledger._verification import (
     ContentReport,
@@ -37,8 +36,8 @@ __all__ = [
     "LedgerReader",
     "LedgerWriter",
     "PlannedRun",
+    "Removal",
     "RetentionPolicy",
-    "StoredTrace",
     "StrayFile",
     "SweepResult",
     "TimeLeft",

@@ -18,6 +18,7 @@ from typing import Final, Literal, TypeAlias
 
 from daemon.batch.ledger._connection import check_present, open_reader
 from daemon.batch.ledger._entry import needed_inputs
+from daemon.batch.ledger._retention import StoredTrace
 from daemon.batch.paths import StatePaths, is_locked
 from daemon.model.ids import is_digest, is_id
 from grammars.text.files import matching_paths
@@ -58,6 +59,21 @@ class StrayFile:
     what: StrayKind
     path: Path
     bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Removal:
+    """Traces and stray files that were removed, or would be.
+
+    ``freed`` and ``kept`` are bytes of traces alone.
+    """
+
+    state: Path
+    dry_run: bool
+    freed: int
+    kept: int
+    traces: tuple[StoredTrace, ...]
+    strays: tuple[StrayFile, ...]
 
 
 def find_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:

@@ -1,11 +1,12 @@
 """Keeping a daemon going: what is wrong with it, and its systemd units."""
 
 from daemon.batch.operation._doctor import check_keys, examine
-from daemon.batch.operation._findings import DoctorFinding, FindingLevel, guarded
+from daemon.batch.operation._findings import DoctorFinding, Examination, FindingLevel, guarded
 from daemon.batch.operation._systemd import daemon_unit, worker_unit
 
 __all__ = [
     "DoctorFinding",
+    "Examination",
     "FindingLevel",
     "check_keys",
     "daemon_unit",

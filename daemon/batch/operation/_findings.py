@@ -8,6 +8,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
+from daemon.batch.paths import Endpoint
+
 _LONGEST: Final = 400
 """Characters of an exception that nobody has thought of."""
 
@@ -30,6 +32,15 @@ class DoctorFinding:
     subject: str
     message: str
     remedy: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """Findings about the installation whose state directory is ``state``."""
+
+    state: Path
+    endpoint: Endpoint
+    findings: tuple[DoctorFinding, ...]
 
 
 def ok(subject: str, message: str) -> DoctorFinding:

@@ -46,6 +46,14 @@ class IssuedKey:
 
 
 @dataclass(frozen=True, slots=True)
+class KeyList:
+    """The keys of a folder, or some of them."""
+
+    folder: Path
+    keys: tuple[IssuedKey, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class KeyRegister:
     """All certificates, the oldest first."""
 
