@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, RunDetail, RunRow
     from daemon.model.verbs import CampaignSource, DaemonClient
 
-_NONE_YET: Final = "there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`"
+_NONE_YET: Final = "there are no campaigns yet: write one with `scenario new my-tests`"
 _MCAP: Final = b"\x89MCAP0\r\n"
 """What every MCAP file begins with."""
 _NAMED: Final = 3

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from grammars.text.words import command_line
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import RunOrTrace
@@ -70,7 +69,7 @@ def replay(
     reason = why_undrawable()
     # Drawn on standard error like the dashboard, with keys from standard input.
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        scripts = command_line("replay", run, "--frame", "10")
+        scripts = target.command("replay", run, "--frame", "10")
         reason = f"a replay needs a terminal; scripts use `{scripts}`"
     if reason and not other:
         raise CommandError(reason)
