@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
     from daemon.model.spec import Snapshot
     from daemon.search.client import SearchClient
+    from scenario_tui.source import DaemonTarget
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -75,7 +76,7 @@ _NO_WORKER: Final = "waiting for a worker: none is connected"
 
 
 class ProgressDisplay:
-    """Where a watcher tells what it sees: a line for the campaign, one for each running run.
+    """Display of a watcher: a line for the campaign, one for each running run.
 
     Without a ``screen`` standard error is no terminal, and a log file is no place for progress.
     """
@@ -85,7 +86,7 @@ class ProgressDisplay:
 
     @property
     def on_screen(self) -> bool:
-        """Whether anything is drawn at all."""
+        """True if anything is drawn at all."""
         return self._screen is not None
 
     def show(self, draw: Callable[[], RenderableType]) -> None:
@@ -220,7 +221,7 @@ class WatchedWork(Protocol[T_co]):
 
     @property
     def finished(self) -> bool:
-        """Whether nothing more comes."""
+        """True if nothing more comes."""
 
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str) -> RenderableType:
         """Return how it stands; ``preparing`` is what keeps runs from starting."""
@@ -250,7 +251,7 @@ class WatchedRuns:
 
     @property
     def finished(self) -> bool:
-        """Whether no run waits or runs."""
+        """True if no run waits or runs."""
         return self.row is not None and self.row.finished
 
     def draw(
@@ -380,18 +381,7 @@ def watch_work(
                 time.sleep(INTERVAL)
 
 
-class WaitedFor(Protocol):
-    """The daemon that a command is about."""
-
-    @property
-    def may_come_back(self) -> bool:
-        """Whether it is worth waiting for when it does not answer."""
-
-    def open(self) -> AbstractContextManager[DaemonClient]:
-        """Open a client; raises :class:`Unreachable`."""
-
-
-def ask_patiently(target: WaitedFor, ask: Callable[[DaemonClient], T], patience: float) -> T:
+def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patience: float) -> T:
     """Ask a daemon something, again while it is away, for ``patience`` seconds.
 
     Raises :class:`Unreachable` when it stays away, at once where there never was one, and whatever
@@ -440,11 +430,11 @@ def latest_snapshot(
     daemon: DaemonClient, run: str, patience: float = _LIVE_PATIENCE
 ) -> Snapshot | None:
     """Return how far a run is, ``None`` when it does not tell within ``patience`` seconds."""
-    heard: list[Snapshot] = []
+    snapshots: list[Snapshot] = []
     came = threading.Event()
 
     def take(message: LiveSnapshot) -> None:
-        heard.append(message.snapshot)
+        snapshots.append(message.snapshot)
         came.set()
 
     watch = daemon.watch(run, take)
@@ -452,4 +442,4 @@ def latest_snapshot(
         came.wait(patience)
     finally:
         watch.close()
-    return heard[-1] if heard else None
+    return snapshots[-1] if snapshots else None

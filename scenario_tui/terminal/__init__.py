@@ -1,1 +1,1 @@
-"""What terminals can and cannot do, and apps that respect it."""
+"""Limits of terminals, and apps that respect them."""

@@ -1,4 +1,4 @@
-"""What the terminal can do, by its environment: colours, UTF-8, background, clipboard."""
+"""Abilities of the terminal, by its environment: colours, UTF-8, background, clipboard."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ Blocks: TypeAlias = Literal["cells", "quadrants"]
 
 @dataclass(frozen=True, slots=True)
 class TerminalLimits:
-    """How few colours there are, and whether only ASCII can be shown."""
+    """Limits of a terminal: its colours, and signs beyond ASCII."""
 
     colours: Literal["all", "few", "none"] = "all"
     ascii_only: bool = False
 
 
 def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
-    """Say why nothing can be drawn on this terminal, empty when it can."""
+    """Return why nothing can be drawn on this terminal; empty when it can."""
     name = environ.get("TERM", "")
     if name not in _UNDRAWABLE:
         return ""
@@ -59,7 +59,7 @@ def terminal_limits(
 
 
 def light_background(environ: Mapping[str, str] = os.environ) -> bool:
-    """Whether the terminal says by ``COLORFGBG`` that its background is light."""
+    """Return True if the terminal reports by ``COLORFGBG`` that its background is light."""
     return environ.get("COLORFGBG", "").rpartition(";")[2] in _LIGHT_COLOURS
 
 
@@ -72,7 +72,7 @@ def _colours(system: str | None, environ: Mapping[str, str]) -> Literal["all", "
 
 
 def ascii_only(environ: Mapping[str, str] = os.environ) -> bool:
-    """Whether nothing but ASCII can be shown.
+    """Return True if the terminal shows ASCII only.
 
     ``SCENARIO_GLYPHS=ascii`` or ``unicode`` settles it. The console of Linux has none of our
     signs, and elsewhere the encoding of the stream says whether it takes UTF-8.

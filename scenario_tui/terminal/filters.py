@@ -54,31 +54,31 @@ class PrintableText(LineFilter):
         """
         if all(segment.text.isprintable() for segment in segments):
             return list(segments)
-        shown, missing = _fitted(segments)
-        return shown if not missing else [_without_steering(segment) for segment in segments]
+        fitted, missing = _fitted(segments)
+        return fitted if not missing else [_without_steering(segment) for segment in segments]
 
 
 def _fitted(segments: Sequence[Segment]) -> tuple[list[Segment], int]:
     """Return printable segments, and by how many cells they are wider than before."""
-    found, missing = [], 0
+    fitted, missing = [], 0
     for segment in segments:
         parts = []
         for part in _PARTS.finditer(segment.text):
             text = _one_line(part[0])
             if part.lastgroup == "gap":
-                taken = min(missing, len(text) - 1)
-                text, missing = text[taken:], missing - taken
+                cells = min(missing, len(text) - 1)
+                text, missing = text[cells:], missing - cells
             elif text != part[0]:
                 missing += cell_len(text) - cell_len(part[0])
             parts.append(text)
-        found.append(segment._replace(text="".join(parts)))
-    return found, missing
+        fitted.append(segment._replace(text="".join(parts)))
+    return fitted, missing
 
 
 def _without_steering(segment: Segment) -> Segment:
     pairs = zip(segment.text, _one_line(segment.text), strict=True)
-    kept = (shown for sign, shown in pairs if shown == sign or cell_len(sign))
-    return segment._replace(text="".join(kept))
+    text = (new for old, new in pairs if new == old or cell_len(old))
+    return segment._replace(text="".join(text))
 
 
 def _one_line(text: str) -> str:

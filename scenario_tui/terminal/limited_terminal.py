@@ -72,7 +72,7 @@ class _Row:
 
 
 class TerminalDiff:
-    """What the terminal shows, as far as known."""
+    """Knowledge of the cells that the terminal shows; reduces frames to what differs."""
 
     def __init__(self) -> None:
         self._rows: dict[int, _Row] = {}
@@ -99,8 +99,8 @@ class TerminalDiff:
         if sum(token.end() - token.start() for token in tokens) != len(data):
             self.forget()  # something else is in it: it must arrive, and nothing is known then
             return self._opening() + data
-        found = "".join(self._changes(tokens))
-        return self._opening() + found if found else ""
+        changes = "".join(self._changes(tokens))
+        return self._opening() + changes if changes else ""
 
     def _synchronise(self, *, begins: bool) -> str:
         """Announce frames to terminals that show them at once, unless there is nothing to show."""
@@ -264,8 +264,8 @@ class LimitedTerminalApp(App[None]):
 
     def get_key_display(self, binding: Binding) -> str:
         """Name keys in words where there are no signs for them."""
-        shown = super().get_key_display(binding)
-        return {"⏎": "Enter", "⌫": "Bksp"}.get(shown, shown) if self.ascii_only else shown
+        sign = super().get_key_display(binding)
+        return {"⏎": "Enter", "⌫": "Bksp"}.get(sign, sign) if self.ascii_only else sign
 
     def get_driver_class(self) -> type[Driver]:
         """Return a driver that sends only what changed on the screen."""

@@ -34,11 +34,11 @@ def render_diagnostic(diagnostic: Finding) -> Text:
 
 def diagnostic_counts(diagnostics: Iterable[Finding]) -> str:
     """Return ``2 errors, 1 warning``."""
-    found = tuple(diagnostics)
-    errors = sum(d.severity is Severity.ERROR for d in found)
+    severities = [one.severity for one in diagnostics]
+    errors = severities.count(Severity.ERROR)
     parts = [count_noun(errors, "error")] if errors else []
-    if len(found) > errors:
-        parts.append(count_noun(len(found) - errors, "warning"))
+    if len(severities) > errors:
+        parts.append(count_noun(len(severities) - errors, "warning"))
     return ", ".join(parts) or "no problems"
 
 

@@ -178,10 +178,10 @@ def run_label(row: RunRow) -> str:
 
 def verdict_line(verdict: Verdict) -> str:
     """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door_3``."""
-    seen = verdict.evidence
+    evidence = verdict.evidence
     result = f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"
-    first = " ".join(filter(None, (result, moment_text(seen.time))))
-    return ", ".join(filter(None, (first, seen.object, seen.note_text)))
+    first = " ".join(filter(None, (result, moment_text(evidence.time))))
+    return ", ".join(filter(None, (first, evidence.object, evidence.note_text)))
 
 
 def printed_lines(text: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""What is said of runs without a result: where they stand, why, and what brings them on."""
+"""Words about runs without a result: their state, its reason, the command that helps."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | 
     if run.state is RunState.QUEUED:
         return f"{run.id} is queued: {_waiting_text(run, campaign, before)}"
     if run.state is RunState.CANCELLED:
-        said = f"{run.id} was cancelled before it ended"
-        return f"{said}; `scenario retry {run.campaign}` queues it again"
+        state = f"{run.id} was cancelled before it ended"
+        return f"{state}; `scenario retry {run.campaign}` queues it again"
     if run.state is RunState.LOST:
         why = run.reason.strip().splitlines()[-1:]
-        said = f"{run.id} is lost, {count_noun(run.attempt, 'attempt')} left no result"
-        return ": ".join((said, *why)) + f"; `scenario retry {run.campaign}` queues it again"
+        state = f"{run.id} is lost, {count_noun(run.attempt, 'attempt')} left no result"
+        return ": ".join((state, *why)) + f"; `scenario retry {run.campaign}` queues it again"
     return f"{run.id} has no trace: {run.reason or 'it is not there any more'}"
 
 
@@ -71,10 +71,10 @@ def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None)
 
 def without_traces_text(campaign: CampaignRow) -> str:
     """Return why a campaign has no traces."""
-    if left := unfinished_text(campaign):
-        return f"no run of {campaign.id} has a trace yet: {left}"
+    if rest := unfinished_text(campaign):
+        return f"no run of {campaign.id} has a trace yet: {rest}"
     words = {"cancelled": campaign.cancelled, "lost": campaign.lost}
-    gone = ", ".join(f"{count:,} {word}" for word, count in words.items() if count)
-    if not gone:
+    lacking = ", ".join(f"{count:,} {word}" for word, count in words.items() if count)
+    if not lacking:
         return f"the traces of {campaign.id} are not there any more"
-    return f"no run of {campaign.id} has a trace: {gone}; `scenario retry` queues them again"
+    return f"no run of {campaign.id} has a trace: {lacking}; `scenario retry` queues them again"

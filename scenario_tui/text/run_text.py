@@ -88,43 +88,40 @@ def worst_text(value: float | None, unit: str, oracle: str) -> Text:
 def _value(verdict: Verdict) -> str:
     if verdict.outcome is Outcome.MEASURE:
         return format_quantity(verdict.evidence.value, verdict.unit)
-    shown = margin(verdict.margin, verdict.unit)
+    least = margin(verdict.margin, verdict.unit)
     if verdict.outcome is Outcome.INCONCLUSIVE and verdict.upper is not None:
-        return f"{shown} to {margin(verdict.upper, verdict.unit)}"
-    return shown
+        return f"{least} to {margin(verdict.upper, verdict.unit)}"
+    return least
 
 
 def _share(verdict: Verdict) -> float:
     """Return a margin as a share of the larger of value and limit, of 1 SI unit without those."""
-    seen, found = verdict.evidence, verdict.margin or 0.0
-    sizes = [abs(size) for size in (seen.value, seen.limit) if size is not None]
+    evidence, size = verdict.evidence, verdict.margin or 0.0
+    sizes = [abs(one) for one in (evidence.value, evidence.limit) if one is not None]
     # With a limit of zero the value is the margin: compared with that it would always be all.
-    scale = max(sizes) if seen.limit and len(sizes) == 2 else 1.0
-    return math.copysign(1.0, found) if math.isinf(scale) or math.isinf(found) else found / scale
+    scale = max(sizes) if evidence.limit and len(sizes) == 2 else 1.0
+    return math.copysign(1.0, size) if math.isinf(scale) or math.isinf(size) else size / scale
 
 
 def _evidence_lines(verdict: Verdict) -> list[str]:
     """Return the evidence: when and at what, then how much and what else there is to say."""
-    seen = verdict.evidence
-    where = [moment_text(seen.time), seen.object]
+    evidence = verdict.evidence
+    where = [moment_text(evidence.time), evidence.object]
     amounts = ""
-    if seen.value is not None and seen.limit is not None:
-        value = format_quantity(seen.value, verdict.unit)
-        limit = format_quantity(seen.limit, verdict.unit)
+    if evidence.value is not None and evidence.limit is not None:
+        value = format_quantity(evidence.value, verdict.unit)
+        limit = format_quantity(evidence.limit, verdict.unit)
         amounts = f"{value}, limit {limit}"
-    lines = (where, [amounts, _first_line(seen.note_text)])
+    lines = (where, [amounts, _first_line(evidence.note_text)])
     return [", ".join(filter(None, line)) for line in lines if any(line)]
 
 
 def evidence_parts(verdict: Verdict) -> list[str]:
     """Return margin, moment, object and note of a verdict, as far as there are any."""
-    seen = verdict.evidence
+    evidence = verdict.evidence
     amount = "" if verdict.margin is None else margin(verdict.margin, verdict.unit)
-    return [
-        part
-        for part in (amount, moment_text(seen.time), seen.object, _first_line(seen.note_text))
-        if part
-    ]
+    parts = (amount, moment_text(evidence.time), evidence.object, _first_line(evidence.note_text))
+    return [part for part in parts if part]
 
 
 def _first_line(note: str) -> str:
@@ -177,13 +174,15 @@ _WITHOUT_RESULT: Final = {
 }
 
 
-def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOARD_STYLES) -> Text:
+def run_text(
+    detail: RunDetail, snapshot: Snapshot | None, styles: Styles = DASHBOARD_STYLES
+) -> Text:
     """Return everything about a run, the answer first."""
     row = detail.row
     word = run_word(row)
     text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), styles[word]), "\n")
     if row.state is RunState.RUNNING:
-        _running(text, seen, styles)
+        _running(text, snapshot, styles)
     elif row.state in _WITHOUT_RESULT and row.reason in ("", row.state):
         text.append(f"{_WITHOUT_RESULT[row.state]}\n", style=quiet_style(styles))
     if row.reason not in ("", row.state):
@@ -197,21 +196,21 @@ def run_text(detail: RunDetail, seen: Snapshot | None, styles: Styles = DASHBOAR
     return text
 
 
-def reached_text(seen: Snapshot | None, *, limit: bool = True) -> str:
+def reached_text(snapshot: Snapshot | None, *, limit: bool = True) -> str:
     """Return how far a run is: ``1/3 wp  60 s of 1200 s``; or what its start waits for.
 
     Without ``limit`` the text ends after the simulated time.
     """
-    if seen is None or seen.waiting:
-        return seen.waiting if seen is not None else "starting"
-    time = f"{seen.reached}/{seen.waypoints} wp  {seen.time:.0f} s"
-    return f"{time} of {seen.limit:.0f} s" if limit else time
+    if snapshot is None or snapshot.waiting:
+        return snapshot.waiting if snapshot is not None else "starting"
+    time = f"{snapshot.reached}/{snapshot.waypoints} wp  {snapshot.time:.0f} s"
+    return f"{time} of {snapshot.limit:.0f} s" if limit else time
 
 
-def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
-    text.append(f"{reached_text(seen)}\n")
-    if seen is not None:
-        more = "simulated time begins when it is up" if seen.waiting else seen.stack
+def _running(text: Text, snapshot: Snapshot | None, styles: Styles) -> None:
+    text.append(f"{reached_text(snapshot)}\n")
+    if snapshot is not None:
+        more = "simulated time begins when it is up" if snapshot.waiting else snapshot.stack
         text.append(f"{more}\n" if more else "", style=quiet_style(styles))
 
 
@@ -226,8 +225,8 @@ def _verdicts(text: Text, result: RunResult, styles: Styles) -> None:
 
 def _oracles(text: Text, detail: RunDetail, styles: Styles) -> None:
     over = detail.row.state in (RunState.LOST, RunState.CANCELLED)
-    said = "was to be judged by" if over else "will be judged by"
-    text.append(f"{said}\n", style=quiet_style(styles))
+    verb = "was to be judged by" if over else "will be judged by"
+    text.append(f"{verb}\n", style=quiet_style(styles))
     for oracle in detail.spec.oracles:
         text.append(f"  {GLYPHS['measure']} {oracle.name}\n")
     text.append("\n")
@@ -243,7 +242,7 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
     """Add what the run was and what became of it."""
     row, spec, result = detail.row, detail.spec, detail.row.result
     repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
-    found = [
+    facts = [
         ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {brief_seed(spec.seed)}"),
         ("SUT", f"{spec.sut.name} ({spec.sut.kind}{repeatable})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
@@ -253,18 +252,18 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
     ]
     if result is not None:
         timing = result.timing
-        found.append(("ended", result.ended))
+        facts.append(("ended", result.ended))
         took = f"{timing.simulated:.1f} s simulated"
         # A trace alone does not say how long that took.
         if timing.wall > 0:
             speed = timing.simulated / timing.wall
             took += f" in {fine_duration(timing.wall)}, {speed:.0f}x"
-        found.append(("took", took))
+        facts.append(("took", took))
     if row.worker:
-        found.append(("worker", f"{row.worker}, attempt {row.attempt}"))
+        facts.append(("worker", f"{row.worker}, attempt {row.attempt}"))
     if row.trace:
         size = f", {result.trace.size / 1e6:.1f} MB" if result is not None else ""
-        found.append(("trace", f"{row.trace}{size}"))
-    for name, value in found:
+        facts.append(("trace", f"{row.trace}{size}"))
+    for name, value in facts:
         text.append(f"{name:<9}", style=quiet_style(styles))
         text.append(f" {value}\n")

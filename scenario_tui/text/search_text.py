@@ -102,14 +102,14 @@ def parameters_text(
 
 def _change_text(parameter: SearchParameter, value: PointValue) -> str:
     """Return ``8 → 8.54 s``; the value alone where it is as written."""
-    words, written = parameter.shown(value), NOTHING
+    now, before = parameter.shown(value), NOTHING
     if is_as_written(parameter, value):
-        return words
+        return now
     if parameter.written is not None:
-        written = parameter.shown(parameter.written)
+        before = parameter.shown(parameter.written)
     if parameter.unit and isinstance(value, float | int):
-        written = written.removesuffix(f" {parameter.unit}")
-    return f"{written} → {words}"
+        before = before.removesuffix(f" {parameter.unit}")
+    return f"{before} → {now}"
 
 
 def search_line(row: SearchRow) -> str:
@@ -238,15 +238,15 @@ def search_commands(
         resume = (command("search", row.file, row.campaign), "go on with it")
         end = (command("cancel", row.campaign), "end it, what was found is kept")
         return (watch if row.state == "running" else resume, end)
-    shown = row.answer.shown if row.answer is not None else None
+    decisive = row.answer.shown if row.answer is not None else None
     commands: list[tuple[str, str]] = []
-    if shown is not None and shown.run:
-        begin = ("--from", shown.verdict.oracle) if shown.fails and shown.verdict else ()
-        what = "watch the failure" if shown.fails else "watch the run nearest to failing"
-        commands.append((command("replay", shown.run, *begin), what))
-        commands.append((command("show", shown.run), "what each oracle says"))
-    if shown is not None and found:
-        cell = shown.label.split("/")[:2]
+    if decisive is not None and decisive.run:
+        begin = ("--from", decisive.verdict.oracle) if decisive.fails and decisive.verdict else ()
+        what = "watch the failure" if decisive.fails else "watch the run nearest to failing"
+        commands.append((command("replay", decisive.run, *begin), what))
+        commands.append((command("show", decisive.run), "what each oracle says"))
+    if decisive is not None and found:
+        cell = decisive.label.split("/")[:2]
         export = command_line("export", found, *GAZEBO_KINDS, "-o", "gazebo")
         commands += [
             (command_line("run", found), "the failure again, on its own"),
