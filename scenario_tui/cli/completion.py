@@ -73,21 +73,21 @@ def files(*kinds: str | Fits) -> Source:
         return path.name.endswith(endings) or any(test(path) for test in tests)
 
     def source(ctx: typer.Context, incomplete: str) -> Offers:
-        found = list(islice(_candidates(incomplete, fits), _MAX_FILES))
-        while kinds and len(found) == 1 and found[0].endswith("/") and found[0] != incomplete:
-            incomplete = found[0]
-            found = list(islice(_candidates(incomplete, fits), _MAX_FILES))
-        return [(name, "") for name in found]
+        names = list(islice(_candidates(incomplete, fits), _MAX_FILES))
+        while kinds and len(names) == 1 and names[0].endswith("/") and names[0] != incomplete:
+            incomplete = names[0]
+            names = list(islice(_candidates(incomplete, fits), _MAX_FILES))
+        return [(name, "") for name in names]
 
     return source
 
 
 def _candidates(incomplete: str, fits: Fits) -> Iterator[str]:
-    above, _, begun = incomplete.rpartition("/")
-    typed = incomplete[: len(incomplete) - len(begun)]
+    above, _, beginning = incomplete.rpartition("/")
+    typed = incomplete[: len(incomplete) - len(beginning)]
     with os.scandir(Path(typed).expanduser() if above else Path(typed or ".")) as entries:
         for entry in sorted(entries, key=lambda entry: entry.name):
-            if not entry.name.startswith(begun) or (entry.name[0] == "." and not begun):
+            if not entry.name.startswith(beginning) or (entry.name[0] == "." and not beginning):
                 continue
             if entry.is_dir():
                 yield f"{typed}{entry.name}/"

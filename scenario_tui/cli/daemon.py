@@ -149,10 +149,10 @@ def unit_words(context: typer.Context, options: Mapping[str, str]) -> list[str]:
         elif not equals:
             next(typed)
     command, *rest = words
-    chosen = [word for pair in values.items() for word in pair]
+    pairs = [word for pair in values.items() for word in pair]
     beside = Path(sys.executable).with_name("scenario")
     executable = beside if beside.exists() else Path(sys.argv[0]).absolute()
-    return [str(executable), command, *chosen, *rest]
+    return [str(executable), command, *pairs, *rest]
 
 
 def _stop_daemon(target: DaemonTarget) -> LeavingDaemon:
@@ -166,5 +166,5 @@ def _stop_daemon(target: DaemonTarget) -> LeavingDaemon:
 
 def _print_leaving(leaving: LeavingDaemon) -> None:
     count = leaving.unfinished
-    kept = f"; {count} unfinished runs go on when it is started again" if count else ""
-    say(f"the daemon at {endpoint_text(leaving.endpoint)} is leaving{kept}")
+    rest = f"; {count} unfinished runs go on when it is started again" if count else ""
+    say(f"the daemon at {endpoint_text(leaving.endpoint)} is leaving{rest}")

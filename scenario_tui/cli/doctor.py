@@ -58,9 +58,9 @@ def _verification_progress() -> Iterator[VerificationProgress]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
     columns = (TextColumn("verifying {task.description}"), BarColumn(), MofNCompleteColumn())
-    with open_progress(*columns) as shown:
-        task = shown.add_task("", total=None)
-        yield lambda what, done, total: shown.update(
+    with open_progress(*columns) as display:
+        task = display.add_task("", total=None)
+        yield lambda what, done, total: display.update(
             task, description=what, completed=done, total=total
         )
 

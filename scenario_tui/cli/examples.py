@@ -1,4 +1,4 @@
-"""What help shows below each command: lines to copy, every one of which the tests execute.
+"""Examples below the help of each command: lines to copy. The tests execute every one of them.
 
 They stand in a folder with a campaign file ``campaign.yaml`` called ``nightly`` that was submitted
 there, a floor plan ``flat.fpm`` and what their own earlier lines have made.

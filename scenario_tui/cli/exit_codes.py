@@ -1,4 +1,4 @@
-"""Exit codes: which one a set of runs deserves, and what is wrong usage."""
+"""Exit codes: the one that a set of runs deserves, and wrong usage."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 
 class ExitCode(IntEnum):
-    """What a script can rely on; ``BUG`` is EX_SOFTWARE of sysexits.h."""
+    """Codes that scripts can rely on; ``BUG`` is EX_SOFTWARE of sysexits.h."""
 
     EXPECTED = 0
     UNEXPECTED = 1
@@ -29,12 +29,12 @@ def exit_code(words: Iterable[str]) -> ExitCode:
     A failure is a finding even when other runs were lost; without one, runs that could not be
     judged because something broke weigh more than inconclusive ones.
     """
-    found = set(words)
-    if "fail" in found:
+    outcomes = set(words)
+    if "fail" in outcomes:
         return ExitCode.UNEXPECTED
-    if found & {"lost", "error"}:
+    if outcomes & {"lost", "error"}:
         return ExitCode.INFRASTRUCTURE
-    if not found or found - {"pass"}:
+    if not outcomes or outcomes - {"pass"}:
         return ExitCode.INCONCLUSIVE
     return ExitCode.EXPECTED
 

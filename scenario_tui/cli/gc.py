@@ -1,4 +1,4 @@
-"""The command that gives space back: traces of finished campaigns, and files nobody needs."""
+"""The command that gives space back: traces of finished campaigns, and unused files."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def init(
 def issue(
     role: Annotated[
         Literal["viewer", "operator", "worker", "daemon"],
-        typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon."),
+        typer.Argument(metavar="ROLE", help="What it is for."),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is: a-z 0-9 and -.")],
     keys: Keys = None,
@@ -134,9 +134,9 @@ def bundle(
     say(f'"{key}" is in {output}: whoever has it is "{key}" for the daemon')
 
 
-def _certificate_hosts(chosen: list[str] | None) -> tuple[str, ...]:
+def _certificate_hosts(names: list[str] | None) -> tuple[str, ...]:
     # Without loopback among the names, the daemon's own machine could not check its certificate.
-    hosts = [*(chosen or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
+    hosts = [*(names or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
     return tuple(dict.fromkeys(hosts))
 
 

@@ -171,7 +171,7 @@ def _print_next_steps(files: tuple[str, ...]) -> None:
 
 
 def _errand_in(path: Path) -> Errand:
-    """Return start and waypoints in a building; raises ``InputError`` for what is none."""
+    """Return start and waypoints in a building; raises :class:`InputError`."""
     from daemon.campaign import LayerLibrary, LayerReference
     from grammars.scenery.composition import compile_scene
     from templates.new_campaign import propose_errand

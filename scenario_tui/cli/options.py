@@ -48,7 +48,7 @@ def parse_ratio(text: str) -> float:
 
 
 def check_writable(path: Path, option: str) -> None:
-    """Refuse a file that nobody can write there, as wrong usage of ``option``."""
+    """Refuse a file that cannot be written, as wrong usage of ``option``."""
     why = ""
     if path.is_dir():
         why = "is a folder, and a file is written"
@@ -68,7 +68,7 @@ def why_no_folder(path: Path) -> str:
 
 
 def check_folder(path: Path, option: str) -> None:
-    """Refuse what is there and no folder, as wrong usage of ``option``."""
+    """Refuse a file in place of a folder, as wrong usage of ``option``."""
     if path.exists() and not path.is_dir():
         raise typer.BadParameter(f"{path} is no folder", param_hint=option)
 

@@ -1,4 +1,4 @@
-"""Where words go: results to standard output, messages and progress to standard error.
+"""Output streams: results go to standard output, messages and progress to standard error.
 
 What a command answers is an :class:`Output`: one declaration from which follow the JSON object it
 writes with ``--json``, the schema of that object (:mod:`scenario_tui.cli.output_schemas`) and what
@@ -155,7 +155,7 @@ def print_commands(*commands: tuple[str, str]) -> None:
 
 
 class CommandError(Exception):
-    """Why a command cannot do what was typed, in a line, and the exit ``code`` it leaves with."""
+    """Reason why a command cannot do what was typed, in a line; ``code`` is the exit code."""
 
     def __init__(self, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
         super().__init__(message)
@@ -164,7 +164,7 @@ class CommandError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class ErrorValue:
-    """Why a command has no other answer, the code it leaves with, what is wrong in files."""
+    """Answer of a command that failed: the reason, the exit code, the findings about files."""
 
     error: str
     exit_code: int

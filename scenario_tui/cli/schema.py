@@ -42,7 +42,7 @@ def schema(
     kind: Annotated[
         FileKind | None,
         typer.Argument(
-            metavar="[" + "|".join(FileKind) + "]",
+            metavar="KIND",
             help="Kind of YAML file. With --out, all of them when left out.",
             show_default=False,
         ),

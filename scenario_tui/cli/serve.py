@@ -50,7 +50,7 @@ class _Bridge:
 
 @dataclass(slots=True)
 class _Services:
-    """Services by which a world can be reached; ``lacking`` says what is not served, and why."""
+    """Services by which a world can be reached; ``lacking`` names a missing one, and the reason."""
 
     foxglove: FoxgloveServer | None = None
     bridge: _Bridge | None = None
@@ -197,7 +197,7 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
 
 
 def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
-    """Return what makes the system that drives, or nothing where nobody does."""
+    """Return a function that makes the system under test, ``None`` without one."""
     from daemon.stacks.registry import make_sut
 
     if spec.sut.name == _NOBODY or not spec.sut.repeatable:

@@ -117,7 +117,7 @@ def _read_ros_parameters(sut: LoadedSut) -> RosParameters | None:
 
 
 def _defaults(sut: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
-    """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
+    """Return the defaults that apply, by namespace or section, of kinds that have sections."""
     from daemon.stacks.ros2 import ROS2
 
     if sut.reference.kind == ROS2.name:

@@ -64,7 +64,7 @@ def check(
         ),
     ] = None,
 ) -> Answer[StackCheck]:
-    """Start a ROS 2 stack, hold what is seen of it against what a run needs, and end it.
+    """Start a ROS 2 stack, compare it with the needs of a run, and end it.
 
     No mission is sent. Leaves with 1 when something is missing, with 3 when it cannot be started.
     """
@@ -92,18 +92,18 @@ def check(
     say(f"starting {name}, which may take {settings.start_up:g} s")
     try:
         with _progress() as on_progress:
-            seen = inspection.inspect_stack(settings, briefing, first, on_progress, write_outputs)
+            stack = inspection.inspect_stack(settings, briefing, first, on_progress, write_outputs)
     except SutFailure as error:
         value = StackCheck(name, error.reason, error.printed, outputs=tuple(outputs))
         return Answer("inspection", value, partial(_print_failure, value), ExitCode.INFRASTRUCTURE)
-    lines = examine(settings, seen, briefing.robot.lasers)
+    lines = examine(settings, stack, briefing.robot.lasers)
     value = StackCheck(
         name,
-        seen.failure.reason if seen.failure else "",
-        seen.failure.printed if seen.failure else (),
-        seen.identity.distribution,
-        seen.identity.rmw,
-        seen.seconds,
+        stack.failure.reason if stack.failure else "",
+        stack.failure.printed if stack.failure else (),
+        stack.identity.distribution,
+        stack.identity.rmw,
+        stack.seconds,
         lines,
         tuple(outputs),
     )
@@ -167,7 +167,7 @@ def _first_moment(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
-    """Show what is waited for where somebody looks at it."""
+    """Show progress on a terminal: the thing that the stack is waiting for."""
     console = stderr_console()
     if not console.is_terminal:
         yield lambda _: None

@@ -1,4 +1,4 @@
-"""What the ROS stack makes of a configuration: planners, layers, who hears which laser."""
+"""Configuration as the ROS stack reads it: planners, layers, who hears which laser."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def _costmap_values(costmap: LayeredCostmap) -> dict[str, Any]:
     return {**dataclasses.asdict(costmap), "layers": layers}
 
 
-def defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
-    """Return the values nobody wrote, by namespace."""
+def defaults(sut: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
+    """Return the defaults that apply, by namespace."""
     from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
 
     planners = read.move_base.base_global_planner, read.move_base.base_local_planner
@@ -66,24 +66,24 @@ def defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]
         namespace: {
             field.name: getattr(model, field.name)
             for field in dataclasses.fields(model)
-            if field.name not in left_out | _written_names(found, namespace)
+            if field.name not in left_out | _written_names(sut, namespace)
         }
         for namespace, model in namespaces.items()
     }
 
 
-def _written_names(found: LoadedSut, namespace: str) -> set[str]:
+def _written_names(sut: LoadedSut, namespace: str) -> set[str]:
     """Return the names somebody wrote in a namespace, or where it is looked for besides."""
     above = tuple(namespace.split("/"))
     spaces = [above]
     if namespace.endswith("rotate_recovery"):
         # rotate_recovery takes its speeds from there (rotate_recovery.cpp, initialize).
         spaces.append(("move_base", "TrajectoryPlannerROS"))
-    names = {path[-1] for path in found.settings if path[:-1] in spaces}
+    names = {path[-1] for path in sut.settings if path[:-1] in spaces}
     if namespace.endswith("costmap"):
         from daemon.stacks.ros1.costmap.layers import SEARCHED_UPWARDS
 
-        names |= {name for name in SEARCHED_UPWARDS if ("move_base", name) in found.settings}
+        names |= {name for name in SEARCHED_UPWARDS if ("move_base", name) in sut.settings}
     return names
 
 
@@ -130,8 +130,8 @@ def _source_text(source: ObservationSource) -> str:
     if source.clearing:
         does.append(f"clears to {source.raytrace_range:g} m")
     keeps = source.observation_persistence
-    kept = f", keeps {keeps:g} s" if keeps > 0.0 else ""
-    return f"{source.name} on {source.topic} {' and '.join(does) or 'does nothing'}{kept}"
+    memory = f", keeps {keeps:g} s" if keeps > 0.0 else ""
+    return f"{source.name} on {source.topic} {' and '.join(does) or 'does nothing'}{memory}"
 
 
 def _wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
@@ -140,7 +140,7 @@ def _wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
 
 
 def print_wiring(read: RosParameters) -> None:
-    """Print where lasers come on, and who hears them."""
+    """Print the topics of lasers, and their listeners."""
     console = stdout_console()
     topics = read.topics
     if topics.by_laser:
@@ -156,12 +156,12 @@ def print_wiring(read: RosParameters) -> None:
         "local costmap": topics.local_costmap,
     }
     for name, listens in listeners.items():
-        heard = heard_by[name.replace(" ", "_")]
-        answer = "hears it" if heard else "does not hear it"
+        lasers = heard_by[name.replace(" ", "_")]
+        answer = "hears it" if lasers else "does not hear it"
         if topics.by_laser:
-            answer = f"hears {', '.join(heard)}" if heard else "hears no laser"
+            answer = f"hears {', '.join(lasers)}" if lasers else "hears no laser"
         console.print(
             f"  {name} listens to {', '.join(listens) or 'nothing'}: {answer}",
             markup=False,
-            style="" if heard else "yellow",
+            style="" if lasers else "yellow",
         )

@@ -18,7 +18,7 @@ from scenario_tui.source import DaemonTarget
 
 
 def _parse_scheduler(address: str) -> str:
-    """Return the address of a Dask scheduler; raises ``ValueError`` for what is none."""
+    """Return the address of a Dask scheduler; raises ``ValueError``."""
     protocol, _, rest = address.partition("://")
     if address and not (protocol in ("tcp", "tls") and rest.rpartition(":")[2].isdigit()):
         raise ValueError(f"{address!r} is no address, write tcp://<host>:<port> or tls://")
