@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -64,7 +65,9 @@ def run_in_children(
     included, no process survives it, and none that a run has started.
     """
     for spec, scene in runs:
-        load_kernels(spec, scene)
+        # What keeps a run from being executed, a missing map say, its own process reports.
+        with suppress(Exception):
+            load_kernels(spec, scene)
     limits = [RunLimits(wall=wall).wall_of(spec.limit) for spec, _ in runs]
     traces = [trace_in(folder, number) for number in range(len(runs))]
     context = multiprocessing.get_context("fork")
