@@ -146,6 +146,8 @@ class Campaign:
             file = Path(system)
             is_path = file.suffix in (".yaml", ".yml") and file.is_file()
             loaded = load_campaign(self.path, system=str(file.resolve()) if is_path else system)
+            cells = tuple(cell for cell in loaded.cells if cell.name in self.scenarios)
+            loaded = replace(loaded, cells=cells)
             system = ""
         cells = loaded.cells
         if scenario:

@@ -48,6 +48,8 @@ def test_another_system_takes_the_place_of_those_of_the_campaign(demo, where, mo
     assert not any(one.severity == "error" for one in other.check())
     seeds = [run.seed for run in demo.select("rude-house").submission().runs]
     assert [run.seed for run in other.submission().runs] == seeds
+    again = demo.select("rude-house").select(system="a2s.yaml" if where == "path" else "a2s")
+    assert (again.scenarios, again.runs) == (("rude-house",), 5)
 
 
 @pytest.mark.parametrize(
