@@ -1,4 +1,4 @@
-"""gc, doctor, units: against a real daemon where it matters."""
+"""gc and doctor, against a real daemon where it matters."""
 
 from functools import partial
 from pathlib import Path
@@ -84,19 +84,6 @@ def test_gc_without_a_ledger_says_so(scenario, tmp_path):
     said = scenario("gc", "--keep", "3", "--state", str(tmp_path))
     assert said.code == 2
     assert "there is no ledger" in said.err
-
-
-def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    unit = scenario("daemon", "--print-unit", "--state", "my state", "--slots", "2").out
-    assert f'"daemon" "--state" "{tmp_path}/my state" "--slots" "2"' in unit
-    wide = scenario("daemon", "--print-unit", "--listen", "tls/[::]:7447", "--keys", "k").out
-    assert f'"--keys" "{tmp_path}/k"' in wide
-    assert '"--listen" "tls/[::]:7447"' in wide
-    assert scenario("worker", "--print-unit", "--state", "here").out.count(f"{tmp_path}/here") == 1
-    far = scenario("worker", "--print-unit", "--connect", "tcp/far:7447").out
-    assert '"--connect" "tcp/far:7447"\n' in far
-    assert "--state" not in far
 
 
 def test_doctor_shows_problems_with_their_remedy_and_leaves_with_3(real, tmp_path):
