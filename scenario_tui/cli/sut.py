@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.model.spec import SutReference
-from grammars.text.diagnostics import Finding, Where
+from grammars.text.diagnostics import Finding
 from scenario_tui.cli import completion, sut_ros
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import PlainFlagsGroup, command_of
 from scenario_tui.cli.output import plain_table, report_findings, stderr_console, stdout_console
-from scenario_tui.cli.sut_check import check
+from scenario_tui.cli.sut_check import check, find_sut
 from scenario_tui.text.formatting import NOT_REPEATABLE
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class ShownSut:
 @command_of(app, "show")
 def show(
     file: Annotated[
-        Path,
+        str,
         typer.Argument(
             metavar="SUT.yaml",
             help="A system under test: its file, or a name as campaigns say it.",
@@ -72,12 +72,11 @@ def show(
     layers of both costmaps and who hears which laser; for a ROS 2 stack the defaults that apply.
     Nothing is started.
     """
-    from daemon.campaign import SUT, LayerLibrary, LayerReference, RefusedSutError, find_layer
+    from daemon.campaign import LayerLibrary, RefusedSutError
 
-    if not file.is_file() and not file.suffix:
-        file = find_layer(Path(), LayerReference(str(file), {}, Where(str(file))), SUT)
+    path = find_sut(file, Path())
     try:
-        sut = LayerLibrary(file.parent).sut_file(file)
+        sut = LayerLibrary(path.parent).sut_file(path)
     except RefusedSutError as refused:
         _print_settings(stderr_console(), refused.settings, ())
         raise

@@ -112,16 +112,27 @@ def check(
     return Answer("inspection", value, partial(_print_check, value), code)
 
 
+def find_sut(name: str, folder: Path) -> Path:
+    """Return the file of a system under test: a path, or a name as in campaigns of ``folder``.
+
+    Raises :class:`InputError`.
+    """
+    from daemon.campaign import SUT, LayerReference, find_layer
+
+    path = Path(name)
+    return (
+        path if path.is_file() else find_layer(folder, LayerReference(name, {}, Where(name)), SUT)
+    )
+
+
 def _load(name: str, folder: Path) -> LoadedSut:
     """Load a SUT file, or one that is found by its name as in a campaign of ``folder``.
 
     Raises :class:`InputError` for a bad file, and wrong usage for a system that is not outside.
     """
-    from daemon.campaign import SUT, LayerLibrary, LayerReference, find_layer
+    from daemon.campaign import LayerLibrary
 
-    path = Path(name)
-    if not path.is_file():
-        path = find_layer(folder, LayerReference(name, {}, Where(name)), SUT)
+    path = find_sut(name, folder)
     sut = LayerLibrary(path.parent).sut_file(path)
     report_findings(sut.warnings)
     if sut.reference.kind != _KIND:
