@@ -253,8 +253,8 @@ def _why_no_campaign(source: CampaignSource, name: str) -> str:
     from scenario_tui.campaign_files import is_campaign
 
     text = Path(name).read_text("utf-8", "replace") if is_campaign(Path(name)) else ""
-    if written := re.search(r"^campaign\s*:\s*([\w-]+)", text, re.MULTILINE):
-        return f'{name} is a file: what was submitted of it is called "{written[1]}"'
+    if match := re.search(r"^campaign\s*:\s*([\w-]+)", text, re.MULTILINE):
+        return f'{name} is a file: what was submitted of it is called "{match[1]}"'
     if words := _no_traces(name):
         return f"{words}, and no campaign is called so"
     # Ids have no slash (daemon.model.ids).

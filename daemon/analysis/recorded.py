@@ -88,7 +88,7 @@ class RecordedCampaign(CampaignSource):
 
     def _runs(self, query: RunQuery) -> RunPage:
         self._judge(self.rows)
-        chosen = [
+        rows = [
             row
             for row in self.rows
             if query.scenario in ("", row.scenario)
@@ -97,21 +97,21 @@ class RecordedCampaign(CampaignSource):
             and query.outcome in ("", row.outcome)
             and query.text.lower() in " ".join((row.label, row.oracle, row.reason, row.id)).lower()
         ]
-        chosen.sort(key=partial(_sort_key, query.sort), reverse=query.descending)
-        page = chosen[query.offset : query.offset + query.limit]
-        return RunPage(tuple(page), len(chosen))
+        rows.sort(key=partial(_sort_key, query.sort), reverse=query.descending)
+        page = rows[query.offset : query.offset + query.limit]
+        return RunPage(tuple(page), len(rows))
 
-    def _run(self, asked: IdRequest) -> RunDetail:
-        row = next((one for one in self.rows if one.id == asked.id), None)
+    def _run(self, request: IdRequest) -> RunDetail:
+        row = next((one for one in self.rows if one.id == request.id), None)
         if row is None:
-            raise Refused(f"there is no run {asked.id} in {self.row.id}")
+            raise Refused(f"there is no run {request.id} in {self.row.id}")
         if row.id not in self.specs:
             raise Refused(
                 f"{self.row.id} holds results alone, and no specification of {row.id}: "
                 "name the campaign or a folder of its traces"
             )
         self._judge((row,))
-        (row,) = (one for one in self.rows if one.id == asked.id)
+        (row,) = (one for one in self.rows if one.id == request.id)
         return RunDetail(row, self.specs[row.id])
 
     def _judge(self, rows: Sequence[RunRow]) -> None:

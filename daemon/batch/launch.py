@@ -17,7 +17,6 @@ from typing import IO, Final
 from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
-from daemon.batch.ledger import RetentionPolicy, sweep_traces
 from daemon.batch.paths import StatePaths, is_locked, is_same_folder
 from daemon.batch.permissions import open_private_log
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
@@ -180,6 +179,9 @@ def _start_shared(paths: StatePaths, pipe: Path, kept: int) -> str:
                 client.cancel(row.id)
         for row in rows[_CAMPAIGNS_KEPT:]:
             client.delete((row.id,))
+    # Who only submits does not load what reads the ledger.
+    from daemon.batch.ledger import RetentionPolicy, sweep_traces
+
     sweep_traces(paths, RetentionPolicy(size=kept), time.time())
     return endpoint
 

@@ -87,7 +87,7 @@ VALUES: Final[dict[str, type]] = {
     "searches": search.Searches,
     "report": report.WrittenReport,
     "results": results.ComparedResults,
-    "run": show.ShownRun,
+    "run": show.RunSummary,
     "status": status.DaemonStatus,
     "sut": sut.ShownSut,
     "vary": WrittenVariants,

@@ -112,18 +112,18 @@ def report(
     for option, file in {"output": output, "junit": junit}.items():
         if file is not None:
             check_writable(file, f"--{option}")
-    asked = [f"--{kind}" for kind, path in (tables | {"figures": figures}).items() if path]
+    options = [f"--{kind}" for kind, path in (tables | {"figures": figures}).items() if path]
     if history:
-        if asked or exit_status:
+        if options or exit_status:
             raise typer.BadParameter("it is a page alone", param_hint="--history")
         return _report_history(campaign, output or _DEFAULT_PAGE, target)
     with open_source(campaign, target, judge=False) as source:
         row = find_campaign(source, campaign)
         if row.search:
-            if asked:
+            if options:
                 hint = f"its runs are in `scenario search {row.id} --json`"
                 message = f"tables are of campaigns, {row.id} is a search: {hint}"
-                raise typer.BadParameter(message, param_hint=", ".join(asked))
+                raise typer.BadParameter(message, param_hint=", ".join(options))
             return _report_search(source, row.id, output or _DEFAULT_PAGE, exit_status, target)
         from daemon.analysis.results import read_results
 

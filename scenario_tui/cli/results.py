@@ -16,7 +16,7 @@ from daemon.judging.assessment import CampaignDifference
 from daemon.model.assessments import Assessment, AssessmentRules
 from daemon.model.status import CampaignRow, RunRow
 from daemon.model.submission import CampaignOrigin
-from grammars.text.words import command_line, count_noun
+from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer, write_json
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
@@ -115,9 +115,9 @@ def results(
         if is_listed:
             rows = source.all_runs(row.id, outcome=outcome, text=text)
     if table is not None:
-        rows_of_table = results_table(whole)
-        write_table(rows_of_table, table)
-        target.say(f"{table}: {count_noun(rows_of_table.num_rows, 'row')}")
+        cells = results_table(whole)
+        write_table(cells, table)
+        target.say(f"{table}: {count_noun(cells.num_rows, 'row')}")
     if search is not None:
         if baseline:
             message = "a search has no verdicts to hold against others"
@@ -129,7 +129,7 @@ def results(
     between = compare_with_baseline(whole, baseline, worse_by, target)
     print_text = partial(_print_listed, rows)
     if not is_listed:
-        print_text = partial(_print_results, whole, between, runs)
+        print_text = partial(_print_results, whole, between, runs, target)
     return Answer(
         "results",
         ComparedResults.of(replace(whole, rows=rows), between),
@@ -155,7 +155,10 @@ def print_summary(results: CampaignResults, *, took: float | None = None) -> Non
 
 
 def _print_results(
-    results: CampaignResults, comparison: CampaignDifference | None, listed: bool
+    results: CampaignResults,
+    comparison: CampaignDifference | None,
+    listed: bool,
+    target: DaemonTarget,
 ) -> None:
     row, rows = results.row, results.rows
     took = None if row.finished_at is None else row.finished_at - row.submitted_at
@@ -165,13 +168,13 @@ def _print_results(
     if listed:
         _print_runs(rows)
     _print_folder(rows)
-    more = (command_line("results", row.id, "--runs"), "every run and its trace")
+    more = (target.command("results", row.id, "--runs"), "every run and its trace")
     if listed and rows:
-        more = (command_line("show", rows[0].id), "one run: what each oracle says")
+        more = (target.command("show", rows[0].id), "one run: what each oracle says")
     # The dashboard is of a daemon and knows no folders.
-    whole = ("scenario tui", "the dashboard")
+    whole = (target.command("tui"), "the dashboard")
     if Path(row.id).exists():
-        whole = (command_line("report", row.id), "one page with figures")
+        whole = (target.command("report", row.id), "one page with figures")
     print_commands(more, whole)
 
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class ShownRun:
+class RunSummary:
     """Everything about one run; ``task`` is the search that it belongs to, if any.
 
     ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
@@ -109,7 +109,7 @@ def show(
             help="Of the log all that the system under test wrote to this output, stack.txt say.",
         ),
     ] = "",
-) -> Answer[ShownRun] | Answer[RunLog]:
+) -> Answer[RunSummary] | Answer[RunLog]:
     """Show one run: what each oracle says and why, or what happened in it.
 
     It is read from the state directory of this machine unless a daemon is named. No daemon is
@@ -120,56 +120,56 @@ def show(
         detail = find_run(source, run)
         standing = "" if detail.row.trace else why_no_trace(detail.row, source, target)
         if wants_log:
-            happened = _read_log(source, detail, standing, target)
-            if output and output not in happened.printed:
-                raise _no_output(output, happened.printed)
-            text = partial(_print_log, happened, everything, target)
+            run_log = _read_log(source, detail, standing, target)
+            if output and output not in run_log.printed:
+                raise _no_output(output, run_log.printed)
+            text = partial(_print_log, run_log, everything, target)
             if output:
-                text = partial(_print_output, happened.printed[output])
-            return Answer("logs", happened, text)
+                text = partial(_print_output, run_log.printed[output])
+            return Answer("logs", run_log, text)
         search = source.search_row(detail.row.campaign)
-    shown = ShownRun(detail, search.task if search else None, standing)
+    summary = RunSummary(detail, search.task if search else None, standing)
     if detail.row.state == RunState.RUNNING:
-        shown = _with_progress(shown, target)
-    return Answer("run", shown, partial(_print_run, shown, target))
+        summary = _with_progress(summary, target)
+    return Answer("run", summary, partial(_print_run, summary, target))
 
 
-def _with_progress(shown: ShownRun, target: DaemonTarget) -> ShownRun:
+def _with_progress(summary: RunSummary, target: DaemonTarget) -> RunSummary:
     """Return a running run with how far it is, which only a daemon that is there can say."""
-    row = shown.run.row
+    row = summary.run.row
     with suppress(Unreachable), target.open() as daemon:
-        shown = replace(shown, live=latest_snapshot(daemon, row.id))
-        workers = daemon.workers() if shown.live is None else ()
+        summary = replace(summary, live=latest_snapshot(daemon, row.id))
+        workers = daemon.workers() if summary.live is None else ()
         prepares = [one.preparing for one in workers if one.id == row.worker]
-        shown = replace(shown, standing=next(filter(None, prepares), shown.standing))
-    return shown
+        summary = replace(summary, standing=next(filter(None, prepares), summary.standing))
+    return summary
 
 
-def _print_run(shown: ShownRun, target: DaemonTarget) -> None:
+def _print_run(summary: RunSummary, target: DaemonTarget) -> None:
     """Print what it was and what each oracle says, then what to type next."""
     from scenario_tui.text.run_text import run_text
     from scenario_tui.text.search_text import proposal_text
 
-    console, row = stdout_console(), shown.run.row
-    console.print(run_text(shown.run, shown.live, TERMINAL_STYLES), soft_wrap=True)
-    is_starting = row.state == RunState.RUNNING and shown.live is None
+    console, row = stdout_console(), summary.run.row
+    console.print(run_text(summary.run, summary.live, TERMINAL_STYLES), soft_wrap=True)
+    is_starting = row.state == RunState.RUNNING and summary.live is None
     if is_starting or (row.state == RunState.QUEUED and not row.reason):
-        console.print(f"{shown.standing}\n", markup=False, soft_wrap=True)
-    if row.proposal is not None and shown.task is not None:
-        about = proposal_text(shown.task, row.proposal, console.width, TERMINAL_STYLES)
+        console.print(f"{summary.standing}\n", markup=False, soft_wrap=True)
+    if row.proposal is not None and summary.task is not None:
+        about = proposal_text(summary.task, row.proposal, console.width, TERMINAL_STYLES)
         console.print(about, soft_wrap=True)
-    print_commands(*_next_commands(shown, target))
+    print_commands(*_next_commands(summary, target))
 
 
-def _next_commands(shown: ShownRun, target: DaemonTarget) -> Iterator[tuple[str, str]]:
-    row = shown.run.row
+def _next_commands(summary: RunSummary, target: DaemonTarget) -> Iterator[tuple[str, str]]:
+    row = summary.run.row
     if row.trace:
         begin = ("--from", row.oracle) if row.outcome == "fail" else ()
         yield target.command("replay", row.id, *begin), "watch it"
     yield target.command("show", row.id, "--log"), "what happened, in order"
     if not row.repeatable and row.trace:
         yield target.command("verify", row.id), "how far its outcomes spread"
-    if shown.task is not None:
+    if summary.task is not None:
         yield target.command("search", row.campaign), "the search it belongs to"
     elif row.outcome == "fail":
         yield target.command("blame", row.id), "what makes it fail"
@@ -220,7 +220,7 @@ def _no_output(name: str, printed: Mapping[str, str]) -> typer.BadParameter:
 
 
 def _print_log(log: RunLog, everything: bool, target: DaemonTarget) -> None:
-    """Print a log in the order it happened, of what was printed the last lines or everything."""
+    """Print a log in order, of printed outputs the last lines or everything."""
     _print_steps(log)
     # The reason is the note of an attempt, as long as that attempt is remembered.
     has_reason = any(step.note.strip() == log.reason.strip() for step in log.steps)
