@@ -99,12 +99,7 @@ def write_json(schema: str, value: Any) -> None:
     """Write a value as one JSON object to standard output; numbers that JSON lacks are null."""
     from grammars.text.codec import to_plain
 
-    write_plain(schema, to_plain(value))
-
-
-def write_plain(schema: str, plain: Any) -> None:
-    """Write the fields of a value, called ``schema``, as one JSON object to standard output."""
-    body = {"schema": schema_identifier(schema)} | _null_for_nonfinite(plain)
+    body = {"schema": schema_identifier(schema)} | _null_for_nonfinite(to_plain(value))
     # Escapes carry any text through any encoding; a stream that knows them all needs none.
     escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
     text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)

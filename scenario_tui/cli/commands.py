@@ -92,8 +92,7 @@ COMMANDS: Final = {
     name: (panel, about) for panel, lines in _PANELS.items() for name, about in lines.items()
 }
 _MODULES: Final = {
-    "demo": "run_campaigns", "check": "run_campaigns", "run": "run_campaigns",
-    "submit": "run_campaigns", "wait": "run_campaigns", "cancel": "steer",
+    "demo": "run", "wait": "submit", "cancel": "steer",
     "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
     "import": "import_",
 }  # fmt: skip
@@ -145,15 +144,13 @@ def load_command(name: str) -> Any:
 def command_of(group: typer.Typer, name: str) -> Callable[[C], C]:
     """Return a decorator that adds a function as the command ``name`` of a group."""
     from scenario_tui.cli.answer import as_typed
-    from scenario_tui.cli.options import with_keys_option
 
     lines = EXAMPLES.get(" ".join(filter(None, (str(group.info.name or ""), name))), ())
     # typer prints a line for each paragraph.
     epilog = "\n\n".join(("Examples:", *lines)) if lines else None
 
     def add(command: C) -> C:
-        old = "connect" in inspect.signature(command).parameters
-        typed = (with_keys_option if old else as_typed)(command)
+        typed = as_typed(command)
         group.command(name, cls=PlainFlagsCommand, epilog=epilog)(typed)
         return command
 

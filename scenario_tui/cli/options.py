@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import typer
 
@@ -270,27 +267,3 @@ def use_keys(folder: Path | None) -> None:
     """Look for keys in ``folder`` from now on, if one was named."""
     if folder is not None:
         os.environ["SCENARIO_KEYS"] = str(folder.absolute())
-
-
-def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command that talks to a daemon the option ``--keys``, read where keys are looked for.
-
-    It says the same as ``SCENARIO_KEYS``, to this process and those it starts.
-    """
-    # Annotations are text (PEP 563), and typer reads those of the wrapper: they are resolved here.
-    signature = inspect.signature(command, eval_str=True)
-    if "connect" not in signature.parameters or "keys" in signature.parameters:
-        return command
-
-    @functools.wraps(command)
-    def called(*arguments: Any, keys: Path | None = None, **options: Any) -> None:
-        use_keys(keys)
-        command(*arguments, **options)
-
-    option = inspect.Parameter(
-        "keys", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Keys
-    )
-    parameters = (*signature.parameters.values(), option)
-    called.__annotations__["keys"] = Keys
-    called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    return called

@@ -1,9 +1,4 @@
-"""Output streams: results go to standard output, messages and progress to standard error.
-
-What a command answers is an :class:`Output`: one declaration from which follow the JSON object it
-writes with ``--json``, the schema of that object (:mod:`scenario_tui.cli.output_schemas`) and what
-people read.
-"""
+"""Output streams: results go to standard output, messages and progress to standard error."""
 
 from __future__ import annotations
 
@@ -14,8 +9,8 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, dataclass_transform
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from grammars.text.diagnostics import Finding
 from grammars.text.terminal_text import printable, printable_streams
@@ -176,59 +171,6 @@ def say(message: str) -> None:
     with suppress(BrokenPipeError):
         sys.stderr.write(printable(message) + "\n")
         sys.stderr.flush()
-
-
-@dataclass_transform(frozen_default=True)
-@dataclass(frozen=True)
-class OutputPart:
-    """An object inside of an output; subclasses are frozen dataclasses of its fields.
-
-    Types of fields may be imported for type checkers only, so that commands load what they use.
-    """
-
-    def __init_subclass__(cls) -> None:
-        dataclass(frozen=True)(cls)
-
-
-class Output(OutputPart):
-    """What a command answers, called ``schema`` in the field of that name.
-
-    The fields are those of the JSON object, their values are value types.
-    """
-
-    schema: ClassVar[str]
-
-    def __init_subclass__(cls, schema: str = "") -> None:
-        super().__init_subclass__()
-        if schema:
-            cls.schema = schema
-
-    def show(self, as_json: bool) -> None:
-        """Write the output as JSON or print it for people."""
-        if as_json:
-            self.emit()
-        else:
-            self.print()
-
-    def print(self) -> None:
-        """Print for people; commands that say the same either way print nothing more."""
-
-    def emit(self) -> None:
-        """Write one JSON object to standard output; numbers that JSON has not are null."""
-        from scenario_tui.cli.answer import write_plain
-
-        write_plain(self.schema, _plain(self))
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it."""
-    if isinstance(value, OutputPart):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, (list, tuple)) and value and isinstance(value[0], OutputPart):
-        return [_plain(one) for one in value]
-    from grammars.text.codec import to_plain
-
-    return to_plain(value)
 
 
 def report_findings(findings: Iterable[Finding]) -> None:

@@ -18,7 +18,7 @@ from daemon.model.status import CampaignRow, RunRow
 from daemon.model.submission import CampaignOrigin
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer, write_json
+from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Baseline, TableFile, WorseBy
@@ -56,11 +56,6 @@ class ComparedResults:
         """Return results with what they were compared with."""
         declared, assessment = results.declared, results.assessment
         return cls(results.row, declared, assessment, results.rows, results.origin, comparison)
-
-
-def emit_results(results: CampaignResults, comparison: CampaignDifference | None = None) -> None:
-    """Write everything about a campaign as JSON."""
-    write_json("results", ComparedResults.of(results, comparison))
 
 
 def results(

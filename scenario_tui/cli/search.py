@@ -297,7 +297,7 @@ def _begin(
     from daemon.batch.errors import Unreachable
     from daemon.search.client import client_name
     from daemon.search.preparation import prepare_search
-    from scenario_tui.cli.execute import start_daemon_if_needed
+    from scenario_tui.library.job import start_daemon_if_needed
     from scenario_tui.library.watching import SUBMIT_PATIENCE, ask_patiently
 
     refuse_missing_campaign(path)

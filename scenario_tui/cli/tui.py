@@ -63,7 +63,7 @@ def tui(
 def _launch_daemon(target: DaemonTarget) -> str:
     """Start the daemon of this machine if none answers; return what to say of that."""
     # In a thread of the dashboard, which is there before.
-    from scenario_tui.cli.execute import launch_daemon
+    from scenario_tui.library.job import launch_daemon
 
     return launch_daemon(target)
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from daemon import campaign as loading
     from daemon.model.submission import Submission
+    from scenario_tui.library.job import Job
+    from scenario_tui.library.results import Results
     from templates.world import ArtefactWorld
 
 
@@ -36,6 +38,27 @@ def check(path: str | Path) -> list[Finding]:
     from scenario_tui.library.checking import check_file
 
     return list(check_file(Path(path))[1])
+
+
+def run(
+    path: str | Path,
+    *,
+    workers: int | None = None,
+    out: str | Path | None = None,
+) -> Results:
+    """Run a campaign file here and now: :meth:`Campaign.run` of what :func:`load` returns."""
+    return load(path).run(workers=workers, out=out)
+
+
+def submit(
+    path: str | Path,
+    *,
+    connect: str = "",
+    state: str | Path | None = None,
+    fresh: bool = False,
+) -> Job:
+    """Hand a campaign file to a daemon: :meth:`Campaign.submit` of what :func:`load` returns."""
+    return load(path).submit(connect=connect, state=state, fresh=fresh)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,3 +217,59 @@ class Campaign:
             raise InputError(self.findings)
         origin = campaign_origin(self._loaded, self.path)
         return replace(expand(self._loaded, fresh=fresh), origin=origin)
+
+    def run(
+        self,
+        *,
+        workers: int | None = None,
+        out: str | Path | None = None,
+        wall: float | None = None,
+        attempts: int | None = None,
+    ) -> Results:
+        """Run it here and now, by a daemon that ends with the call, and return the results.
+
+        At most ``workers`` runs go on at a time, one per core by default. Traces go to ``out``, by
+        default ``scenario-results/<campaign>/``. A run that takes more than ``wall`` seconds ends
+        as an error, by default ten times its simulated limit and at least 300 s. A run whose
+        process dies is tried ``attempts`` times, by default 3.
+
+        On a terminal and in a notebook a bar shows the progress. An interrupt ends the daemon and
+        leaves finished traces alone; it raises ``KeyboardInterrupt``. Raises :class:`InputError`
+        with all findings when one of them is an error and :class:`DaemonError` when runs cannot
+        be executed.
+        """
+        from scenario_tui.library.execution import run_here
+        from scenario_tui.library.results import Results
+        from scenario_tui.source import DaemonTarget
+
+        folder = None if out is None else Path(out)
+        submission = self.submission()
+        value = run_here(submission, folder, workers, wall=wall, attempts=attempts)
+        return Results(value, DaemonTarget())
+
+    def submit(
+        self,
+        *,
+        connect: str = "",
+        state: str | Path | None = None,
+        fresh: bool = False,
+        workers: int | None = None,
+    ) -> Job:
+        """Hand it to a daemon and return at once; only runs without a result are executed.
+
+        ``connect`` is the endpoint of the daemon (``tls/host:port``), ``state`` the state directory
+        of one on this machine. Otherwise it is that of ``$SCENARIO_CONNECT``, then the daemon of
+        this machine, which is started with ``workers`` runs at a time if it does not answer.
+        ``fresh`` runs everything anew. Raises :class:`InputError` with all findings when one of
+        them is an error and :class:`DaemonError` when no daemon takes it.
+        """
+        from scenario_tui.library.job import submit_to
+        from scenario_tui.source import DaemonTarget
+
+        target = DaemonTarget(connect, None if state is None else Path(state))
+        return submit_to(target, self.submission(fresh=fresh), workers)
+
+    def _repr_html_(self) -> str:
+        from scenario_tui.library.notebook import campaign_html
+
+        return campaign_html(self)

@@ -6,6 +6,7 @@ import logging
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
-_LOG: Final = logging.getLogger("scenario_tui")
+LOG: Final = logging.getLogger("scenario_tui")
 """Messages where no bar is drawn; the command line prints them."""
 INTERVAL: Final = 0.25
 """Seconds between two looks at a campaign that changes."""
@@ -97,7 +98,7 @@ class ProgressDisplay:
     def note(self, message: str) -> None:
         """Say something that must not be overwritten: on a terminal it stands above the bar."""
         if self._screen is None:
-            _LOG.info("%s", message)
+            LOG.info("%s", message)
         else:
             self._screen.console.print(message, style="yellow")
 
@@ -342,43 +343,69 @@ def watch_work(
 ) -> T:
     """Show how ``work`` of a ``campaign`` stands until it is finished; return how it ended.
 
-    After ``limit`` seconds it is returned as it stands then. A daemon that goes away is waited for
+    Otherwise as :func:`follow_work`.
+    """
+    with open_display() as shown:
+        looks = follow_work(
+            open_daemon,
+            campaign,
+            work,
+            shown,
+            patience=patience,
+            endurance=endurance,
+            limit=limit,
+        )
+        return deque(looks, maxlen=1).pop()
+
+
+def follow_work(
+    open_daemon: ClientOpener,
+    campaign: str,
+    work: WatchedWork[T],
+    shown: ProgressDisplay,
+    *,
+    patience: float = PATIENCE,
+    endurance: float = math.inf,
+    limit: float = math.inf,
+) -> Iterator[T]:
+    """Yield how ``work`` of a ``campaign`` stands, after every change, until it is finished.
+
+    After ``limit`` seconds the last is how it stands then. A daemon that goes away is waited for
     and found again. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at
     the limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
     """
     begun = time.monotonic()
     live: dict[str, LiveSnapshot] = {}
     gone: float | None = None
-    with open_display() as shown:
-        trouble = _TroubleReporter(shown, endurance)
-        while True:
-            try:
-                with open_daemon() as daemon, _listen(daemon, campaign, live) as changed:
-                    look_at = 0.0
-                    while True:
-                        stop_if_interrupted()
+    trouble = _TroubleReporter(shown, endurance)
+    while True:
+        try:
+            with open_daemon() as daemon, _listen(daemon, campaign, live) as changed:
+                look_at = 0.0
+                while True:
+                    stop_if_interrupted()
+                    now = time.monotonic()
+                    if changed.is_set() or now >= look_at:
+                        changed.clear()
+                        yield work.look(daemon, shown)
                         now = time.monotonic()
-                        if changed.is_set() or now >= look_at:
-                            changed.clear()
-                            found = work.look(daemon, shown)
-                            now = time.monotonic()
-                            look_at = now + _POLL
-                        if gone is not None:
-                            shown.note("the daemon is back, watching again")
-                            gone = None
-                        if work.finished or now - begun >= limit:
-                            return found
-                        trouble.look(daemon, now)
-                        shown.show(partial(work.draw, live, trouble.preparing))
-                        time.sleep(INTERVAL)
-            except Unreachable:
-                now = time.monotonic()
-                if gone is None:
-                    shown.note("the daemon does not answer, waiting for it (Ctrl-C to leave)")
-                    gone = now
-                if now - gone > patience or now - begun >= limit:
-                    raise
-                time.sleep(INTERVAL)
+                        look_at = now + _POLL
+                    if gone is not None:
+                        shown.note("the daemon is back, watching again")
+                        gone = None
+                    if work.finished or now - begun >= limit:
+                        return
+                    trouble.look(daemon, now)
+                    shown.show(partial(work.draw, live, trouble.preparing))
+                    time.sleep(INTERVAL)
+        except Unreachable:
+            now = time.monotonic()
+            if gone is None:
+                shown.note("the daemon does not answer, waiting for it (Ctrl-C to leave)")
+                gone = now
+            if now - gone > patience or now - begun >= limit:
+                raise
+            time.sleep(INTERVAL)
 
 
 def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patience: float) -> T:
@@ -400,7 +427,7 @@ def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patien
             if isinstance(error, Unavailable):
                 words = f"{error}; trying again (Ctrl-C to leave)"
             if words != said:
-                _LOG.info("%s", words)
+                LOG.info("%s", words)
             said = words
             time.sleep(INTERVAL)
 

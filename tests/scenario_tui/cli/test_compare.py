@@ -10,7 +10,7 @@ import pytest
 from daemon.analysis.results import read_results
 from daemon.model.assessments import AssessmentRules, RegressionGate, RepeatPolicy
 from daemon.model.verdicts import Outcome
-from scenario_tui.cli import execute
+from scenario_tui.library import execution
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon, make_row
 
 Keep = Callable[[FakeDaemon, str], Path]
@@ -116,7 +116,7 @@ def test_a_campaign_run_here_is_held_against_a_file(
     path = tmp_path / "before.json"
     path.write_text(scenario("results", OLD, "--json").out)
     found = read_results(two, two.campaigns()[0])
-    monkeypatch.setattr(execute, "run_here", lambda *_, **__: found)
+    monkeypatch.setattr(execution, "run_here", lambda *_, **__: found)
     demo = str(campaigns / "demo" / "campaign.yaml")
     said = scenario("run", demo, "--json", "--baseline", str(path), "--worse-by", allowed)
     assert said.code == code
@@ -128,7 +128,7 @@ def test_a_campaign_run_here_may_be_the_first(scenario, two, campaigns, monkeypa
         read_results(two, two.campaigns()[0]),
         declared=AssessmentRules(gate=RegressionGate("last-green", 0)),
     )
-    monkeypatch.setattr(execute, "run_here", lambda *_, **__: found)
+    monkeypatch.setattr(execution, "run_here", lambda *_, **__: found)
     two.empty = True
     said = scenario("run", str(campaigns / "demo" / "campaign.yaml"))
     assert "no earlier campaign first was as expected: nothing to compare with yet" in said.err

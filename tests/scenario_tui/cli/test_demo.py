@@ -4,16 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
-from scenario_tui.cli import execute, invoke
-from tests.scenario_tui.fake import make_row
-
-
-def _row(word):
-    if word == "lost":
-        return make_row(0, state=RunState.LOST, outcome=None)
-    return make_row(0, outcome=Outcome(word))
+from scenario_tui.cli import invoke, run
 
 
 @pytest.mark.parametrize(
@@ -21,15 +12,17 @@ def _row(word):
     [(("pass", "fail", "inconclusive"), 0), (("pass", "lost"), 3), (("error",), 3)],
 )
 def test_the_demo_succeeds_when_every_run_was_judged(monkeypatch, capsys, words, code):
-    given = []
+    campaigns = []
 
-    def run_here(submission, *_):
-        given.append(submission)
-        return SimpleNamespace(rows=[_row(word) for word in words])
+    def run_it(campaign, *_):
+        campaigns.append(campaign)
+        rows = tuple(SimpleNamespace(state=word, outcome=None) for word in words)
+        unused = dict.fromkeys(("row", "declared", "assessment", "origin"))
+        return SimpleNamespace(rows=rows, **unused), 1.0
 
-    monkeypatch.setattr(execute, "run_here", run_here)
+    monkeypatch.setattr(run, "_run", run_it)
+    monkeypatch.setattr(run, "_print_results", lambda *_: None)
     assert invoke(["demo"]) == code
-    (submission,) = given
-    assert submission.name == "demo"
-    assert submission.runs
+    (campaign,) = campaigns
+    assert (campaign.name, campaign.runs, campaign.check()) == ("demo", 15, [])
     assert "scenario submit my-tests/campaign.yaml" in capsys.readouterr().out

@@ -7,24 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from scenario_tui.cli import command_line, output_schemas
+from scenario_tui.cli import command_line
 from scenario_tui.cli.answer import write_json
 from scenario_tui.cli.commands import COMMANDS, load_command
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import Output
-from scenario_tui.cli.output_schemas import OUTPUTS, VALUES
+from scenario_tui.cli.output_schemas import VALUES
 from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN
 
 DOC = Path(__file__).parents[3] / "docs" / "command-line.md"
 SILENT = {"tui", "serve", "worker", "schema", "replay"}
 """Commands that stay, or write files for editors: the others answer with ``--json``."""
-
-
-def _concrete(kind):
-    """Return the classes of outputs that have a name."""
-    below = set().union(*map(_concrete, kind.__subclasses__()))
-    return below | ({kind} if hasattr(kind, "schema") else set())
 
 
 def _rows(heading):
@@ -34,17 +27,12 @@ def _rows(heading):
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
-def test_everything_that_is_written_is_declared_once():
-    assert _concrete(Output) == set(OUTPUTS.values())
-    assert len(output_schemas._OUTPUTS) == len(OUTPUTS)
-
-
 def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path):
     printed = scenario("schema", "--outputs")
     assert (printed.code, printed.err) == (0, "")
     schema = json.loads(printed.out)
     names = [body["$ref"].rpartition("/")[2] for body in schema["oneOf"]]
-    assert names == [*OUTPUTS, *VALUES]
+    assert names == list(VALUES)
     assert scenario("schema", "--outputs", "-o", str(tmp_path)).code == 0
     assert json.loads((tmp_path / "outputs.schema.json").read_text()) == schema
     assert scenario("schema", "campaign", "--outputs").code == 2
@@ -97,7 +85,7 @@ def test_the_table_of_commands_is_true():
         told |= dict.fromkeys(re.findall(r"`(\w+)`", names), written)
     assert set(told) == set(COMMANDS)
     # What any command writes that has no other answer is explained below the table.
-    assert set().union(*told.values()) | {"error"} == {*OUTPUTS, *VALUES}
+    assert set().union(*told.values()) | {"error"} == set(VALUES)
     assert {name for name, outputs in told.items() if not outputs} == SILENT
 
 

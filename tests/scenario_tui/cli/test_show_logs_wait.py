@@ -10,7 +10,7 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import ReleaseRequest
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
-from scenario_tui.library import watching
+from scenario_tui.library import job, watching
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.fake import CAMPAIGN, make_live
 from tests.scenario_tui.recorded import record_run
@@ -184,7 +184,7 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(watching, "watch", interrupted)
+    monkeypatch.setattr(job, "watch", interrupted)
     said = scenario("wait", "first")
     assert said.code == 130
     assert f"{CAMPAIGN} goes on" in said.err

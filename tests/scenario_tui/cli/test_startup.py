@@ -81,7 +81,7 @@ def test_a_command_loads_no_more_than_it_needs(words, code, unneeded, monkeypatc
 
 
 def test_who_submits_loads_nothing_that_reads_ledgers_and_traces():
-    loaded = _loaded_after("import scenario_tui.cli.execute")
+    loaded = _loaded_after("import scenario_tui.library.job")
     assert loaded.isdisjoint({"daemon.batch.ledger", "daemon.trace", "mcap", "numpy"})
 
 

@@ -258,13 +258,13 @@ def test_logs_of_a_run_without_a_result_tell_its_attempts(say, name):
 
 
 WAITED = {
-    "queued": "4 runs left after 0.01s, … none judged",
-    "paused": "4 runs left after 0.01s, … none judged",
-    "running": "4 runs left after 0.01s, ▶ none judged",
-    "retrying": "4 runs left after 0.01s, … none judged",
+    "queued": "4 runs left after 0 s, … none judged",
+    "paused": "4 runs left after 0 s, … none judged",
+    "running": "4 runs left after 0 s, ▶ none judged",
+    "retrying": "4 runs left after 0 s, … none judged",
     "cancelled": "cancelled-1: - cancelled",
     "lost": "lost-1: ! not all judged",
-    "half": "2 runs left after 0.01s, ▶ so far fine",
+    "half": "2 runs left after 0 s, ▶ so far fine",
 }
 
 

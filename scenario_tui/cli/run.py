@@ -1,0 +1,188 @@
+"""Commands that run a campaign here and now: demo, run."""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from grammars.text.diagnostics import Severity
+from grammars.text.words import count_noun
+from scenario_tui.cli.answer import Answer
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import (
+    Attempts,
+    Baseline,
+    CampaignFile,
+    Slots,
+    Wall,
+    WorseBy,
+    check_writable,
+)
+from scenario_tui.cli.output import (
+    print_commands,
+    report_findings,
+    say,
+    show_progress,
+    stdout_console,
+)
+from scenario_tui.source import DaemonTarget
+
+if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
+    from daemon.judging.assessment import CampaignDifference
+    from scenario_tui.cli.results import ComparedResults
+    from scenario_tui.library.campaign import Campaign
+
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Where traces go. Default: scenario-results/<campaign>/."
+    ),
+]
+
+
+def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:
+    """Show everything once: a robot, moving doors, verdicts.
+
+    Takes seconds and needs nothing but this installation.
+    """
+    from importlib.resources import as_file, files
+
+    from scenario_tui.cli.results import ComparedResults
+    from scenario_tui.library.campaign import load
+    from scenario_tui.text.formatting import run_word
+
+    # The campaigns are part of the package, which may lie in an archive.
+    with as_file(files("campaigns")) as folder:
+        results, took = _run(load(folder / "demo" / "campaign.yaml"), out, slots)
+    # A demo may well show a failing robot: it succeeds when every run was judged.
+    judged = {run_word(row) for row in results.rows} <= {"pass", "fail", "inconclusive"}
+    code = ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE
+    return Answer("results", ComparedResults.of(results), partial(_print_demo, results, took), code)
+
+
+def run(
+    campaign: CampaignFile,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
+    out: Out = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(
+            "--junit",
+            metavar="FILE",
+            dir_okay=False,
+            help="Write verdicts as JUnit XML, for build servers.",
+        ),
+    ] = None,
+    slots: Slots = None,
+    wall: Wall = None,
+    attempts: Attempts = None,
+) -> Answer[ComparedResults]:
+    """Run a campaign here and now, without a daemon.
+
+    Nothing is left behind but the traces and what they are about, in scenario-results/ unless
+    told otherwise.
+    """
+    from scenario_tui.cli.compare import compare_with_baseline, final_code
+    from scenario_tui.cli.results import ComparedResults
+
+    # Before the runs, not after them; a folder that is made for the traces may hold it as well.
+    if junit is not None and (out is None or out not in junit.parents):
+        check_writable(junit, "--junit")
+    results, took = _run(load_announced(campaign), out, slots, wall, attempts)
+    if junit is not None:
+        from daemon.analysis.report import write_junit
+
+        write_junit(results.row.name, results.assessment, results.rows, junit)
+    between = compare_with_baseline(
+        results, baseline, worse_by, DaemonTarget(say=say, progress=show_progress)
+    )
+    text = partial(_print_run, results, took, between, campaign)
+    return Answer(
+        "results", ComparedResults.of(results, between), text, final_code(results, between)
+    )
+
+
+def load_announced(path: Path) -> Campaign:
+    """Load a campaign; print its warnings and which searches it has, unless it has errors."""
+    from scenario_tui.library.campaign import load
+    from scenario_tui.library.submission import searches_text
+
+    campaign = load(path)
+    # Whoever runs a campaign with errors gets all of its findings.
+    if not any(one.severity is Severity.ERROR for one in campaign.findings):
+        report_findings(campaign.findings)
+        if words := searches_text(path, campaign.searches):
+            say(words)
+    return campaign
+
+
+def _run(
+    campaign: Campaign,
+    out: Path | None,
+    slots: int | None,
+    wall: float | None = None,
+    attempts: int | None = None,
+) -> tuple[CampaignResults, float]:
+    """Run a campaign; return its results and how long it took [s]."""
+    # Being told to end is being interrupted: what has finished is kept, nothing else is left.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    started = time.perf_counter()
+    try:
+        results = campaign.run(workers=slots, out=out, wall=wall, attempts=attempts)
+        return results.value, time.perf_counter() - started
+    except KeyboardInterrupt:
+        from scenario_tui.library.execution import traces_folder
+
+        folder = traces_folder(campaign.submission(), out)
+        if folder.is_dir():
+            kept = count_noun(len(tuple(folder.glob("*.mcap"))), "finished trace")
+            say(f"\ninterrupted; {kept} in {folder}/")
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _print_demo(results: CampaignResults, took: float) -> None:
+    _print_results(results, took)
+    stdout_console().print("This is what testing with scenarios looks like. Make it yours:")
+    print_commands(
+        ("scenario new my-tests", "write a small campaign, every line explained"),
+        ("scenario check my-tests/campaign.yaml", "find every problem before anything runs"),
+        ("scenario submit my-tests/campaign.yaml", "hand it to the daemon and go on"),
+        ("scenario tui", "watch it in the dashboard"),
+    )
+
+
+def _print_run(
+    results: CampaignResults, took: float, between: CampaignDifference | None, campaign: Path
+) -> None:
+    from scenario_tui.cli.compare import print_comparison
+
+    _print_results(results, took)
+    if between is not None:
+        print_comparison(between)
+    report = f"scenario report {shlex.quote(results.where)}"
+    print_commands(
+        *([(report, "one page with figures")] if any(row.trace for row in results.rows) else []),
+        (
+            f"scenario submit {shlex.quote(str(campaign))}",
+            "run it with the daemon, results are kept",
+        ),
+        ("scenario tui", "the dashboard of the daemon"),
+    )
+
+
+def _print_results(results: CampaignResults, took: float) -> None:
+    from scenario_tui.cli.results import print_summary
+
+    print_summary(results, took=took)
+    kept = count_noun(sum(1 for row in results.rows if row.trace), "trace")
+    stdout_console().print(f"{kept} in {results.where}/\n", markup=False, soft_wrap=True)

@@ -1,0 +1,132 @@
+"""Campaigns that a daemon executes: handing them over, following them, waiting for them."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from daemon.batch.launch import ensure_daemon, running_daemon
+from daemon.batch.paths import endpoint_text
+from daemon.model.status import RunRow
+from scenario_tui.interrupts import stop_if_interrupted
+from scenario_tui.library.results import Results, Run
+from scenario_tui.library.watching import (
+    LOG,
+    PATIENCE,
+    SUBMIT_PATIENCE,
+    ProgressDisplay,
+    WatchedRuns,
+    ask_patiently,
+    follow_work,
+    watch,
+)
+from scenario_tui.source import DaemonTarget
+
+if TYPE_CHECKING:
+    from daemon.model.status import CampaignRow, SubmissionReceipt
+    from daemon.model.submission import Submission
+    from daemon.model.verbs import DaemonClient
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A campaign that was handed to a daemon; it goes on when this program ends."""
+
+    receipt: SubmissionReceipt
+    """The answer of the daemon: how many runs there are, how many of them had a result."""
+    _target: DaemonTarget = field(repr=False)
+
+    @property
+    def id(self) -> str:
+        """The id of the campaign."""
+        return self.receipt.campaign
+
+    def results(self) -> Iterator[Run]:
+        """Yield every run once it has a result or never gets one, as they come.
+
+        A daemon that goes away is waited for, 120 s by default. Raises :class:`DaemonError` when it
+        stays away.
+        """
+        work = _ArrivingRuns(self.id)
+        for _ in follow_work(self._target.open, self.id, work, ProgressDisplay(None)):
+            while work.arrived:
+                yield Run(work.arrived.pop(0), self._target)
+
+    def wait(self, timeout: float | None = None) -> Results:
+        """Return the results when every run is over, or as they stand after ``timeout`` seconds.
+
+        A bar shows the progress on a terminal and in a notebook. Raises :class:`DaemonError` when
+        the daemon stays away.
+        """
+        return wait_for(self._target, self.id, limit=math.inf if timeout is None else timeout)
+
+    def cancel(self) -> int:
+        """Cancel what is queued or running, and return how many runs that were."""
+        return ask_patiently(self._target, lambda daemon: daemon.cancel(self.id), SUBMIT_PATIENCE)
+
+
+def wait_for(
+    target: DaemonTarget, campaign: str, *, patience: float = PATIENCE, limit: float = math.inf
+) -> Results:
+    """Return the results of a campaign when its last run is over, or after ``limit`` seconds.
+
+    A daemon that is away is waited for, ``patience`` seconds.
+    """
+    # Reading ledgers comes with it: for whoever only submits, a seventh of the time.
+    from daemon.analysis.results import read_results
+
+    row = watch(target.open, campaign, patience=patience, limit=limit)
+    value = ask_patiently(target, lambda daemon: read_results(daemon, row), PATIENCE)
+    return Results(value, target)
+
+
+def submit_to(target: DaemonTarget, submission: Submission, workers: int | None = None) -> Job:
+    """Hand a submission to the daemon that is meant; one is started unless people named it."""
+    # A library that loaded may have lost an interrupt.
+    stop_if_interrupted()
+    start_daemon_if_needed(target, workers)
+    # Again, it is the same campaign: the daemon knows it by its id.
+    return Job(ask_patiently(target, lambda d: d.submit(submission), SUBMIT_PATIENCE), target)
+
+
+def start_daemon_if_needed(target: DaemonTarget, workers: int | None = None) -> None:
+    """See to it that the daemon answers; one is started unless people named it themselves."""
+    started = "" if target.named else launch_daemon(target, workers)
+    if started:
+        LOG.info("%s", started)
+
+
+def launch_daemon(target: DaemonTarget, workers: int | None = None) -> str:
+    """Start the daemon of this machine if none answers; return what to say, "" if one does.
+
+    Raises :class:`~daemon.batch.errors.LaunchFailed` when it does not come up.
+    """
+    state = target.paths.state
+    if running_daemon(state) is not None:
+        return ""
+    where = endpoint_text(ensure_daemon(state, slots=workers))
+    named = ("--state", str(target.state)) if target.state is not None else ()
+    end = shlex.join(("scenario", "daemon", "--stop", *named))
+    return f"started a daemon on this machine at {where} (`{end}` ends it)"
+
+
+class _ArrivingRuns(WatchedRuns):
+    """The runs of a campaign; ``arrived`` are those that are over and were not taken yet."""
+
+    def __init__(self, campaign: str) -> None:
+        super().__init__(campaign)
+        self.arrived: list[RunRow] = []
+        self._told: set[str] = set()
+        self._before = 0  # runs of the beginning that are all over
+
+    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
+        """Ask how the campaign stands, and then for the runs that are over."""
+        row = super().look(daemon, shown)
+        rows = daemon.all_runs(self.campaign, offset=self._before, results=True)
+        self.arrived += [one for one in rows if one.settled and one.id not in self._told]
+        self._told |= {one.id for one in self.arrived}
+        self._before += next((k for k, one in enumerate(rows) if not one.settled), len(rows))
+        return row
