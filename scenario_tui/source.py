@@ -203,18 +203,19 @@ def find_run(source: CampaignSource, name: str) -> RunDetail:
     """
     campaign_name, dot, number = name.rpartition(".")
     # An id costs one question; anything else needs the list of campaigns.
-    try:
+    with suppress(Refused):
         return source.run(name)
-    except Refused:
-        if Path(name).is_file():
-            raise Refused(_no_traces(name)) from None
-        campaign = find_campaign(source, campaign_name if dot else name)
+    if files := trace_files(name):
+        _refuse_several(name, [str(file) for file in files])
+        return source.run(str(files[0]))
+    if Path(name).is_file():
+        raise Refused(_no_traces(name))
+    campaign = find_campaign(source, campaign_name if dot else name)
     run = f"{campaign.id}.{number}"
     if dot and run != name:
         with suppress(Refused):
             return source.run(run)
-    ends = (source.runs(campaign.id, offset=n, limit=1) for n in (0, campaign.total - 1))
-    runs = " to ".join(row.id for page in ends for row in page.rows)
+    runs = f"{campaign.id}.0 to {campaign.id}.{campaign.total - 1}"
     raise Refused(f'"{name}" is no run: those of {campaign.id} are {runs}')
 
 

@@ -57,6 +57,15 @@ def test_commands_about_a_folder_can_be_typed_as_they_stand(call):
     assert "20.0 s simulated\n" in shown
 
 
+def test_a_folder_of_several_traces_is_no_run(call, capsys):
+    assert invoke(["show", "my traces"]) == 2
+    assert f"my traces means 2 traces ({FAILS}, {PASSES}): name one of them" in (
+        capsys.readouterr().err
+    )
+    Path(FAILS).unlink()
+    assert f"scenario show '{PASSES}' --log" in call("show", "my traces")
+
+
 def test_runs_of_a_folder_are_filtered(call):
     rows = declared(call("results", "my traces", "--outcome", "pass", "--json"))["runs"]
     assert [row["id"] for row in rows] == [PASSES]
