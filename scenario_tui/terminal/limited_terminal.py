@@ -49,7 +49,7 @@ _SETTLED = 0.25
 
 @dataclass(slots=True)
 class _Row:
-    """The cells of a row: what stands in them, and how; a wide run is one cell and blanks."""
+    """Characters and styles of the cells of a row, as far as known."""
 
     cells: list[str] = field(default_factory=list)
     styles: list[str] = field(default_factory=list)
@@ -58,17 +58,6 @@ class _Row:
         missing = width - len(self.cells)
         self.cells.extend([_UNKNOWN] * missing)
         self.styles.extend([_UNKNOWN] * missing)
-
-    def cut(self, column: int) -> None:
-        """Forget a wide run that begins before a column and ends behind it."""
-        if column >= len(self.cells) or self.cells[column]:
-            return
-        first, last = column, column
-        while first > 0 and not self.cells[first]:
-            first -= 1
-        while last < len(self.cells) and not self.cells[last]:
-            last += 1
-        self.cells[first:last] = [_UNKNOWN] * (last - first)
 
 
 class TerminalDiff:
@@ -137,35 +126,21 @@ class TerminalDiff:
 
     def _write(self, row: int, column: int, style: str, text: str) -> Iterator[str]:
         here = self._rows.setdefault(row, _Row())
-        cells = _cells(text)
-        # Character by character only where every character is one cell: half of a wide one cannot
-        # be written over, and what stands beside it would move.
-        end = column + len(cells)
+        end = column + cell_len(text)
         here.reach(end)
-        if "" in here.cells[column : end + 1] or len(cells) != len(text):
-            yield from self._write_wide(here, (row, column), style, text, cells)
+        if not (text.isascii() or _single(text)):
+            # Half of a wide character cannot be written over, and terminals do not agree on how
+            # wide some are: such a run is always sent, and its cells are not known then.
+            yield self._move(row, column) + "".join(self._restyle(style)) + text
+            self._place = None
+            here.cells[column:end] = [_UNKNOWN] * (end - column)
             return
-        for first, last in _spans(here, column, style, cells):
+        for first, last in _spans(here, column, style, text):
             yield self._move(row, column + first) + "".join(self._restyle(style))
             yield text[first:last]
             self._place = (row, column + last)
-        here.cells[column:end] = cells
-        here.styles[column:end] = [style] * len(cells)
-
-    def _write_wide(
-        self, here: _Row, place: tuple[int, int], style: str, text: str, cells: list[str]
-    ) -> Iterator[str]:
-        """Send a run with wide characters, or over some, as a whole or not at all."""
-        column, end = place[1], place[1] + len(cells)
-        styles = [style] * len(cells)
-        if here.cells[column:end] == cells and here.styles[column:end] == styles:
-            return
-        here.cut(column)
-        here.cut(end)
-        yield self._move(*place) + "".join(self._restyle(style)) + text
-        self._place = None  # terminals do not agree on how wide some characters are
-        here.cells[column:end] = cells
-        here.styles[column:end] = styles
+        here.cells[column:end] = text
+        here.styles[column:end] = [style] * len(text)
 
     def _restyle(self, style: str) -> Iterator[str]:
         if style != self._style:
@@ -184,14 +159,14 @@ class TerminalDiff:
         return f"\x1b[{row + 1};{column + 1}H"
 
 
-def _spans(row: _Row, column: int, style: str, cells: list[str]) -> Iterator[tuple[int, int]]:
+def _spans(row: _Row, column: int, style: str, text: str) -> Iterator[tuple[int, int]]:
     """Return where a run differs from what stands there, as [first, last) of the run."""
-    end = column + len(cells)
-    shown, styles = row.cells[column:end], row.styles[column:end]
-    if shown == cells and styles.count(style) == len(styles):
+    end = column + len(text)
+    cells, styles = row.cells[column:end], row.styles[column:end]
+    if "".join(cells) == text and styles.count(style) == len(styles):
         return
     first = last = -1
-    for index, (before, was, now) in enumerate(zip(shown, styles, cells, strict=True)):
+    for index, (before, was, now) in enumerate(zip(cells, styles, text, strict=True)):
         if before == now and was == style:
             continue
         if first >= 0 and index - last > _GAP:
@@ -204,14 +179,8 @@ def _spans(row: _Row, column: int, style: str, cells: list[str]) -> Iterator[tup
 
 @lru_cache(maxsize=4096)
 def _single(text: str) -> bool:
+    """Return True if every character takes one cell."""
     return all(cell_len(character) == 1 for character in text)
-
-
-def _cells(text: str) -> list[str]:
-    """Return what stands in each cell; a run with wide or combining characters is one piece."""
-    if text.isascii() or _single(text):
-        return list(text)
-    return [text, *[""] * (cell_len(text) - 1)]
 
 
 class LimitedTerminalApp(App[None]):
