@@ -155,14 +155,14 @@ def _bad_input(error: InputError) -> ErrorValue:
 
 def _unhandled(error: Exception) -> ErrorValue:
     """Return the exit code, and a message unless whoever left knows why."""
+    if isinstance(error, CommandError):
+        return ErrorValue(str(error), error.code)
     # A library that was interrupted while it loaded may raise anything.
     if was_interrupted():
         return ErrorValue("", ExitCode.INTERRUPTED)
     # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
         return ErrorValue("", ExitCode.BROKEN_PIPE)
-    if isinstance(error, CommandError):
-        return ErrorValue(str(error), error.code)
     from daemon.batch.errors import DaemonError, KeysUnusable, PlaceUnusable, Refused
 
     if isinstance(error, DaemonError):

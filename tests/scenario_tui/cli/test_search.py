@@ -11,7 +11,7 @@ from rich.live import Live
 from daemon.model.messages import Empty
 from daemon.model.search import SearchSubmission
 from daemon.search.preparation import PreparedSearch
-from scenario_tui.cli import search
+from scenario_tui.cli import command_line, search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.search import _read_changes, search_code
 from scenario_tui.library import watching
@@ -265,7 +265,7 @@ def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fak
     ]
 
 
-def test_leaving_ends_the_watching_only(scenario, fake):
+def test_leaving_ends_the_watching_only(scenario, fake, monkeypatch):
     _have(fake, make_search("running"))
     looks = 0
 
@@ -273,6 +273,7 @@ def test_leaving_ends_the_watching_only(scenario, fake):
         nonlocal looks
         looks += 1
         if looks == 12:
+            monkeypatch.setattr(command_line, "was_interrupted", lambda: True)
             raise KeyboardInterrupt
 
     fake.before = later
