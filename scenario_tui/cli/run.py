@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import signal
 import time
 from functools import partial
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from grammars.text.diagnostics import Severity
-from grammars.text.words import count_noun
+from grammars.text.words import command_line, count_noun
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import (
@@ -169,13 +168,10 @@ def _print_run(
     _print_results(results, took)
     if between is not None:
         print_comparison(between)
-    report = f"scenario report {shlex.quote(results.where)}"
+    report = command_line("report", results.where)
     print_commands(
         *([(report, "one page with figures")] if any(row.trace for row in results.rows) else []),
-        (
-            f"scenario submit {shlex.quote(str(campaign))}",
-            "run it with the daemon, results are kept",
-        ),
+        (command_line("submit", campaign), "run it with the daemon, results are kept"),
         ("scenario tui", "the dashboard of the daemon"),
     )
 

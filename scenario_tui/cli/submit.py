@@ -76,28 +76,30 @@ def submit(
     say(receipt_text(job.receipt))
     if not watch:
         value = HandedOver(job.receipt, target.endpoint)
-        return Answer("submit", value, partial(_print_next, job.id))
+        return Answer("submit", value, partial(_print_next, job.id, target))
     try:
         results = job.wait().value
     except KeyboardInterrupt:
-        say(f"\n{job.id} goes on; come back with `scenario tui` or `scenario results {job.id}`")
+        say(f"\n{job.id} goes on; come back with `{target.command('results', job.id)}`")
         raise
     between = compare_with_baseline(results, baseline, worse_by, target)
-    text = partial(_print_end, results, between)
+    text = partial(_print_end, results, between, target)
     return Answer(
         "results", ComparedResults.of(results, between), text, final_code(results, between)
     )
 
 
-def _print_next(campaign: str) -> None:
+def _print_next(campaign: str, target: DaemonTarget) -> None:
     print_commands(
-        ("scenario tui", "watch it in the dashboard"),
-        (f"scenario results {campaign}", "verdicts so far"),
-        (f"scenario cancel {campaign}", "stop it"),
+        (target.command("tui"), "watch it in the dashboard"),
+        (target.command("results", campaign), "verdicts so far"),
+        (target.command("cancel", campaign), "stop it"),
     )
 
 
-def _print_end(results: CampaignResults, between: CampaignDifference | None) -> None:
+def _print_end(
+    results: CampaignResults, between: CampaignDifference | None, target: DaemonTarget
+) -> None:
     from scenario_tui.cli.compare import print_comparison
     from scenario_tui.cli.results import print_summary
 
@@ -106,8 +108,8 @@ def _print_end(results: CampaignResults, between: CampaignDifference | None) -> 
     if between is not None:
         print_comparison(between)
     print_commands(
-        ("scenario tui", "look at it in the dashboard"),
-        (f"scenario results {row.id} --runs", "every run and its trace"),
+        (target.command("tui"), "look at it in the dashboard"),
+        (target.command("results", row.id, "--runs"), "every run and its trace"),
     )
 
 
@@ -146,7 +148,7 @@ def wait(
             return wait_for_search(target, name, patience=patience, limit=rest)
         results = wait_for(target, name, patience=patience, limit=rest).value
     except KeyboardInterrupt:
-        say(f"\n{name} goes on; come back with `scenario wait {name}`")
+        say(f"\n{name} goes on; come back with `{target.command('wait', name)}`")
         raise
     row, code = results.row, results.assessment.exit_code
     words = conclude(results.assessment, finished=row.finished).glyph_text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -108,8 +107,7 @@ def launch_daemon(target: DaemonTarget, workers: int | None = None) -> str:
     if running_daemon(state) is not None:
         return ""
     where = endpoint_text(ensure_daemon(state, slots=workers))
-    named = ("--state", str(target.state)) if target.state is not None else ()
-    end = shlex.join(("scenario", "daemon", "--stop", *named))
+    end = target.command("daemon", "--stop")
     return f"started a daemon on this machine at {where} (`{end}` ends it)"
 
 

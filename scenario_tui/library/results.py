@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -111,7 +110,7 @@ class Run:
     @property
     def replay_command(self) -> str:
         """The command line that replays it in a terminal."""
-        return shlex.join(("scenario", "replay", self.id, *self._target.words))
+        return self._target.command("replay", self.id)
 
     def _repr_svg_(self) -> str:
         return self.picture()
