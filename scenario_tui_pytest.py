@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from scenario_tui.library.pytest_plugin import ScenarioPlugin
+    from scenario_tui.library.pytest_plugin import ScenarioRunner
 
 _NAMED_FILES = pytest.StashKey[frozenset[Path]]()
 _CAMPAIGN = re.compile(rb"^campaign\s*:", re.MULTILINE)
@@ -31,14 +31,29 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+@pytest.fixture
+def scenario(request: pytest.FixtureRequest) -> ScenarioRunner:
+    """Run one scenario of a campaign with one system and return its cell.
+
+    ``scenario("campaigns/demo/campaign.yaml", "busy-house", sut="my-nav2")``: the file is relative
+    to the root directory of pytest.
+    """
+    try:
+        from scenario_tui.library.pytest_plugin import ScenarioPlugin, ScenarioRunner
+    except ImportError as error:
+        pytest.fail(str(error), pytrace=False)
+    return ScenarioRunner(ScenarioPlugin.of(request.config), request.node)
+
+
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Collect ``*.campaign.yaml``, files of ``[tool.scenario]``, and campaigns named one by one."""
     if file_path.suffix not in (".yaml", ".yml") or not _is_wanted(file_path, parent):
         return None
     try:
-        return _plugin(parent.config).campaign_file(file_path, parent)
-    except ImportError as error:
+        from scenario_tui.library.pytest_plugin import CampaignCollector
+    except ImportError as error:  # somebody else has a package of our names
         raise parent.CollectError(f"{file_path} cannot be loaded: {error}") from error
+    return CampaignCollector.from_parent(parent, path=file_path)
 
 
 def _is_wanted(path: Path, parent: pytest.Collector) -> bool:
@@ -69,13 +84,3 @@ def _read_named(root: Path) -> list[Path]:
             f'{file}: campaigns of [tool.scenario] is a list of paths: ["demo/campaign.yaml"]'
         )
     return [path for pattern in patterns for path in root.glob(pattern)]
-
-
-def _plugin(config: pytest.Config) -> ScenarioPlugin:
-    """Return the plug-in proper, which is loaded when it is needed.
-
-    Raises ``ImportError`` when a name of our packages is taken.
-    """
-    from scenario_tui.library.pytest_plugin import ScenarioPlugin
-
-    return ScenarioPlugin.of(config)

@@ -11,19 +11,17 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias
 
 import pytest
 
-from daemon.batch.client import Client
-from daemon.batch.errors import TraceUnavailable
+from daemon.analysis.results import read_results
 from daemon.batch.launch import shared_daemon
-from daemon.batch.stores import trace_file
 from daemon.campaign import campaign_origin, expand
 from daemon.judging.assessment import assess, base_name, expected_verdict
 from daemon.model.assessments import CellVerdict, ComparisonVerdict, ExpectationStatus
@@ -32,9 +30,13 @@ from daemon.model.status import CampaignRow, RunRow
 from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Outcome
 from grammars.text.diagnostics import InputError, ScenarioError, Severity
-from scenario_tui.library.campaign import Campaign, load
+from scenario_tui.library.campaign import load
+from scenario_tui.library.results import Cell, Results, Run
 from scenario_tui.library.watching import ProgressDisplay, WatchedRuns, watch_work
+from scenario_tui.source import DaemonTarget
 from scenario_tui.text.assessment_text import Footnotes, comparison_notes, oracle_notes
+from scenario_tui.text.formatting import glyph_word
+from scenario_tui.text.run_text import by_severity, evidence_parts
 
 if TYPE_CHECKING:
     from daemon import campaign as loading
@@ -48,9 +50,11 @@ _PICTURES_KEPT: Final = 86_400.0
 """Seconds for which it keeps pictures of failed runs."""
 _ENDURANCE: Final = 20.0
 """Seconds without a worker, or with a full disk, after which nobody is going to help."""
+_CELLS: Final = pytest.StashKey[list[Cell]]()
+"""The cells that a test asked for."""
 
 
-class KnownFailureError(Exception):
+class KnownFailureError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
     """A failure that the campaign expects: the only one that its ``xfail`` mark covers."""
 
 
@@ -74,22 +78,14 @@ class ScenarioPlugin:
         assert isinstance(plugin, cls)
         return plugin
 
-    def campaign_file(self, path: Path, parent: pytest.Collector) -> CampaignCollector:
-        """Return the node of a campaign file."""
-        return CampaignCollector.from_parent(parent, path=path)
-
     @cached_property
-    def connected(self) -> str:
-        """Endpoint of the daemon that people named, empty for the private one."""
+    def target(self) -> DaemonTarget:
+        """The daemon that people named, otherwise the private one, started or joined here."""
         named = self._config.getoption("--scenario-connect")
-        return str(named or os.environ.get("SCENARIO_CONNECT", ""))
-
-    @cached_property
-    def endpoint(self) -> str:
-        """Endpoint of the daemon; the private one is started, or joined, for the first reader."""
-        if self.connected:
-            return self.connected
-        return self._resources.enter_context(shared_daemon(self.folder, kept=_KEPT))
+        if named or os.environ.get("SCENARIO_CONNECT"):
+            return DaemonTarget(named)
+        self._resources.enter_context(shared_daemon(self.folder, kept=_KEPT))
+        return DaemonTarget(state=self.folder)
 
     @cached_property
     def folder(self) -> Path:
@@ -100,10 +96,6 @@ class ScenarioPlugin:
         # processes of pytest-xdist lie below one folder.
         base = self._config._tmp_path_factory.getbasetemp()  # type: ignore[attr-defined]
         return Path(base.parent if hasattr(self._config, "workerinput") else base) / "scenario"
-
-    def open(self) -> AbstractContextManager[DaemonClient]:
-        """Open a connection to the daemon."""
-        return Client.open(self.endpoint)
 
     @contextmanager
     def progress(self) -> Iterator[None]:
@@ -122,30 +114,90 @@ class ScenarioPlugin:
             if sys.stderr.isatty():
                 sys.stderr.write(f"\x1b[A\r\x1b[{writer.width_of_current_line}C")
 
-    def evidence(self, run: RunRow) -> str:
+    def evidence(self, run: Run) -> str:
         """Return where to look at a run: its picture, and the command that replays it."""
-        command = ["scenario", "replay", run.id, "--connect", self.connected]
+        picture = self.folder / "pictures" / f"{run.id}.svg"
         try:
-            with self.open() as daemon:
-                trace = trace_file(run, daemon if self.connected else None)
-            if not self.connected:
-                command[2:] = [_typed(trace)]
-            picture = self.folder / "pictures" / f"{run.id}.svg"
-            _draw(trace, picture)
-        except (TraceUnavailable, OSError) as error:
+            trace = run.trace.path
+            _write_picture(run.picture(), picture)
+        except (ScenarioError, OSError) as error:
             return f"no trace to look at: {error} (pytest --cache-clear runs it anew)"
-        return f"picture: {_typed(picture)}\nreplay:  {shlex.join(command)}"
+        # Nobody keeps the ledger when this is typed.
+        local = shlex.join(("scenario", "replay", _typed(trace)))
+        command = run.replay_command if self.target.named else local
+        return f"picture: {_typed(picture)}\nreplay:  {command}"
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Add a section to the report of a failed test for each cell that it asked for."""
+        report = yield
+        if call.when != "teardown" and report.failed:
+            for cell in item.stash.get(_CELLS, ()):
+                title = f"{cell.scenario} / {cell.system}"
+                report.sections.append((title, self._cell_words(cell)))
+        return report
+
+    def _cell_words(self, cell: Cell) -> str:
+        judged = by_severity(one for one in cell.verdicts if one.outcome is not Outcome.MEASURE)
+        # Where all pass, the test asked for more than the oracles do.
+        listed = [one for one in judged if one.outcome is not Outcome.PASS] or judged
+        lines = [
+            f"{glyph_word(one.outcome)}  {one.oracle}  {', '.join(evidence_parts(one))}"
+            for one in listed
+        ]
+        runs = (run for run in cell.runs for one in listed if one in run.verdicts)
+        return "\n".join([*lines, self.evidence(next(runs, cell.runs[0]))])
 
 
-def _draw(trace: Path, picture: Path) -> None:
-    from daemon.analysis.report.run_maps import draw_run
+@dataclass(frozen=True, slots=True)
+class ScenarioRunner:
+    """The value of the fixture ``scenario`` of one test."""
 
-    picture.parent.mkdir(exist_ok=True)
-    for earlier in picture.parent.glob("*.svg"):
+    plugin: ScenarioPlugin = field(repr=False)
+    item: pytest.Item = field(repr=False)
+
+    def __call__(self, campaign: str | Path, scenario: str, sut: str = "") -> Cell:
+        """Return the cell of a scenario of a campaign file with a system, after its runs.
+
+        ``sut`` is a system of the campaign, another one by its name or file, or left out where the
+        campaign has one. Files are relative to the root directory of pytest. The test fails with
+        the findings when something is wrong with them, and when a run leaves no result.
+        """
+        __tracebackhide__ = True
+        root = self.item.config.rootpath
+        file = root / sut
+        with _plain_failures():
+            loaded = _load(root / campaign, scenario, str(file) if file.is_file() else sut)
+            cells = {(one.name, system.name) for one in loaded.cells for system in one.suts}
+            if len(cells) > 1:
+                names = ", ".join(f"{name} with {system}" for name, system in sorted(cells))
+                pytest.fail(f"{campaign}: name one of {names}", pytrace=False)
+            runs = CampaignRuns(self.plugin, root / campaign, loaded)
+            runs.submit(cells)
+            if message := _lost(runs.rows(frozenset(cells))):
+                pytest.fail(message, pytrace=False)
+            (cell,) = runs.results().cells
+        self.item.stash.setdefault(_CELLS, []).append(cell)
+        return cell
+
+
+def _lost(runs: Iterable[RunRow]) -> str:
+    """Return which runs have no result and why, empty when all have one."""
+    states = (RunState.LOST, RunState.CANCELLED)
+    return "\n".join(
+        f"{run.label} was {run.state}: {run.reason}" for run in runs if run.state in states
+    )
+
+
+def _write_picture(picture: str, path: Path) -> None:
+    path.parent.mkdir(exist_ok=True)
+    for earlier in path.parent.glob("*.svg"):
         with suppress(FileNotFoundError):  # another process removes it
             if time.time() - earlier.stat().st_mtime > _PICTURES_KEPT:
                 earlier.unlink()
-    draw_run(trace, picture)
+    path.write_text(picture, "utf-8")
 
 
 def _typed(path: Path) -> str:
@@ -175,7 +227,7 @@ class WatchedCells(WatchedRuns):
 
     @property
     def finished(self) -> bool:
-        """Whether no more runs of the cells will come."""
+        """True when no more runs of the cells will come."""
         if super().finished or self.whole or self.row is None:
             return super().finished
         return all(run.settled for run in self.of_cells)
@@ -201,38 +253,79 @@ class CampaignRuns:
             return
         submission = expand(_only(self.campaign, frozenset(cells)))
         origin = campaign_origin(self.campaign, self.path)
-        with self.plugin.open() as daemon:
+        with self.plugin.target.open() as daemon:
             receipt = daemon.submit(replace(submission, origin=origin))
             if receipt.known:  # a session that was interrupted may have left it
                 daemon.retry(receipt.campaign)
         policy = self.campaign.declared.policy
         self._watched = WatchedCells(receipt.campaign, whole=policy.until_decided)
 
-    def results(self, cells: frozenset[CellName]) -> tuple[RunRow, ...]:
+    def rows(self, cells: frozenset[CellName]) -> tuple[RunRow, ...]:
         """Return the runs of ``cells`` after they have ended; :meth:`submit` comes first."""
         watched = self._watched
         assert watched is not None
         watched.cells = cells
         if not watched.finished:
             with self.plugin.progress():
-                watch_work(self.plugin.open, watched.campaign, watched, endurance=_ENDURANCE)
+                open_daemon = self.plugin.target.open
+                watch_work(open_daemon, watched.campaign, watched, endurance=_ENDURANCE)
         return watched.of_cells
 
+    def results(self) -> Results:
+        """Return the results of all that was submitted, as they stand."""
+        assert self._watched is not None
+        assert self._watched.row is not None
+        with self.plugin.target.open() as daemon:
+            return Results(read_results(daemon, self._watched.row), self.plugin.target)
 
-def _refuse_errors(campaign: Campaign) -> None:
-    """Raise :class:`InputError` with the findings of a campaign that cannot be run."""
+
+def _load(path: Path, scenario: str = "", sut: str = "") -> loading.Campaign:
+    """Return a campaign, or one scenario of it; raises ``InputError`` if it cannot be run."""
+    campaign = load(_typed(path))
+    if scenario:
+        campaign = campaign.select(scenario, sut)
     errors = [one for one in campaign.findings if one.severity is Severity.ERROR]
     if errors:
         raise InputError(errors)
+    return campaign.checked
+
+
+@contextmanager
+def _plain_failures() -> Iterator[None]:
+    """Turn errors that people can mend into failures without a traceback."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise pytest.fail.Exception(str(error), pytrace=False) from None
 
 
 def _only(campaign: loading.Campaign, cells: frozenset[CellName]) -> loading.Campaign:
     """Return the campaign with these cells alone."""
-    kept = (
+    cells_alone = (
         replace(cell, suts=tuple(sut for sut in cell.suts if (cell.name, sut.name) in cells))
         for cell in campaign.cells
     )
-    return replace(campaign, cells=tuple(cell for cell in kept if cell.suts))
+    return replace(campaign, cells=tuple(cell for cell in cells_alone if cell.suts))
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """Subject of an item: a scenario with a system, judged by the runs of ``cells``."""
+
+    scenario: str
+    system: str
+    cells: frozenset[CellName]
+
+
+def _compared(campaign: loading.Campaign) -> Iterator[tuple[str, Judged]]:
+    """Yield each comparison with every system that runs both of its scenarios."""
+    cells = [(cell.name, sut.name) for cell in campaign.cells for sut in cell.suts]
+    for comparison in campaign.declared.comparisons:
+        sides = {comparison.left, comparison.right}
+        for system in dict.fromkeys(system for _, system in cells):
+            own = frozenset(one for one in cells if base_name(one[0]) in sides and one[1] == system)
+            if {base_name(scenario) for scenario, _ in own} == sides:
+                yield comparison.name, Judged(comparison.left, system, own)
 
 
 class CampaignCollector(pytest.File):
@@ -243,34 +336,52 @@ class CampaignCollector(pytest.File):
     def collect(self) -> Iterator[pytest.Collector]:
         """Yield the scenarios; raises ``CollectError`` with what is wrong with the campaign."""
         try:
-            campaign = load(_typed(self.path))
-            _refuse_errors(campaign)
+            campaign = _load(self.path)
         except ScenarioError as error:
             raise self.CollectError(str(error)) from error
-        self.runs = CampaignRuns(ScenarioPlugin.of(self.config), self.path, campaign.checked)
-        for cell in campaign.checked.cells:
-            names = [oracle.name for oracle in cell.oracles if not oracle.is_measure]
-            items = [
-                ((cell.name, sut.name), name, frozenset([(cell.name, sut.name)]))
-                for sut in cell.suts
-                for name in names
-            ]
-            yield ScenarioCollector.from_parent(self, name=cell.name, members=_by_system(items))
-        if compared := list(_compared(campaign.checked)):
-            yield ScenarioCollector.from_parent(self, name="compare", members=_by_system(compared))
+        self.runs = CampaignRuns(ScenarioPlugin.of(self.config), self.path, campaign)
+        items = [
+            (
+                cell.name,
+                oracle.name,
+                Judged(cell.name, sut.name, frozenset([(cell.name, sut.name)])),
+            )
+            for cell in campaign.cells
+            for sut in cell.suts
+            for oracle in cell.oracles
+            if not oracle.is_measure
+        ]
+        items += [("compare", name, judged) for name, judged in _compared(campaign)]
+        parts: dict[str, Any] = {}
+        for scenario, name, judged in items:
+            parts.setdefault(scenario, {}).setdefault(judged.system, {})[name] = judged
+        for name, part in parts.items():
+            yield CampaignPart.from_parent(self, name=name, part=part)
 
     def submit(self) -> None:
-        """Hand over the runs of the items that this session has of every campaign."""
+        """Hand over the runs of all items of this session, of every campaign."""
         needed: dict[CampaignCollector, set[CellName]] = {}
         for item in self.session.items:
             if isinstance(item, CampaignItem):
-                needed.setdefault(item.file, set()).update(item.cells)
+                needed.setdefault(item.file, set()).update(item.judged.cells)
         for file, cells in needed.items():
             file.runs.submit(cells)
 
 
-Member: TypeAlias = tuple[CellName, str, frozenset[CellName]]
-"""An item: scenario and system, oracle or comparison, and the cells whose runs decide it."""
+class CampaignPart(pytest.Collector):
+    """A scenario with its systems, or a scenario with a system and its oracles."""
+
+    def __init__(self, *, part: dict[str, Any], **more: Any) -> None:
+        super().__init__(**more)
+        self._part = part
+
+    def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
+        """Yield the systems, or the oracles."""
+        for name, part in self._part.items():
+            if isinstance(part, Judged):
+                yield CampaignItem.from_parent(self, name=name, judged=part)
+            else:
+                yield CampaignPart.from_parent(self, name=name, part=part)
 
 
 def _words(verdict: CellVerdict | ComparisonVerdict) -> str:
@@ -280,134 +391,64 @@ def _words(verdict: CellVerdict | ComparisonVerdict) -> str:
     return comparison_notes(verdict, Footnotes()).plain.strip()
 
 
-def _by_system(items: Sequence[Member]) -> dict[str, list[Member]]:
-    members: dict[str, list[Member]] = {}
-    for item in items:
-        members.setdefault(item[0][1], []).append(item)
-    return members
-
-
-def _compared(campaign: loading.Campaign) -> Iterator[Member]:
-    """Yield each comparison with every system that runs both of its scenarios."""
-    systems = dict.fromkeys(sut.name for cell in campaign.cells for sut in cell.suts)
-    for comparison in campaign.declared.comparisons:
-        sides = {comparison.left, comparison.right}
-        for system in systems:
-            cells = frozenset(
-                (cell.name, system)
-                for cell in campaign.cells
-                if base_name(cell.name) in sides and system in {sut.name for sut in cell.suts}
-            )
-            if {base_name(scenario) for scenario, _ in cells} == sides:
-                yield (comparison.left, system), comparison.name, cells
-
-
-class ScenarioCollector(pytest.Collector):
-    """A scenario, or the comparisons: a collector for each system."""
-
-    def __init__(self, *, members: dict[str, list[Member]], **more: Any) -> None:
-        super().__init__(**more)
-        self._members = members
-
-    def collect(self) -> Iterator[pytest.Collector]:
-        """Yield the systems."""
-        for system, members in self._members.items():
-            yield SystemCollector.from_parent(self, name=system, members=members)
-
-
-class SystemCollector(pytest.Collector):
-    """A scenario with a system: an item for each oracle."""
-
-    def __init__(self, *, members: list[Member], **more: Any) -> None:
-        super().__init__(**more)
-        self._members = members
-
-    def collect(self) -> Iterator[pytest.Item]:
-        """Yield the oracles."""
-        for member in self._members:
-            yield CampaignItem.from_parent(self, name=member[1], member=member)
-
-
 class CampaignItem(pytest.Item):
     """An oracle over all repeats of a scenario with a system, or a comparison of scenarios."""
 
-    def __init__(self, *, member: Member, **more: Any) -> None:
+    def __init__(self, *, judged: Judged, **more: Any) -> None:
         super().__init__(**more)
         file = self.getparent(CampaignCollector)
         assert file is not None
-        self.file = file
-        (self._scenario, self._system), _, self.cells = member
-        declared = file.runs.campaign.declared
-        expected, why = expected_verdict(
-            declared.expectations, self._scenario, self.name, self._system
-        )
+        self.file, self.judged = file, judged
+        rules = file.runs.campaign.declared.expectations
+        expected, why = expected_verdict(rules, judged.scenario, self.name, judged.system)
         if expected != "pass":
-            # Nobody is to be red for what may come out either way.
+            # What may come out either way fails nobody.
             strict = expected != "any"
             self.add_marker(pytest.mark.xfail(raises=KnownFailureError, strict=strict, reason=why))
-        self._found: CellVerdict | ComparisonVerdict | None = None
-        self._runs: tuple[RunRow, ...] = ()
+        self._verdict: CellVerdict | ComparisonVerdict | None = None
+        self._worst: RunRow | None = None
 
     def setup(self) -> None:
         """Execute the runs, which is an error where too few of them have a result."""
-        try:
+        with _plain_failures():
             self.file.submit()
-            self._runs = self.file.runs.results(self.cells)
-        except ScenarioError as error:
-            pytest.fail(str(error), pytrace=False)
-        assessment = assess(self.file.runs.campaign.declared, self._runs)
+            runs = self.file.runs.rows(self.judged.cells)
+        assessment = assess(self.file.runs.campaign.declared, runs)
         verdicts: dict[str, CellVerdict | ComparisonVerdict] = {
             **{one.oracle: one for cell in assessment.cells for one in cell.oracles},
             **{one.comparison: one for one in assessment.comparisons},
         }
-        self._found = verdicts.get(self.name)
-        lost = [row for row in self._runs if row.state in (RunState.LOST, RunState.CANCELLED)]
-        undecided = self._found is None or self._found.verdict is Outcome.INCONCLUSIVE
-        if lost and undecided:
-            lines = [f"{row.label} was {row.state}: {row.reason}" for row in lost]
-            pytest.fail("\n".join(lines), pytrace=False)
-        self._add_properties()
-
-    def _add_properties(self) -> None:
-        """Record the decisive run for ``--junit-xml``."""
-        run = self._decisive_run
-        if run is None or not isinstance(self._found, CellVerdict) or self._found.worst is None:
-            return
-        verdict = self._found.worst.verdict
-        self.user_properties += [
-            ("margin", verdict.margin),
-            ("unit", verdict.unit),
-            ("seed", run.seed),
-            ("digest", run.digest),
-            ("trace", run.trace),
-        ]
-
-    @property
-    def _decisive_run(self) -> RunRow | None:
-        worst = self._found.worst if isinstance(self._found, CellVerdict) else None
-        return next((run for run in self._runs if worst and run.id == worst.run), None)
+        self._verdict = verdict = verdicts.get(self.name)
+        undecided = verdict is None or verdict.verdict is Outcome.INCONCLUSIVE
+        if undecided and (message := _lost(runs)):
+            pytest.fail(message, pytrace=False)
+        if isinstance(verdict, CellVerdict) and verdict.worst is not None:
+            worst = verdict.worst
+            run = self._worst = next(run for run in runs if run.id == worst.run)
+            self.user_properties += [
+                ("margin", worst.verdict.margin),
+                ("unit", worst.verdict.unit),
+                ("seed", run.seed),
+                ("digest", run.digest),
+                ("trace", run.trace),
+            ]
 
     def runtest(self) -> None:
         """Raise unless the verdict is as expected."""
-        found, run = self._found, self._decisive_run
-        assert found is not None
-        passes = found.verdict is Outcome.PASS
-        words = _words(found)
-        if found.status is ExpectationStatus.MET:
-            if found.expected == "pass" or (found.expected == "any" and passes):
+        verdict = self._verdict
+        assert verdict is not None
+        passes, expected = verdict.verdict is Outcome.PASS, verdict.expected
+        if verdict.status is ExpectationStatus.MET:
+            if expected == "pass" or (expected == "any" and passes):
                 return
-            raise KnownFailureError(words)
-        if found.expected != "pass" and passes:
+            raise KnownFailureError(_words(verdict), pytrace=False)
+        if expected != "pass" and passes:
             return  # which the strict mark makes a failure
-        evidence = self.file.runs.plugin.evidence(run) if run else ""
-        pytest.fail(f"{words}\n{evidence}".strip(), pytrace=False)
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return a known failure in words, which ``--runxfail`` shows."""
-        if isinstance(excinfo.value, KnownFailureError):
-            return str(excinfo.value)
-        return super().repr_failure(excinfo, style)
+        words, plugin = _words(verdict), self.file.runs.plugin
+        if self._worst is not None:
+            words += f"\n{plugin.evidence(Run(self._worst, plugin.target))}"
+        pytest.fail(words, pytrace=False)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return file and heading of the report."""
-        return self.path, None, f"{self._scenario} / {self._system} / {self.name}"
+        return self.path, None, f"{self.judged.scenario} / {self.judged.system} / {self.name}"

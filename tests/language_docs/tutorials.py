@@ -59,7 +59,9 @@ def _write(block, folder, latest):
     path, text = folder / name, block.text
     named = name == words[-1]
     known = {word: other for word, other in latest.items() if other == name}
-    if kind and path.exists() and (not named or (known and not _is_whole(kind, text))):
+    # A campaign may have come from `scenario new`.
+    changes = (known or kind == "campaign") and not _is_whole(kind, text)
+    if kind and path.exists() and (not named or changes):
         text = with_keys(path.read_text("utf-8"), text)
     latest[kind] = name
     path.write_text(text, "utf-8")

@@ -14,11 +14,16 @@ import pytest
 from daemon.batch.client import Client
 from daemon.batch.launch import shared_daemon
 from daemon.model.run_state import RunState
+from scenario_tui.cli import invoke
 from scenario_tui.library.pytest_plugin import CampaignRuns
 from tests.daemon.batch.harness import alive, eventually
+from tests.language_docs import tutorials
+from tests.language_docs.markdown import DOCS
 
 pytest_plugins = ["pytester"]
 
+# The session around these tests may have loaded it, too.
+PLUGIN = ("-p", "scenario_tui_pytest", "-W", "ignore::pytest.PytestAssertRewriteWarning")
 ORACLES = """\
 no-contact: never(contact)
 arrives: reached(mission, 0.3 m)
@@ -65,10 +70,11 @@ def run(house, pytester, monkeypatch):
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.chdir(folder)
 
-    def call(*arguments, more="", subprocess=False):
-        (folder / FILE).write_text(HOUSE + more)
+    def call(*arguments, more="", repeats="2", subprocess=False):
+        text = HOUSE.replace("repeats: 2", f"repeats: {repeats}")
+        (folder / FILE).write_text(text + more)
         start = pytester.runpytest_subprocess if subprocess else pytester.runpytest_inprocess
-        return start("-p", "scenario_tui_pytest", f"--rootdir={folder}", *arguments)
+        return start(*PLUGIN, f"--rootdir={folder}", *arguments)
 
     return call
 
@@ -141,10 +147,12 @@ def test_a_comparison_is_an_item(run):
     )
 
 
-def test_too_little_evidence_is_a_failure_that_says_so(run):
-    repeats = "repeats: {n: 2, pass: rate >= 80 %}"
-    result = run("-k", "open and contact", FILE, more=f"# {repeats}")
-    result.assert_outcomes(passed=1, deselected=3)
+def test_repeats_are_judged_together_by_the_policy(run):
+    few = run("-k", "open and contact", FILE, repeats="{n: 2, pass: rate >= 80 %}")
+    few.assert_outcomes(failed=1, deselected=3)
+    few.stdout.fnmatch_lines(["? inconclusive  no-contact*", "  2 of 2 shows at least*more runs*"])
+    policy = "{n: 2, pass: rate >= 30 %, until: decided, at-most: 4}"
+    run("-k", "open and contact", FILE, repeats=policy).assert_outcomes(passed=1, deselected=3)
 
 
 def test_findings_are_told_without_a_traceback(run):
@@ -158,13 +166,13 @@ def test_findings_are_told_without_a_traceback(run):
 
 
 def test_a_lost_run_is_an_error_unless_the_verdict_stands_without_it(run, monkeypatch):
-    wait = CampaignRuns.results
+    wait = CampaignRuns.rows
 
     def lose_one(runs, cells):
         first, *rest = wait(runs, cells)
         return replace(first, state=RunState.LOST, outcome=None, result=None), *rest
 
-    monkeypatch.setattr(CampaignRuns, "results", lose_one)
+    monkeypatch.setattr(CampaignRuns, "rows", lose_one)
     result = run("-k", "moving", FILE)
     result.assert_outcomes(errors=1, failed=1, deselected=2)
     result.stdout.fnmatch_lines(["moving/pilot/0 was lost*"])
@@ -203,14 +211,12 @@ def test_a_named_daemon_executes_the_runs(run, house):
     result.stdout.fnmatch_lines([f"replay:  scenario replay house-*.0 --connect {house[1]}"])
 
 
-def test_processes_of_xdist_share_one_daemon_which_leaves_with_them(run, tmp_path):
-    cache = tmp_path / "cache"
-    options = ("-p", "xdist.plugin", "-n2", "-o", f"cache_dir={cache}")
+def test_processes_of_xdist_share_one_daemon(run, house):
+    options = ("-p", "xdist.plugin", "-n2")
     result = run(*options, FILE, more=f"expect: [{SHORT}]", subprocess=True)
     result.assert_outcomes(passed=2, xfailed=1, failed=1)
-    log = (cache / "d" / "scenario" / "daemon.log").read_text()
-    assert log.count('"started"') == 1
-    assert not (cache / "d" / "scenario" / "daemon.json").exists()
+    log = house[0] / ".pytest_cache" / "d" / "scenario" / "daemon.log"
+    assert log.read_text().count('"started"') == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
@@ -234,6 +240,59 @@ def test_without_a_cache_runs_are_kept_with_temporary_files(run):
     result = run("-p", "no:cacheprovider", "-k", "moving and arrives", FILE)
     result.assert_outcomes(failed=1, deselected=3)
     result.stdout.fnmatch_lines(["replay:  scenario replay *scenario/traces/house-*.mcap"])
+
+
+def test_a_test_asks_for_the_runs_of_a_scenario(run, house, tmp_path):
+    test = tmp_path / "test_house.py"
+    test.write_text(
+        f"""
+def test_passes(scenario):
+    cell = scenario("{FILE}", "open", sut="pilot")
+    assert cell["no-contact"].outcome == "pass"
+    assert len(cell.runs) == 2
+
+
+def test_fails(scenario):
+    assert scenario("{FILE}", "open").outcome == "pass"
+
+
+def test_is_wrong(scenario):
+    scenario("{FILE}", "opne")
+"""
+    )
+    result = run(str(test))
+    result.assert_outcomes(passed=1, failed=2)
+    result.stdout.fnmatch_lines(
+        [
+            "*- open / pilot -*",
+            "✗ fail  arrives  −*",
+            "picture: .pytest_cache/d/scenario/pictures/house-*.0.svg",
+            "replay:  scenario replay .pytest_cache/d/scenario/traces/house-*/open.pilot.0.mcap",
+            '*house.campaign.yaml: no scenario "opne"',
+            '    did you mean "open"?',
+        ]
+    )
+    assert "✓ pass  no-contact" not in result.stdout.str()
+    assert "pytest_plugin" not in result.stdout.str()
+
+
+def test_the_guide_does_what_it_says(pytester, monkeypatch, capfd):
+    monkeypatch.setattr("_pytest.pytester.SysModulesSnapshot.restore", lambda _: None)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+
+    def run(command):
+        program, *arguments = tutorials.words_of(command)
+        if program == "pytest":
+            return pytester.runpytest(*PLUGIN, *arguments).stdout.str()
+        assert program == "scenario"
+        invoke(arguments)
+        said = capfd.readouterr()
+        return said.out + said.err
+
+    # One daemon serves all sessions.
+    with shared_daemon(pytester.path / ".pytest_cache" / "d" / "scenario", kept=2**30):
+        assert list(tutorials.follow(DOCS / "pytest.md", pytester.path, run)) == []
 
 
 def test_other_projects_keep_their_names():
