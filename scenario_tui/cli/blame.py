@@ -13,9 +13,9 @@ from daemon.batch.errors import DaemonError
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import CommandError, ExitCode
 from scenario_tui.cli.options import refuse_missing_file
-from scenario_tui.cli.output import CommandError, open_progress, say, stdout_console
+from scenario_tui.cli.output import open_progress, say, stdout_console
 from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
 from scenario_tui.text.formatting import verdict_line
 

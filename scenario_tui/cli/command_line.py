@@ -16,15 +16,8 @@ import typer
 from grammars.text.diagnostics import InputError, Severity
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
-from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import (
-    CommandError,
-    ErrorValue,
-    print_library_messages,
-    report_findings,
-    say,
-    settle_streams,
-)
+from scenario_tui.cli.exit_codes import CommandError, ErrorValue, ExitCode
+from scenario_tui.cli.output import print_library_messages, report_findings, say, settle_streams
 from scenario_tui.interrupts import was_interrupted
 
 _TYPED: Final = frozenset(

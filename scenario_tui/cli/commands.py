@@ -92,10 +92,11 @@ COMMANDS: Final = {
     name: (panel, about) for panel, lines in _PANELS.items() for name, about in lines.items()
 }
 _MODULES: Final = {
-    "demo": "run", "wait": "submit", "cancel": "steer",
-    "retry": "steer", "pause": "steer", "priority": "steer", "delete": "steer",
+    **dict.fromkeys(("cancel", "retry", "pause", "priority", "delete"), "steer"),
+    "demo": "run",
+    "wait": "submit",
     "import": "import_",
-}  # fmt: skip
+}
 """The module of a command that is not in one of its own name."""
 
 

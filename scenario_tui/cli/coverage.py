@@ -12,7 +12,7 @@ from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Processes, refuse_missing_campaign
+from scenario_tui.cli.options import Processes, check_campaign_file
 from scenario_tui.cli.output import plain_table, say, stdout_console
 from scenario_tui.source import DaemonTarget, all_traces
 
@@ -67,7 +67,7 @@ def _measure_coverage(
         from daemon.campaign import expand, load_campaign
         from scenario_tui.library.submission import searches_text
 
-        refuse_missing_campaign(Path(files[0]))
+        check_campaign_file(Path(files[0]))
         campaign = load_campaign(files[0])
         if words := searches_text(Path(files[0]), tuple(one.name for one in campaign.searches)):
             say(f"{words}; name its id here once it has run")

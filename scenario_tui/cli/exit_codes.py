@@ -1,12 +1,15 @@
-"""Exit codes: the one that a set of runs deserves, and wrong usage."""
+"""Exit codes: the one that a set of runs deserves, and errors that have one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import IntEnum
 
 import typer
+
+from grammars.text.diagnostics import Finding
 
 
 class ExitCode(IntEnum):
@@ -21,6 +24,23 @@ class ExitCode(IntEnum):
     # What a shell reports for SIGINT and SIGPIPE: 128 and the number of the signal.
     INTERRUPTED = 130
     BROKEN_PIPE = 141
+
+
+class CommandError(Exception):
+    """Reason why a command cannot do what was typed, in a line; ``code`` is the exit code."""
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorValue:
+    """Answer of a command that failed: the reason, the exit code, the findings about files."""
+
+    error: str
+    exit_code: int
+    diagnostics: tuple[Finding, ...] = ()
 
 
 def exit_code(words: Iterable[str]) -> ExitCode:

@@ -13,16 +13,10 @@ import typer
 from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import CommandError, ExitCode
 from scenario_tui.cli.export_runs import ExportedFiles, export_recorded, is_recorded
 from scenario_tui.cli.options import Base, check_folder
-from scenario_tui.cli.output import (
-    CommandError,
-    report_findings,
-    say,
-    stdout_console,
-    track_progress,
-)
+from scenario_tui.cli.output import report_findings, say, stdout_console, track_progress
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:

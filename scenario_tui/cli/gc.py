@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.batch.amounts import parse_size, size_text
+from daemon.batch.amounts import parse_size, parse_time, size_text
 from grammars.text.words import count_noun
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.options import State, parse_age
+from scenario_tui.cli.options import State
 from scenario_tui.cli.output import stdout_console
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import Removal
+
+
+def _parse_age(text: str) -> float:
+    """Return ``30d`` in seconds; raises ``ValueError``."""
+    return parse_time(text, "an age", "30d")
 
 
 def gc(
@@ -27,7 +32,7 @@ def gc(
     older_than: Annotated[
         float | None,
         typer.Option(
-            "--older-than", metavar="AGE", parser=parse_age, help="Remove older ones: 30d, 12h."
+            "--older-than", metavar="AGE", parser=_parse_age, help="Remove older ones: 30d, 12h."
         ),
     ] = None,
     max_size: Annotated[

@@ -16,11 +16,6 @@ _LISTED: Final = 5
 """Campaign files that are named when none is close to what was typed."""
 
 
-def parse_age(text: str) -> float:
-    """Return ``30d`` in seconds; raises ``ValueError``, which typer reports."""
-    return parse_time(text, "an age", "30d")
-
-
 def parse_duration(text: str) -> float:
     """Return ``10min`` in seconds; raises ``ValueError``."""
     return parse_time(text, "a time", "10min")
@@ -84,21 +79,16 @@ def parse_endpoint(text: str) -> str:
 
 
 def check_campaign_file(path: Path) -> Path:
-    """Return the path of a campaign; raises :class:`InputError`, with what may be meant."""
-    refuse_missing_campaign(path)
+    """Return the path of a campaign file; raises :class:`InputError`, with files near by."""
+    if not path.exists():
+        raise InputError.at(Where(str(path)), "no such file", _campaign_hint(path))
     return path
 
 
-def refuse_missing_campaign(path: Path) -> None:
-    """Raise :class:`InputError` for a campaign file that does not exist, with those near by."""
-    if not path.exists():
-        raise InputError.at(Where(str(path)), "no such file", _campaign_hint(path))
-
-
 def refuse_missing_file(name: str) -> None:
-    """Do so for a name with the ending of a file; campaigns and runs have none."""
+    """Check a name with the ending of a campaign file; campaigns and runs have none."""
     if name.endswith((".yaml", ".yml")):
-        refuse_missing_campaign(Path(name))
+        check_campaign_file(Path(name))
 
 
 def _campaign_hint(path: Path) -> str:
@@ -201,15 +191,6 @@ Wall: TypeAlias = Annotated[
         parser=parse_wall,
         help="Wall clock limit of a run, 90s or 10min: what has not ended by then ends as an error "
         "that says so. Default: ten times its simulated limit, at least 5min.",
-    ),
-]
-Attempts: TypeAlias = Annotated[
-    int | None,
-    typer.Option(
-        "--attempts",
-        min=1,
-        max=100,
-        help="How often a run is tried whose process dies without a result. Default: 3.",
     ),
 ]
 

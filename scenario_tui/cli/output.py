@@ -9,12 +9,10 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from grammars.text.diagnostics import Finding
 from grammars.text.terminal_text import printable, printable_streams
-from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.text.formatting import plain_table as plain_table
 
 if TYPE_CHECKING:
@@ -124,17 +122,6 @@ def track_progress(found: Iterable[T], total: int, description: str) -> Iterator
         yield from progress.track(found, total=total, description=description)
 
 
-def wrap_parts(parts: Iterable[str], width: int) -> str:
-    """Return parts two blanks apart, in lines of at most ``width`` that begin with a part."""
-    lines: list[str] = []
-    for part in parts:
-        if lines and len(lines[-1]) + 2 + len(part) <= width:
-            lines[-1] += f"  {part}"
-        else:
-            lines.append(part)
-    return "\n".join(lines)
-
-
 def print_commands(*commands: tuple[str, str]) -> None:
     """Print what to type next: ``(command, what it does)`` pairs, the purpose where it fits."""
     from rich.text import Text
@@ -147,23 +134,6 @@ def print_commands(*commands: tuple[str, str]) -> None:
         if roomy:
             line.append(f"{'':{width - len(command)}}  {purpose}", style="dim")
         console.print(line, soft_wrap=True)
-
-
-class CommandError(Exception):
-    """Reason why a command cannot do what was typed, in a line; ``code`` is the exit code."""
-
-    def __init__(self, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
-        super().__init__(message)
-        self.code = code
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorValue:
-    """Answer of a command that failed: the reason, the exit code, the findings about files."""
-
-    error: str
-    exit_code: int
-    diagnostics: tuple[Finding, ...] = ()
 
 
 def say(message: str) -> None:

@@ -35,7 +35,7 @@ from scenario_tui.cli import (
     sut,
 )
 from scenario_tui.cli.answer import schema_identifier
-from scenario_tui.cli.output import ErrorValue
+from scenario_tui.cli.exit_codes import ErrorValue
 
 SCHEMA_TITLE: Final = "Outputs of scenario-tui"
 SCHEMA_FILE: Final = "outputs.schema.json"

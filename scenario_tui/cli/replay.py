@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
+from scenario_tui.cli.exit_codes import CommandError, ExitCode, wrong_usage
 from scenario_tui.cli.options import RunOrTrace
-from scenario_tui.cli.output import CommandError, stdout_console
+from scenario_tui.cli.output import stdout_console
 from scenario_tui.source import DaemonTarget, one_trace
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from grammars.text.words import command_line, count_noun
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import (
-    Attempts,
     Baseline,
     CampaignFile,
     Slots,
@@ -82,7 +81,15 @@ def run(
     ] = None,
     slots: Slots = None,
     wall: Wall = None,
-    attempts: Attempts = None,
+    attempts: Annotated[
+        int | None,
+        typer.Option(
+            "--attempts",
+            min=1,
+            max=100,
+            help="How often a run is tried whose process dies without a result. Default: 3.",
+        ),
+    ] = None,
 ) -> Answer[ComparedResults]:
     """Run a campaign here and now, without a daemon.
 

@@ -19,10 +19,9 @@ from daemon.model.status import RunRow
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode, exit_code, wrong_usage
-from scenario_tui.cli.options import Slots, refuse_missing_campaign
+from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code, wrong_usage
+from scenario_tui.cli.options import Slots, check_campaign_file
 from scenario_tui.cli.output import (
-    CommandError,
     plain_table,
     print_commands,
     report_findings,
@@ -300,7 +299,7 @@ def _begin(
     from scenario_tui.library.job import start_daemon_if_needed
     from scenario_tui.library.watching import SUBMIT_PATIENCE, ask_patiently
 
-    refuse_missing_campaign(path)
+    check_campaign_file(path)
 
     def find(id_: str) -> SearchRow | None:
         try:

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from grammars.text.words import count_noun
-from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
+from scenario_tui.cli.exit_codes import CommandError, ExitCode, wrong_usage
 from scenario_tui.cli.options import CampaignFile
-from scenario_tui.cli.output import CommandError, report_findings, say
+from scenario_tui.cli.output import report_findings, say
 from scenario_tui.terminal.capabilities import why_no_screen
 
 if TYPE_CHECKING:

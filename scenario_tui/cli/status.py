@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +13,7 @@ from daemon.model.search_answer import SearchRow
 from daemon.model.status import CampaignRow, DaemonOverview, WorkerRow
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.output import plain_table, stdout_console, wrap_parts
+from scenario_tui.cli.output import plain_table, stdout_console
 from scenario_tui.source import DaemonTarget
 from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
 
@@ -92,7 +93,7 @@ def _print_overview(status: DaemonStatus) -> None:
         parts.append(rate_text(overview.rate))
     if overview.seconds_left is not None:
         parts.append(f"{duration_text(overview.seconds_left)} left")
-    console.print(wrap_parts(parts, console.width), markup=False)
+    console.print(_wrap_parts(parts, console.width), markup=False)
     if overview.preparing:
         console.print(overview.preparing, markup=False, soft_wrap=True)
     for number, trouble in enumerate(overview.troubles):
@@ -115,10 +116,21 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
         parts = _tally_parts(row)
         if row.seconds_left is not None:
             parts.append(f"{duration_text(row.seconds_left)} left")
-        counts = wrap_parts(parts, max(24, room))
+        counts = _wrap_parts(parts, max(24, room))
         marks = ["search"] if row.search else []
         marks += [f"priority {row.priority}"] if row.priority else []
         marks += ["paused"] if row.paused and not row.finished else []
         name = f"{row.id} ({', '.join(marks)})" if marks else row.id
         table.add_row(name, progress, counts, age_text(row.submitted_at, now))
     return table
+
+
+def _wrap_parts(parts: Iterable[str], width: int) -> str:
+    """Return parts two blanks apart, in lines of at most ``width`` that begin with a part."""
+    lines: list[str] = []
+    for part in parts:
+        if lines and len(lines[-1]) + 2 + len(part) <= width:
+            lines[-1] += f"  {part}"
+        else:
+            lines.append(part)
+    return "\n".join(lines)

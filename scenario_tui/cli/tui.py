@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from grammars.text.terminal_text import unfiltered
-from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import CommandError, plain_table, say, stdout_console
+from scenario_tui.cli.exit_codes import CommandError, ExitCode
+from scenario_tui.cli.output import plain_table, say, stdout_console
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal.capabilities import why_no_screen
 

@@ -12,8 +12,7 @@ import pytest
 
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from scenario_tui.cli import command_line
-from scenario_tui.cli.exit_codes import ExitCode, exit_code
-from scenario_tui.cli.output import CommandError
+from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from tests.scenario_tui.cli.outputs import declared
 
