@@ -1,0 +1,84 @@
+"""The public interface: its names, its signatures, what it costs to import, its errors."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import scenario_tui
+from scenario_tui import errors
+
+HEAVY = {"numba", "numpy", "pydantic", "textual", "textx", "zenoh", "pyarrow", "rich", "shapely"}
+SIGNATURES = {
+    "load": "(path: 'str | Path')",
+    "check": "(path: 'str | Path')",
+    "run": "(path: 'str | Path', *, workers: 'int | None' = None, out: 'str | Path | None' = None)",
+    "submit": "(path: 'str | Path', *, connect: 'str' = '', state: 'str | Path | None' = None, "
+    "fresh: 'bool' = False)",
+    "results": "(name: 'str | Path', *, connect: 'str' = '', state: 'str | Path | None' = None)",
+    "Campaign.check": "(self)",
+    "Campaign.select": "(self, scenario: 'str' = '', system: 'str' = '')",
+    "Campaign.scene": "(self, scenario: 'str' = '')",
+    "Campaign.run": "(self, *, workers: 'int | None' = None, out: 'str | Path | None' = None, "
+    "wall: 'float | None' = None, attempts: 'int | None' = None)",
+    "Campaign.submit": "(self, *, connect: 'str' = '', state: 'str | Path | None' = None, "
+    "fresh: 'bool' = False, workers: 'int | None' = None)",
+    "Job.results": "(self)",
+    "Job.wait": "(self, timeout: 'float | None' = None)",
+    "Job.cancel": "(self)",
+    "Trace.signal": "(self, name: 'str')",
+    "Trace.judge": "(self, text: 'str')",
+    "Trace.picture": "(self)",
+}
+EVERYTHING = Path(__file__).with_name("everything.py")
+
+
+def test_the_public_names_are_all_there_is():
+    assert dir(scenario_tui) == sorted(scenario_tui.__all__)
+    assert len(scenario_tui.__all__) <= 20
+    for name in scenario_tui.__all__:
+        assert getattr(scenario_tui, name).__doc__, name
+    with pytest.raises(AttributeError, match="claim_nothing"):
+        scenario_tui.claim_nothing  # noqa: B018
+
+
+@pytest.mark.parametrize(("name", "signature"), SIGNATURES.items())
+def test_signatures_stay(name, signature):
+    function = scenario_tui
+    for part in name.split("."):
+        function = getattr(function, part)
+    found = inspect.signature(function)
+    assert str(found.replace(return_annotation=inspect.Signature.empty)) == signature
+
+
+def test_a_script_that_type_checkers_read_uses_every_name():
+    tree = ast.parse(EVERYTHING.read_text(encoding="utf-8"))
+    used = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}
+    assert set(scenario_tui.__all__) <= used
+    assert {name.rpartition(".")[2] for name in SIGNATURES} <= used
+
+
+def test_importing_it_loads_nothing_heavy():
+    code = "import sys, scenario_tui\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & HEAVY
+    assert not {name for name in loaded if name.startswith(("daemon", "grammars"))}
+
+
+def test_the_tree_of_errors_is_drawn_as_it_is():
+    drawn = {}
+    above = []
+    for line in (errors.__doc__ or "").splitlines():
+        found = re.match(r"([│ ]*(?:[├└]── )?)([A-Z]\w+)  ", line)
+        if found:
+            depth = len(found[1]) // 4
+            above[depth:] = [found[2]]
+            drawn[found[2]] = above[depth - 1] if depth else "Exception"
+    assert set(drawn) == set(errors.__all__)
+    for name, parent in drawn.items():
+        assert getattr(errors, name).__bases__[0].__name__ == parent, name
