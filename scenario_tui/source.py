@@ -69,7 +69,7 @@ class DaemonTarget:
         if endpoint.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
             folder = StatePaths.find(self.state).state
             raise Unreachable(
-                f"no daemon keeps {folder}: start one with `scenario daemon` or `scenario submit`"
+                f"no daemon keeps {folder}: start one with `{self.command('daemon')}`"
             )
         return endpoint.address
 
