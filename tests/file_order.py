@@ -24,6 +24,7 @@ LONG = (
     "scenario_tui/dashboard/test_dashboard.py",
     "language_docs/test_tutorials.py",
     "scenario_tui/cli/test_examples.py",
+    "scenario_tui/test_pytest_plugin.py",
     "scenario_tui/dashboard/test_terminal.py",
     "scenario_tui/cli/test_build_servers.py",
     "scenario_tui/test_pictures.py",

@@ -22,6 +22,7 @@ import pytest
 
 from daemon.analysis.results import read_results
 from daemon.batch.launch import shared_daemon
+from daemon.batch.paths import is_endpoint, parse_endpoint
 from daemon.campaign import campaign_origin, expand
 from daemon.judging.assessment import assess, base_name, expected_verdict
 from daemon.model.assessments import CellVerdict, ComparisonVerdict, ExpectationStatus
@@ -29,7 +30,7 @@ from daemon.model.run_state import RunState
 from daemon.model.status import CampaignRow, RunRow
 from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Outcome
-from grammars.text.diagnostics import InputError, ScenarioError, Severity
+from grammars.text.diagnostics import InputError, ScenarioError, Severity, Where
 from scenario_tui.library.campaign import load
 from scenario_tui.library.results import Cell, Results, Run
 from scenario_tui.library.watching import ProgressDisplay, WatchedRuns, watch_work
@@ -81,7 +82,10 @@ class ScenarioPlugin:
     @cached_property
     def target(self) -> DaemonTarget:
         """The daemon that people named, otherwise the private one, started or joined here."""
-        named = self._config.getoption("--scenario-connect")
+        named = parse_endpoint(self._config.getoption("--scenario-connect"))
+        if named and not is_endpoint(named):
+            hint = "write tcp/<host>:<port>, tls/<host>:<port> or the path of a socket"
+            raise InputError.at(Where("--scenario-connect"), f"{named!r} is not an endpoint", hint)
         if named or os.environ.get("SCENARIO_CONNECT"):
             return DaemonTarget(named)
         self._resources.enter_context(shared_daemon(self.folder, kept=_KEPT))

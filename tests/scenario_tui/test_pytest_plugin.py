@@ -209,6 +209,9 @@ def test_a_named_daemon_executes_the_runs(run, house):
     result = run("-k", "moving and arrives", "--scenario-connect", house[1], FILE)
     result.assert_outcomes(failed=1, deselected=3)
     result.stdout.fnmatch_lines([f"replay:  scenario replay house-*.0 --connect {house[1]}"])
+    wrong = run("-k", "moving and arrives", "--scenario-connect", "bench", FILE)
+    wrong.assert_outcomes(errors=1, deselected=3)
+    wrong.stdout.fnmatch_lines(["--scenario-connect: 'bench' is not an endpoint"])
 
 
 def test_processes_of_xdist_share_one_daemon(run, house):
