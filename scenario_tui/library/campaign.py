@@ -106,7 +106,7 @@ class Campaign:
 
     @property
     def about(self) -> str:
-        """What the file says it is about."""
+        """The sentence of the file about it, empty without one."""
         return self._loaded.about
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,8 +42,11 @@ def results(name: str | Path, *, connect: str = "", state: str | Path | None = N
 class Run:
     """One run of a campaign."""
 
-    _row: RunRow = field(repr=False)
-    _target: DaemonTarget = field(repr=False)
+    _row: RunRow
+    _target: DaemonTarget
+
+    def __repr__(self) -> str:
+        return f"Run({self.id!r}, {self._row.label}: {self.outcome or self._row.state})"
 
     @property
     def id(self) -> str:
@@ -120,8 +123,11 @@ class Run:
 class Cell:
     """A scenario with a system under test: all its repeats."""
 
-    runs: tuple[Run, ...] = field(repr=False)
-    _assessment: CellAssessment = field(repr=False)
+    runs: tuple[Run, ...]
+    _assessment: CellAssessment
+
+    def __repr__(self) -> str:
+        return f"Cell({self.scenario!r}, {self.system!r}, {self.outcome}, {len(self.runs)} runs)"
 
     @property
     def scenario(self) -> str:
@@ -163,9 +169,12 @@ class Cell:
 class Results:
     """Results of a campaign, as they stood when they were read."""
 
-    value: CampaignResults = field(repr=False)
+    value: CampaignResults
     """The value that ``scenario results --json`` writes; its fields may change."""
-    _target: DaemonTarget = field(repr=False)
+    _target: DaemonTarget
+
+    def __repr__(self) -> str:
+        return f"Results({self.id!r}, {len(self.runs)} runs, passed={self.passed})"
 
     @property
     def id(self) -> str:
@@ -179,7 +188,7 @@ class Results:
 
     @property
     def finished(self) -> bool:
-        """Whether no run waits or is running."""
+        """True when no run waits or is running."""
         return self.value.row.finished
 
     @cached_property
@@ -208,7 +217,7 @@ class Results:
 
     @property
     def passed(self) -> bool:
-        """Whether everything is as the campaign expects, all of it judged."""
+        """True when everything was judged and is as the campaign expects."""
         return self.value.assessment.exit_code == 0
 
     @property

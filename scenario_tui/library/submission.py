@@ -52,7 +52,7 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
 
 @dataclass(frozen=True, slots=True)
 class SubmissionPlan:
-    """What would be executed: ``cells`` times ``repeats``, 0 when these differ from cell to cell.
+    """Runs that would be executed: ``cells`` times ``repeats``, 0 when cells differ in these.
 
     ``seconds`` are those of the runs that have no result yet, ``seconds_anew`` those of all, each
     as one worker takes them one after the other; ``untimed`` and ``untimed_anew`` of them are not
@@ -73,9 +73,9 @@ class SubmissionPlan:
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """What a file is in a few words, what was found, and what to hand over if that was asked for
-    and nothing stands against it; of a campaign without errors also what would be executed, and
-    the names of its searches.
+    """A file in a few words, the findings about it, and the submission of one to hand over.
+
+    A campaign without errors has a plan and the names of its searches.
     """
 
     about: str = ""
@@ -86,7 +86,7 @@ class CheckedFile:
 
 
 class FileChecker(Protocol):
-    """How a campaign file is examined; ``submit`` asks for what to hand over.
+    """Function that examines a file; with ``submit`` it returns the submission, too.
 
     ``state`` is the state directory of a daemon of this machine, whose ledger knows earlier runs.
     """
@@ -156,33 +156,32 @@ def _forecast(submission: Submission, state: Path) -> Forecast | None:
                 ]
             )
     except DaemonError:
-        return None  # of another version: what is to be run is known without it
+        return None  # of another version: the plan does without it
 
 
 def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     """Say what would be executed, and about how long that takes ``slots`` runs at a time."""
     cells, runs = count_noun(plan.cells, "cell"), count_noun(plan.runs, "run")
-    counted = (
-        f"{cells} × {count_noun(plan.repeats, 'repeat')} = {runs}"
-        if plan.repeats
-        else (f"{cells}, {runs}")
-    )
+    words = f"{cells}, {runs}"
+    if plan.repeats:
+        words = f"{cells} × {count_noun(plan.repeats, 'repeat')} = {runs}"
     if not plan.asked:
-        return counted
+        return words
     cached = 0 if fresh else plan.cached
     if cached == plan.runs:
-        return f"{counted}, all cached: nothing is executed"
-    seconds, untimed = (
-        (plan.seconds_anew, plan.untimed_anew) if fresh else (plan.seconds, plan.untimed)
-    )
-    known = f"{counted}, {cached:,} cached" if cached else counted
+        return f"{words}, all cached: nothing is executed"
+    if cached:
+        words += f", {cached:,} cached"
+    seconds, untimed = plan.seconds, plan.untimed
+    if fresh:
+        seconds, untimed = plan.seconds_anew, plan.untimed_anew
     if untimed == plan.runs - cached:
-        return f"{known}; how long they take is unknown: no run of these yet"
+        return f"{words}; how long they take is unknown: no run of these yet"
     at_once = max(1, min(slots, plan.runs - cached))
     about = "at least" if untimed else "about"
     more = f", {untimed:,} of them unknown" if untimed else ""
     span = duration_text(seconds / at_once)
-    return f"{known}; {about} {span} on {count_noun(at_once, 'slot')}{more}"
+    return f"{words}; {about} {span} on {count_noun(at_once, 'slot')}{more}"
 
 
 def check_file_in_child(
@@ -204,8 +203,8 @@ def check_file_in_child(
     try:
         return codec.from_json(CheckedFile, done.stdout)
     except ValueError as error:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        last = said[-1] if said else f"it left with code {done.returncode}"
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        last = lines[-1] if lines else f"it left with code {done.returncode}"
         raise DaemonError(f"{path} could not be checked: {last}") from error
 
 
@@ -217,9 +216,11 @@ def main(arguments: list[str]) -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     path, *options = arguments
     state = Path(options[options.index(_STATE) + 1]) if _STATE in options else None
-    found = check_file(Path(path), submit=_SUBMIT in options, fresh=_FRESH in options, state=state)
+    checked = check_file(
+        Path(path), submit=_SUBMIT in options, fresh=_FRESH in options, state=state
+    )
     with os.fdopen(answer, "wb") as output:
-        output.write(codec.to_json(found))
+        output.write(codec.to_json(checked))
 
 
 if __name__ == "__main__":
