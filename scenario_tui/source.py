@@ -147,7 +147,9 @@ def open_source(
     except Refused as error:
         if name:
             where = f"no campaign or run in {target.paths.state}"
-            raise Refused(_no_traces(name) or f"{name} is no trace, no folder, {where}") from error
+            raise Refused(
+                _why_no_traces(name) or f"{name} is no trace, no folder, {where}"
+            ) from error
         newest = newest_results()
         if newest is None:
             raise
@@ -162,7 +164,7 @@ def _read_here(name: str, target: DaemonTarget, judge: bool) -> RecordedCampaign
 
         return read_traces(name, progress=target.progress if judge else None)
     if path.suffix == ".mcap":
-        raise Refused(_no_traces(name) or f"there is no trace {name}")
+        raise Refused(_why_no_traces(name) or f"there is no trace {name}")
     if path.suffix == ".json" or path.is_fifo():
         from daemon.analysis.recorded import read_results_file
 
@@ -170,10 +172,11 @@ def _read_here(name: str, target: DaemonTarget, judge: bool) -> RecordedCampaign
     return None
 
 
-def _no_traces(name: str) -> str:
-    """Say that a folder holds no traces, or that a file is none; empty when there is neither."""
+def _why_no_traces(name: str) -> str:
+    """Say what a folder or a file is that names no campaign; empty when there is neither."""
     if Path(name).is_dir():
-        return f"{name} holds no traces (.mcap files)"
+        holds = "is a folder of traces" if trace_files(name) else "holds no traces (.mcap files)"
+        return f"{name} {holds}"
     return f"{name} is no trace (MCAP file)" if Path(name).is_file() else ""
 
 
@@ -209,7 +212,7 @@ def find_run(source: CampaignSource, name: str) -> RunDetail:
         _refuse_several(name, [str(file) for file in files])
         return source.run(str(files[0]))
     if Path(name).is_file():
-        raise Refused(_no_traces(name))
+        raise Refused(_why_no_traces(name))
     campaign = find_campaign(source, campaign_name if dot else name)
     run = f"{campaign.id}.{number}"
     if dot and run != name:
@@ -256,7 +259,7 @@ def _why_no_campaign(source: CampaignSource, name: str) -> str:
     text = Path(name).read_text("utf-8", "replace") if is_campaign(Path(name)) else ""
     if match := re.search(r"^campaign\s*:\s*([\w-]+)", text, re.MULTILINE):
         return f'{name} is a file: what was submitted of it is called "{match[1]}"'
-    if words := _no_traces(name):
+    if words := _why_no_traces(name):
         return f"{words}, and no campaign is called so"
     # Ids have no slash (daemon.model.ids).
     if "/" in name:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from daemon.analysis.results import write_campaign_note
+from daemon.batch.ledger import connect
 from daemon.model.submission import Submission
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.report.recordings import DECLARED, NAME, OPEN, SHUT, SUTS, record, spec
@@ -97,6 +98,14 @@ def test_a_file_of_results_has_no_specifications(call, capsys):
 def test_a_trace_that_cannot_be_read_is_said_and_left_out(call):
     Path("my traces/c.mcap").write_bytes(b"nothing of the kind")
     assert "not read: my traces/c.mcap: is not an MCAP file" in call("results", "my traces")
+
+
+def test_a_folder_has_no_history(call, capsys):
+    Path("state").mkdir()
+    connect(Path("state/ledger.db")).close()
+    assert invoke(["report", "--history", "my traces"]) == 2
+    said = capsys.readouterr().err
+    assert "my traces is a folder of traces, and no campaign is called so" in said
 
 
 def test_the_newest_folder_is_meant_where_nothing_was_submitted(call, capsys):
