@@ -113,12 +113,12 @@ def embedded_daemon(
 
 
 @contextmanager
-def shared_daemon(state: Path, *, kept: int) -> Iterator[str]:
+def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
     """Run one daemon for all processes inside such a block of ``state``; yields its endpoint.
 
     It ends with the last of these processes, also when they are killed: they hold one end of a
     pipe. When it starts, unfinished campaigns of an earlier block are cancelled, the oldest
-    campaigns are deleted, and of all traces the newest ``kept`` bytes stay.
+    campaigns are deleted, and of all traces the newest ``trace_bytes`` bytes stay.
 
     Raises :class:`LaunchFailed` when it does not come up.
     """
@@ -135,7 +135,7 @@ def shared_daemon(state: Path, *, kept: int) -> Iterator[str]:
             with _one_at_a_time(paths):
                 endpoint = None if _locked_alone(users) else running_daemon(paths.state)
                 if endpoint is None:
-                    endpoint = _start_shared(paths, pipe, kept)
+                    endpoint = _start_shared(paths, pipe, trace_bytes)
                 fcntl.flock(users, fcntl.LOCK_SH)
             yield endpoint
         finally:
@@ -163,7 +163,7 @@ def _locked_alone(users: int) -> bool:
     return True
 
 
-def _start_shared(paths: StatePaths, pipe: Path, kept: int) -> str:
+def _start_shared(paths: StatePaths, pipe: Path, trace_bytes: int) -> str:
     # One whose users were killed is about to leave.
     _wait_until_gone(paths)
     stdin = os.open(pipe, os.O_RDONLY)
@@ -182,7 +182,7 @@ def _start_shared(paths: StatePaths, pipe: Path, kept: int) -> str:
     # Who only submits does not load what reads the ledger.
     from daemon.batch.ledger import RetentionPolicy, sweep_traces
 
-    sweep_traces(paths, RetentionPolicy(size=kept), time.time())
+    sweep_traces(paths, RetentionPolicy(size=trace_bytes), time.time())
     return endpoint
 
 

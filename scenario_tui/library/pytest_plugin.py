@@ -33,7 +33,7 @@ from daemon.model.verdicts import Outcome
 from grammars.text.diagnostics import InputError, ScenarioError, Severity, Where
 from scenario_tui.library.campaign import load
 from scenario_tui.library.results import Cell, Results, Run
-from scenario_tui.library.watching import ProgressDisplay, WatchedRuns, watch_work
+from scenario_tui.library.watching import PATIENCE, ProgressDisplay, WatchedRuns, watch_work
 from scenario_tui.source import DaemonTarget
 from scenario_tui.text.assessment_text import Footnotes, comparison_notes, oracle_notes
 from scenario_tui.text.formatting import glyph_word
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 CellName: TypeAlias = tuple[str, str]
 """A scenario, or one of its variants, and a system."""
 
-_KEPT: Final = 2**30
+_TRACE_BYTES: Final = 2**30
 """Bytes of traces that pytest's cache keeps of earlier sessions."""
 _PICTURES_KEPT: Final = 86_400.0
 """Seconds for which it keeps pictures of failed runs."""
@@ -88,7 +88,7 @@ class ScenarioPlugin:
             raise InputError.at(Where("--scenario-connect"), f"{named!r} is not an endpoint", hint)
         if named or os.environ.get("SCENARIO_CONNECT"):
             return DaemonTarget(named)
-        self._resources.enter_context(shared_daemon(self.folder, kept=_KEPT))
+        self._resources.enter_context(shared_daemon(self.folder, trace_bytes=_TRACE_BYTES))
         return DaemonTarget(state=self.folder)
 
     @cached_property
@@ -271,8 +271,16 @@ class CampaignRuns:
         watched.cells = cells
         if not watched.finished:
             with self.plugin.progress():
-                open_daemon = self.plugin.target.open
-                watch_work(open_daemon, watched.campaign, watched, endurance=_ENDURANCE)
+                target = self.plugin.target
+                # A private daemon that is gone does not come back.
+                patience = PATIENCE if target.named else 0.0
+                watch_work(
+                    target.open,
+                    watched.campaign,
+                    watched,
+                    patience=patience,
+                    endurance=_ENDURANCE,
+                )
         return watched.of_cells
 
     def results(self) -> Results:

@@ -55,7 +55,7 @@ def house(tmp_path_factory, campaigns):
     for part in ("demo", "robots", "suts"):
         shutil.copytree(campaigns / part, folder / part)
     (folder / "demo" / "checks.oracles.yaml").write_text(ORACLES)
-    with shared_daemon(folder / ".pytest_cache" / "d" / "scenario", kept=2**30) as endpoint:
+    with shared_daemon(folder / ".pytest_cache" / "d" / "scenario", trace_bytes=2**30) as endpoint:
         yield folder, endpoint
 
 
@@ -294,7 +294,7 @@ def test_the_guide_does_what_it_says(pytester, monkeypatch, capfd):
         return said.out + said.err
 
     # One daemon serves all sessions.
-    with shared_daemon(pytester.path / ".pytest_cache" / "d" / "scenario", kept=2**30):
+    with shared_daemon(pytester.path / ".pytest_cache" / "d" / "scenario", trace_bytes=2**30):
         assert list(tutorials.follow(DOCS / "pytest.md", pytester.path, run)) == []
 
 

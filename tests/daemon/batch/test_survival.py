@@ -327,7 +327,7 @@ SHARING = """
 import sys
 from pathlib import Path
 from daemon.batch.launch import shared_daemon
-with shared_daemon(Path(sys.argv[1]), kept=2**30) as endpoint:
+with shared_daemon(Path(sys.argv[1]), trace_bytes=2**30) as endpoint:
     print(endpoint, flush=True)
     sys.stdin.read()
 """
@@ -338,7 +338,7 @@ def test_a_shared_daemon_ends_with_its_last_user(tmp_path, monkeypatch):
     state = tmp_path / "state"
     command = [sys.executable, "-c", SHARING, str(state)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with shared_daemon(state, kept=2**30) as endpoint:
+    with shared_daemon(state, trace_bytes=2**30) as endpoint:
         with Client.open(endpoint, timeout=30.0) as client:
             client.submit(make_submission("c", 3, sleep=600.0))
         other = subprocess.Popen(command, cwd=ROOT, text=True, **pipes)
@@ -349,7 +349,7 @@ def test_a_shared_daemon_ends_with_its_last_user(tmp_path, monkeypatch):
         other.kill()
     eventually(lambda: running_daemon(state) is None)
     # Nobody waits for what a killed process has left.
-    with shared_daemon(state, kept=2**30) as endpoint, Client.open(endpoint) as client:
+    with shared_daemon(state, trace_bytes=2**30) as endpoint, Client.open(endpoint) as client:
         assert {row.state for row in client.all_runs("c")} == {RunState.CANCELLED}
     assert running_daemon(state) is None
 
