@@ -1,7 +1,8 @@
 """Write the made parts of the documentation anew.
 
 ``python -m tests.language_docs`` writes grammars and tables; with ``--messages`` also what is said
-of each example that is wrong. Look at the difference: it is what people will read.
+of each example that is wrong, and with ``--notebooks`` what notebooks show. Look at the difference:
+it is what people will read.
 """
 
 import sys
@@ -38,3 +39,8 @@ for made, text in regions.made_pages():
 if "--messages" in sys.argv:
     for written in sorted(LANGUAGES.glob("*.md")):
         _write(written, _with_messages(written))
+if "--notebooks" in sys.argv:
+    from tests.language_docs import notebooks
+
+    for path in notebooks.NOTEBOOKS:
+        notebooks.write_anew(path)

@@ -1,19 +1,23 @@
-"""Each tutorial is followed word by word, in a folder of its own."""
+"""Each tutorial, and each page about Python, is followed word by word in a folder of its own."""
 
 import os
+import re
 import runpy
 import sys
 
 import pytest
 
+import scenario_tui
 from scenario_tui.cli import invoke
 from tests.language_docs import examples, tutorials
-from tests.language_docs.markdown import ROOT, TUTORIALS
+from tests.language_docs.markdown import DOCS, ROOT, TUTORIALS
+
+PAGES = (*sorted(TUTORIALS.glob("*.md")), DOCS / "library.md", DOCS / "tables.md")
 
 
 # rdflib's own reader of JSON-LD makes graphs of a class that it calls deprecated.
 @pytest.mark.filterwarnings("ignore:ConjunctiveGraph:DeprecationWarning")
-@pytest.mark.parametrize("page", sorted(TUTORIALS.glob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_says(page, tmp_path, monkeypatch, capfd):
     folder = examples.make_folder(tmp_path).folder
     (folder / "campaigns").symlink_to(ROOT / "campaigns")
@@ -39,4 +43,13 @@ def test_a_tutorial_does_what_it_says(page, tmp_path, monkeypatch, capfd):
         said = capfd.readouterr()
         return said.out + said.err
 
-    assert list(tutorials.follow(page, folder, run)) == []
+    try:
+        assert list(tutorials.follow(page, folder, run)) == []
+    finally:
+        if (tmp_path / "state").exists():
+            run("scenario daemon --stop")
+
+
+def test_the_page_about_python_has_every_public_name():
+    page = (DOCS / "library.md").read_text("utf-8")
+    assert [name for name in scenario_tui.__all__ if not re.search(rf"[`.]{name}\b", page)] == []

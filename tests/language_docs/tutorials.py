@@ -2,17 +2,22 @@
 
 A block with a file's name behind its language is that file; without one, and of a YAML kind, it
 changes the file of its kind above. In blocks ```console lines that begin with ``$`` are typed, what
-follows are lines of the output, in order; ``…`` stands for anything. A page that begins with
+follows are lines of the output, in order; ``…`` stands for anything. Blocks ```python without a
+file's name are executed one after the other, as cells of a notebook are: a block ```text behind one
+is what it prints, the value of its last line included. A page that begins with
 ``<!-- continues PAGE -->`` finds the files of that page.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import sys
 import tomllib
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 
 from tests.language_docs.examples import KINDS, with_keys
 from tests.language_docs.markdown import blocks
@@ -38,9 +43,15 @@ def follow(page, folder, run):
     if earlier is not None:
         for _ in follow(page.parent / earlier["page"], folder, lambda _: ""):
             pass
-    latest = {}
+    latest, names, printed = {}, {}, None
     for block in blocks(page):
-        if block.words[:1] == ("console",):
+        if block.words == ("python",):
+            printed = _printed(block, names)
+        elif block.words == ("text",) and printed is not None:
+            if not _agrees(printed, block.text.splitlines()):
+                yield f"{block}: shows\n{block.text}but prints\n{printed}"
+            printed = None
+        elif block.words[:1] == ("console",):
             for typed in _typed(block):
                 output = run(typed.command)
                 if not _agrees(output, typed.shown):
@@ -48,6 +59,20 @@ def follow(page, folder, run):
                     yield f"{typed.place}: {typed.command}\nshows\n{shown}\nbut says\n{output}"
         else:
             _write(block, folder, latest)
+
+
+def _printed(block, names):
+    """Execute a block and return what it prints, the value of its last line included."""
+    *body, last = ast.parse(block.text).body
+    if not isinstance(last, ast.Expr):
+        body, last = [*body, last], None
+    with redirect_stdout(StringIO()) as out:
+        exec(compile(ast.Module(body, []), str(block), "exec"), names)
+        if last is not None:
+            value = eval(compile(ast.Expression(last.value), str(block), "eval"), names)
+            if value is not None:
+                print(repr(value))
+    return out.getvalue()
 
 
 def _write(block, folder, latest):
