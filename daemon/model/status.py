@@ -56,6 +56,14 @@ class SubmissionReceipt:
 
 
 @dataclass(frozen=True, slots=True)
+class HandedOver:
+    """The answer of the daemon to a campaign, and where it listens."""
+
+    receipt: SubmissionReceipt
+    endpoint: str
+
+
+@dataclass(frozen=True, slots=True)
 class RunCounts:
     """How runs stand: how many are in each state, and how many gave each outcome."""
 
@@ -131,6 +139,14 @@ class DeletedCampaign:
     runs: int
     traces: int
     bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Deletion:
+    """Campaigns that are gone, or would be (``dry_run``)."""
+
+    dry_run: bool
+    campaigns: tuple[DeletedCampaign, ...]
 
 
 @dataclass(frozen=True, slots=True)

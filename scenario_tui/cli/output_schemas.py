@@ -15,6 +15,7 @@ from daemon.analysis.verification import Verifications
 from daemon.batch.ledger import Removal
 from daemon.batch.operation import Examination
 from daemon.batch.security import KeyList
+from daemon.model.status import Deletion, HandedOver
 from daemon.stacks.ros2.checkup import StackCheck
 from grammars.maps.map_import import ImportedBuilding
 from grammars.variation import WrittenVariants
@@ -31,7 +32,6 @@ from scenario_tui.cli import (
     show,
     status,
     steer,
-    submit,
     sut,
 )
 from scenario_tui.cli.answer import schema_identifier
@@ -45,9 +45,9 @@ VALUES: Final[dict[str, type]] = {
     "cancel": steer.SteeredRuns,
     "compare": compare.ComparedCampaigns,
     "check": check.CheckedFiles,
-    "submit": submit.HandedOver,
+    "submit": HandedOver,
     "coverage": Coverage,
-    "delete": steer.Deletion,
+    "delete": Deletion,
     "doctor": Examination,
     "error": ErrorValue,
     "pause": steer.SteeredRuns,

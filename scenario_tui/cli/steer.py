@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from daemon.model.status import DeletedCampaign
 from grammars.text.diagnostics import did_you_mean
 from scenario_tui.campaign_actions import (
     CANCEL,
@@ -26,6 +25,9 @@ from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import CampaignName
 from scenario_tui.cli.output import say
 from scenario_tui.source import DaemonTarget, find_campaign
+
+if TYPE_CHECKING:
+    from daemon.model.status import Deletion
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 
@@ -44,14 +46,6 @@ class CampaignPriority:
 
     campaign: str
     priority: int
-
-
-@dataclass(frozen=True, slots=True)
-class Deletion:
-    """Campaigns that are gone, or would be (``dry_run``)."""
-
-    dry_run: bool
-    campaigns: tuple[DeletedCampaign, ...]
 
 
 def _steer(
@@ -157,6 +151,8 @@ def delete(
             if not yes:
                 _ask_whether(deletion_text(gone, dry=True))
             gone = DELETE.request(daemon, *found)
+    from daemon.model.status import Deletion
+
     return Answer("delete", Deletion(dry_run, gone), partial(say, deletion_text(gone, dry=dry_run)))
 
 

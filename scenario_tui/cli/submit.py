@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.model.status import SubmissionReceipt
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
@@ -28,16 +26,9 @@ from scenario_tui.source import DaemonTarget, find_campaign
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
     from daemon.judging.assessment import CampaignDifference
+    from daemon.model.status import HandedOver
     from scenario_tui.cli.results import ComparedResults
     from scenario_tui.cli.search import SearchResult
-
-
-@dataclass(frozen=True, slots=True)
-class HandedOver:
-    """The answer of the daemon to a campaign, and where it listens."""
-
-    receipt: SubmissionReceipt
-    endpoint: str
 
 
 def submit(
@@ -75,6 +66,8 @@ def submit(
     )
     say(receipt_text(job.receipt))
     if not watch:
+        from daemon.model.status import HandedOver
+
         value = HandedOver(job.receipt, target.endpoint)
         return Answer("submit", value, partial(_print_next, job.id, target))
     try:
