@@ -176,7 +176,14 @@ async def test_a_read_only_dashboard_looks_and_says_so(fake):
         bindings = {a.binding.id: a.enabled for a in pilot.app.screen.active_bindings.values()}
         assert not bindings["cancel"]
         assert bindings["matrix"]
-    assert {call[0] for call in fake.calls} <= {"open", "overview", "campaigns", "declared", "runs"}
+    assert {call[0] for call in fake.calls} <= {
+        "open",
+        "overview",
+        "campaigns",
+        "declared",
+        "origin",
+        "runs",
+    }
 
 
 async def test_answers_can_be_clicked_on(fake):
