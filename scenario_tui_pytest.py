@@ -41,7 +41,7 @@ def scenario(request: pytest.FixtureRequest) -> ScenarioRunner:
     try:
         from scenario_tui.library.pytest_plugin import ScenarioPlugin, ScenarioRunner
     except ImportError as error:
-        pytest.fail(str(error), pytrace=False)
+        raise pytest.fail.Exception(str(error), pytrace=False) from None
     return ScenarioRunner(ScenarioPlugin.of(request.config), request.node)
 
 
