@@ -67,10 +67,10 @@ def write_anew(path):
 
 def outputs(notebook):
     """Return what each cell shows: the cell, the kind and the text."""
-    shown = []
+    texts = []
     for cell in notebook.cells:
         for output in cell.get("outputs", ()):
             bundle = output.get("data") or {"text": output.get("text", "")}
             for kind, value in sorted(bundle.items()):
-                shown.append((cell.id, kind, _CAMPAIGN.sub("-…", value)))
-    return shown
+                texts.append((cell.id, kind, _CAMPAIGN.sub("-…", value)))
+    return texts
