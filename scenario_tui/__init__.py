@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from daemon.batch.errors import DaemonError
     from daemon.model.verdicts import Outcome, Verdict
     from grammars.text.diagnostics import Finding, InputError, ScenarioError
-    from scenario_tui.library.campaign import Campaign, Scene, check, load, run, submit
+    from scenario_tui.library.campaign import Campaign, Scene, load, run, submit
+    from scenario_tui.library.checking import check
     from scenario_tui.library.job import Job
     from scenario_tui.library.results import Cell, Results, Run, results
     from scenario_tui.library.trace import Signal, Trace
@@ -31,7 +32,8 @@ else:
         "daemon.batch.errors": ("DaemonError",),
         "daemon.model.verdicts": ("Outcome", "Verdict"),
         "grammars.text.diagnostics": ("Finding", "InputError", "ScenarioError"),
-        "scenario_tui.library.campaign": ("Campaign", "Scene", "check", "load", "run", "submit"),
+        "scenario_tui.library.campaign": ("Campaign", "Scene", "load", "run", "submit"),
+        "scenario_tui.library.checking": ("check",),
         "scenario_tui.library.job": ("Job",),
         "scenario_tui.library.results": ("Cell", "Results", "Run", "results"),
         "scenario_tui.library.trace": ("Signal", "Trace"),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class Field:
     """Column of the table: ``kind`` names its Arrow type, ``unit`` is empty for what has none."""
 
     name: str
@@ -30,35 +30,35 @@ class Column:
 
 
 COLUMNS: Final = (
-    Column("campaign", "string", "", "id of the campaign, the path of a folder of traces"),
-    Column("scenario", "string", "", "scenario of the campaign"),
-    Column("system", "string", "", "system under test"),
-    Column("repeat", "int64", "", "number of the repeat, from 0"),
-    Column("run", "string", "", "id of the run, for `scenario show`, `replay` and `plot`"),
-    Column("oracle", "string", "", "name of the oracle, null in the row of a run without verdicts"),
-    Column("verdict", "string", "", "`pass`, `fail`, `inconclusive`, `error` or `measure`"),
-    Column("margin", "float64", "see unit", "decisive bound of the margin, negative for `fail`"),
-    Column("margin_lower", "float64", "see unit", "lower bound, null for an unbounded margin"),
-    Column("margin_upper", "float64", "see unit", "upper bound, null for an unbounded margin"),
-    Column("unit", "string", "", "unit of margin, value and threshold"),
-    Column("value", "float64", "see unit", "the value that decides, the number of a measure"),
-    Column("threshold", "float64", "see unit", "limit that the value is held against"),
-    Column("moment", "float64", "s", "simulated time of that value"),
-    Column("about", "string", "", "object that decides, `kitchen_door.leaf` for example"),
-    Column("note", "string", "", "remark of the oracle"),
-    Column("expected", "string", "", "verdict that the campaign expects of this scenario, system "
+    Field("campaign", "string", "", "id of the campaign, the path of a folder of traces"),
+    Field("scenario", "string", "", "scenario of the campaign"),
+    Field("system", "string", "", "system under test"),
+    Field("repeat", "int64", "", "number of the repeat, from 0"),
+    Field("run", "string", "", "id of the run, for `scenario show`, `replay` and `plot`"),
+    Field("oracle", "string", "", "name of the oracle, null in the row of a run without verdicts"),
+    Field("verdict", "string", "", "`pass`, `fail`, `inconclusive`, `error` or `measure`"),
+    Field("margin", "float64", "see unit", "decisive bound of the margin, negative for `fail`"),
+    Field("margin_lower", "float64", "see unit", "lower bound, null for an unbounded margin"),
+    Field("margin_upper", "float64", "see unit", "upper bound, null for an unbounded margin"),
+    Field("unit", "string", "", "unit of margin, value and threshold"),
+    Field("value", "float64", "see unit", "the value that decides, the number of a measure"),
+    Field("threshold", "float64", "see unit", "limit that the value is held against"),
+    Field("moment", "float64", "s", "simulated time of that value"),
+    Field("about", "string", "", "object that decides, `kitchen_door.leaf` for example"),
+    Field("note", "string", "", "remark of the oracle"),
+    Field("expected", "string", "", "verdict that the campaign expects of this scenario, system "
            "and oracle: `pass`, `fail`, `mixed` or `any`; null for a measure"),
-    Column("as_expected", "bool", "", "whether all their repeats together are so, null while open"),
-    Column("why", "string", "", "reason that the campaign gives for another verdict than `pass`"),
-    Column("state", "string", "", "`queued`, `running`, `done`, `lost` or `cancelled`"),
-    Column("outcome", "string", "", "verdict of the run as a whole"),
-    Column("ended", "string", "", "`finished`, `limit` or `crashed`"),
-    Column("simulated", "float64", "s", "simulated time of the run"),
-    Column("wall", "float64", "s", "wall time that the run took"),
-    Column("started", "timestamp", "UTC", "when the run started, by the clock of its machine"),
-    Column("seed", "uint64", "", "root of everything random in the run"),
-    Column("digest", "string", "", "digest of what the run was specified by"),
-    Column("trace", "string", "", "path of the trace on the machine that keeps it"),
+    Field("as_expected", "bool", "", "whether all their repeats together are so, null while open"),
+    Field("why", "string", "", "reason that the campaign gives for another verdict than `pass`"),
+    Field("state", "string", "", "`queued`, `running`, `done`, `lost` or `cancelled`"),
+    Field("outcome", "string", "", "verdict of the run as a whole"),
+    Field("ended", "string", "", "`finished`, `limit` or `crashed`"),
+    Field("simulated", "float64", "s", "simulated time of the run"),
+    Field("wall", "float64", "s", "wall time that the run took"),
+    Field("started", "timestamp", "UTC", "when the run started, by the clock of its machine"),
+    Field("seed", "uint64", "", "root of everything random in the run"),
+    Field("digest", "string", "", "digest of what the run was specified by"),
+    Field("trace", "string", "", "path of the trace on the machine that keeps it"),
 )  # fmt: skip
 """Columns in order. Their names need no quotes in SQL."""
 

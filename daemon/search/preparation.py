@@ -110,6 +110,12 @@ def _find_task(campaign: Campaign, path: Path, name: str) -> SearchTask:
     raise InputError.at(place, f'has no search "{name}"', did_you_mean(name, tasks))
 
 
+def check_searches(campaign: Campaign) -> tuple[Finding, ...]:
+    """Return the findings of :func:`check_search` about every search of a campaign, each once."""
+    cases = (search_case(campaign, task) for task in campaign.searches)
+    return tuple(dict.fromkeys(one for case in cases for one in check_search(case)))
+
+
 def check_search(case: SearchCase) -> tuple[Finding, ...]:
     """Return the errors that keep a search from being run, and warnings about its points.
 

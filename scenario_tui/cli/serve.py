@@ -49,7 +49,7 @@ class _Bridge:
 
 
 @dataclass(slots=True)
-class _Services:
+class _Servers:
     """Services by which a world can be reached; ``lacking`` names a missing one, and the reason."""
 
     foxglove: FoxgloveServer | None = None
@@ -145,7 +145,7 @@ def serve(
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
     code = 0
     with ExitStack() as stack:
-        services = _Services()
+        services = _Servers()
         if foxglove is not False:
             _serve_foxglove(services, simulation, host, port, is_required=bool(foxglove))
         if services.foxglove is not None:
@@ -206,7 +206,7 @@ def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
 
 
 def _serve_foxglove(
-    services: _Services, simulation: LiveSimulation, host: str, port: int, *, is_required: bool
+    services: _Servers, simulation: LiveSimulation, host: str, port: int, *, is_required: bool
 ) -> None:
     try:
         from daemon.live.foxglove_server import FoxgloveServer, OutletError
@@ -269,7 +269,7 @@ def _write_map(simulation: LiveSimulation, folder: Path) -> str:
     return str(write_map(grid, folder / "map", laser_height=height)[1])
 
 
-def _serve_headless(simulation: LiveSimulation, services: _Services, thread: LiveThread) -> None:
+def _serve_headless(simulation: LiveSimulation, services: _Servers, thread: LiveThread) -> None:
     """Say where it is served, then what changes, until the end."""
     # Told to end or interrupted: both are the way this ends, and nothing is lost. An event, as an
     # exception raised by a signal is lost where Python cannot pass it on (in a weak reference's
@@ -297,7 +297,7 @@ def _serve_headless(simulation: LiveSimulation, services: _Services, thread: Liv
             signal.signal(number, handler)
 
 
-def _serve_in_view(simulation: LiveSimulation, services: _Services, thread: LiveThread) -> int:
+def _serve_in_view(simulation: LiveSimulation, services: _Servers, thread: LiveThread) -> int:
     """Show it until somebody leaves; return the code of the screen."""
     from scenario_tui.dashboard.screens.live import LiveScreen, run_live
 

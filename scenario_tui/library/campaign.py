@@ -29,17 +29,6 @@ def load(path: str | Path) -> Campaign:
     return Campaign(Path(path), load_campaign(path))
 
 
-def check(path: str | Path) -> list[Finding]:
-    """Return the findings, errors and warnings, about any file of a campaign; ``[]`` is good.
-
-    It may be a campaign, a floor plan, scenery, a mission, a robot, a system under test, oracles,
-    walls, a variation or JSON-LD. Nothing is run.
-    """
-    from scenario_tui.library.checking import check_file
-
-    return list(check_file(Path(path))[1])
-
-
 def run(
     path: str | Path,
     *,
@@ -134,9 +123,11 @@ class Campaign:
 
         Nothing is run. A campaign can be run when none of :attr:`findings` is an error.
         """
-        from scenario_tui.library.checking import search_findings
+        if not self.checked.searches:
+            return list(self.findings)
+        from daemon.search.preparation import check_searches
 
-        return [*self.findings, *search_findings(self.checked)]
+        return [*self.findings, *check_searches(self.checked)]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -272,4 +263,4 @@ class Campaign:
     def _repr_html_(self) -> str:
         from scenario_tui.library.notebook import campaign_html
 
-        return campaign_html(self)
+        return campaign_html(self.checked)

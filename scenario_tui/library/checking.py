@@ -11,11 +11,19 @@ from grammars.text.sources import is_folder, is_jsonld, refuse_unreadable
 from grammars.text.words import count_noun
 
 if TYPE_CHECKING:
-    from daemon import campaign as loading
     from grammars.floorplan import FloorPlan
     from scenario_tui.library.campaign import Campaign
 
 Checker = Callable[[Path], tuple[str, tuple[Finding, ...]]]
+
+
+def check(path: str | Path) -> list[Finding]:
+    """Return the findings, errors and warnings, about any file of a campaign; ``[]`` is good.
+
+    It may be a campaign, a floor plan, scenery, a mission, a robot, a system under test, oracles,
+    walls, a variation or JSON-LD. Nothing is run.
+    """
+    return list(check_file(Path(path))[1])
 
 
 def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Finding, ...]]:
@@ -160,17 +168,6 @@ def campaign_words(campaign: Campaign) -> str:
     if checked.allowed:
         parts.append(f"{count_noun(len(checked.allowed), 'warning')} allowed")
     return ", ".join(parts)
-
-
-def search_findings(campaign: loading.Campaign) -> tuple[Finding, ...]:
-    """Return the findings about the searches of a campaign."""
-    if not campaign.searches:
-        return ()
-    from daemon.search.composition import search_case
-    from daemon.search.preparation import check_search
-
-    cases = (search_case(campaign, task) for task in campaign.searches)
-    return tuple(dict.fromkeys(one for case in cases for one in check_search(case)))
 
 
 _BY_ENDING: Final[dict[str, Checker]] = {

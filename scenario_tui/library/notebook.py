@@ -16,7 +16,7 @@ from scenario_tui.text.formatting import plain_table
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
-    from scenario_tui.library.campaign import Campaign
+    from daemon.campaign import Campaign
 
 # Readable on white and on black alike; text without a colour has that of the notebook.
 _GREY: Final = (128, 128, 128)
@@ -36,16 +36,16 @@ _WIDTH: Final = 120
 def campaign_html(campaign: Campaign) -> str:
     """Return the cells of a campaign with the number of their runs."""
     runs: dict[tuple[str, str], int] = {}
-    checked = campaign.checked
-    for cell in checked.cells:
-        runs |= {(cell.name, sut.name): checked.repeats_with(sut) for sut in cell.suts}
-    table = plain_table("scenario", *campaign.systems)
-    for scenario in campaign.scenarios:
-        counts = (runs.get((scenario, system)) for system in campaign.systems)
-        table.add_row(scenario, *(count_noun(n, "run") if n else NOTHING for n in counts))
+    for cell in campaign.cells:
+        runs |= {(cell.name, sut.name): campaign.repeats_with(sut) for sut in cell.suts}
+    systems = tuple(dict.fromkeys(system for _, system in runs))
+    table = plain_table("scenario", *systems)
+    for cell in campaign.cells:
+        counts = (runs.get((cell.name, system)) for system in systems)
+        table.add_row(cell.name, *(count_noun(n, "run") if n else NOTHING for n in counts))
     about = f"  {campaign.about}" if campaign.about else ""
     head = Text.assemble((campaign.name, "bold"), (about, "dim"))
-    return _html((head, f"{count_noun(campaign.runs, 'run')}", "", table))
+    return _html((head, count_noun(campaign.runs, "run"), "", table))
 
 
 def results_html(results: CampaignResults) -> str:

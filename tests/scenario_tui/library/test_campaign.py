@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from grammars.text.diagnostics import InputError
-from scenario_tui.library.campaign import check, load
+from scenario_tui import check, load
 
 CAMPAIGNS = Path("campaigns").absolute()
 DEMO = CAMPAIGNS / "demo" / "campaign.yaml"
