@@ -77,9 +77,9 @@ def test_what_is_imported_is_declared_and_nothing_else(project):
 
 def test_our_packages_are_installed_below_one_name(project):
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
-    plugin = "scenario_tui_pytest.py"
-    assert set(wheel["only-include"]) == {*OWN_PACKAGES, "scenario_tui", plugin}
-    assert wheel["sources"] == {name: f"scenario_tui/_import_root/{name}" for name in OWN_PACKAGES}
+    assert set(wheel["only-include"]) == {*OWN_PACKAGES, "scenario_tui"}
+    places = {name: f"scenario_tui/_import_root/{name}" for name in OWN_PACKAGES}
+    assert wheel["sources"] == places | {"scenario_tui/entry_points": ""}
     assert (ROOT / "scenario_tui" / "import_root.pth").read_text() == "scenario_tui/_import_root\n"
 
 
