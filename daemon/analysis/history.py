@@ -119,6 +119,15 @@ class CampaignHistory:
         return tuple(dict.fromkeys(one.cell for each in newest_first for one in each.oracles))
 
 
+@dataclass(frozen=True, slots=True)
+class WrittenHistory:
+    """The history of a campaign, and the page that was written about it."""
+
+    answer: str
+    history: CampaignHistory
+    written: dict[str, str]
+
+
 def verdict_words(change: VerdictChange) -> str:
     """Return ``keeps-clear of S1 (pilot) pass → fail, 5/5 → 2/5``."""
     about = f"{change.oracle} of {change.scenario} ({change.sut})"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.judging.assessment import assess
+from daemon.judging.assessment import CampaignDifference, assess
 from daemon.model.assessments import (
     Assessment,
     AssessmentRules,
@@ -80,6 +80,26 @@ class CampaignResults:
     def nondeterministic_runs(self) -> tuple[RunRow, ...]:
         """Runs that came out differently when the same was executed before."""
         return tuple(row for row in self.rows if row.nondeterministic)
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedResults:
+    """Everything about a campaign, with its baseline if any; ``runs`` may be some of it."""
+
+    campaign: CampaignRow
+    declared: AssessmentRules
+    assessment: Assessment
+    runs: tuple[RunRow, ...]
+    origin: CampaignOrigin
+    comparison: CampaignDifference | None = None
+
+    @classmethod
+    def of(
+        cls, results: CampaignResults, comparison: CampaignDifference | None = None
+    ) -> ComparedResults:
+        """Return results with what they were compared with."""
+        declared, assessment = results.declared, results.assessment
+        return cls(results.row, declared, assessment, results.rows, results.origin, comparison)
 
 
 def read_results(source: CampaignSource, row: CampaignRow) -> CampaignResults:

@@ -8,22 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from daemon.batch.errors import Refused
-from daemon.judging.assessment import (
-    CampaignDifference,
-    JudgedCampaign,
-    QuantityChange,
-    VerdictChange,
-    assess,
-    compare_campaigns,
-)
-from daemon.judging.statistics import effect_magnitude
 from grammars.text.words import count_noun, format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
@@ -38,6 +28,13 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from daemon.analysis.results import CampaignResults
+    from daemon.judging.assessment import (
+        CampaignDifference,
+        ComparedCampaigns,
+        JudgedCampaign,
+        QuantityChange,
+        VerdictChange,
+    )
     from daemon.model.status import CampaignRow
     from daemon.model.verbs import CampaignSource
 
@@ -53,6 +50,8 @@ def compare_with_baseline(
 
     Returns ``None``, and says so, when there is nothing to compare with.
     """
+    from daemon.judging.assessment import JudgedCampaign, compare_campaigns
+
     gate = results.declared.gate
     name = baseline or (gate.baseline if gate else "")
     if not name:
@@ -77,6 +76,8 @@ def _read_judged(name: str, target: DaemonTarget) -> JudgedCampaign:
 
 def _last_green(row: CampaignRow, target: DaemonTarget) -> JudgedCampaign | None:
     """Return the newest campaign of that name, submitted before, with everything as expected."""
+    from daemon.judging.assessment import assess
+
     # A campaign that runs here may be the first one ever.
     with suppress(Refused), target.read() as source:
         rows = source.campaign_page(name=row.name)
@@ -92,6 +93,8 @@ def _last_green(row: CampaignRow, target: DaemonTarget) -> JudgedCampaign | None
 
 
 def _ask_judged(source: CampaignSource, row: CampaignRow) -> JudgedCampaign:
+    from daemon.judging.assessment import JudgedCampaign
+
     return JudgedCampaign(row.id, source.declared(row.id), source.all_runs(row.id, results=True))
 
 
@@ -101,14 +104,6 @@ def final_code(results: CampaignResults, between: CampaignDifference | None) -> 
     if between is not None and between.regressed:
         return ExitCode.UNEXPECTED
     return results.assessment.exit_code
-
-
-@dataclass(frozen=True, slots=True)
-class ComparedCampaigns:
-    """Changes from one campaign to the other."""
-
-    comparison: CampaignDifference
-    regressed: bool
 
 
 def compare(
@@ -146,6 +141,8 @@ def compare(
 
     Repeats of equal number and seed are paired.
     """
+    from daemon.judging.assessment import ComparedCampaigns, compare_campaigns
+
     sides = _read_judged(before, target), _read_judged(after, target)
     difference = compare_campaigns(*sides, worse_by)
     return Answer(
@@ -224,6 +221,8 @@ def _shift_table(shifts: Sequence[QuantityChange]) -> Table:
 
 
 def _shift_cells(shift: QuantityChange) -> tuple[str, ...]:
+    from daemon.judging.statistics import effect_magnitude
+
     difference = margin(shift.mean, shift.unit)
     if shift.low is not None and shift.high is not None:
         difference += f" [{margin(shift.low, '')}, {margin(shift.high, '')}]"

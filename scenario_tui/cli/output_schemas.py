@@ -10,30 +10,19 @@ from typing import Any, Final
 
 from daemon.analysis.blame import Explanation
 from daemon.analysis.coverage import Coverage
+from daemon.analysis.history import WrittenHistory
 from daemon.analysis.rejudge import Rejudgement
+from daemon.analysis.results import ComparedResults
 from daemon.analysis.verification import Verifications
 from daemon.batch.ledger import Removal
 from daemon.batch.operation import Examination
 from daemon.batch.security import KeyList
+from daemon.judging.assessment import ComparedCampaigns
 from daemon.model.status import Deletion, HandedOver
 from daemon.stacks.ros2.checkup import StackCheck
 from grammars.maps.map_import import ImportedBuilding
 from grammars.variation import WrittenVariants
-from scenario_tui.cli import (
-    check,
-    compare,
-    daemon,
-    export_runs,
-    new,
-    plot,
-    report,
-    results,
-    search,
-    show,
-    status,
-    steer,
-    sut,
-)
+from scenario_tui.cli import check, daemon, export_runs, new, plot, steer, values
 from scenario_tui.cli.answer import schema_identifier
 from scenario_tui.cli.exit_codes import ErrorValue
 
@@ -43,7 +32,7 @@ SCHEMA_FILE: Final = "outputs.schema.json"
 VALUES: Final[dict[str, type]] = {
     "blame": Explanation,
     "cancel": steer.SteeredRuns,
-    "compare": compare.ComparedCampaigns,
+    "compare": ComparedCampaigns,
     "check": check.CheckedFiles,
     "submit": HandedOver,
     "coverage": Coverage,
@@ -55,7 +44,7 @@ VALUES: Final[dict[str, type]] = {
     "resume": steer.SteeredRuns,
     "retry": steer.SteeredRuns,
     "export": export_runs.ExportedFiles,
-    "history": report.WrittenHistory,
+    "history": WrittenHistory,
     "import": ImportedBuilding,
     "inspection": StackCheck,
     "judge": Rejudgement,
@@ -63,16 +52,16 @@ VALUES: Final[dict[str, type]] = {
     "gc": Removal,
     "keys": KeyList,
     "layers": new.LayerList,
-    "logs": show.RunLog,
+    "logs": values.RunLog,
     "new": new.NewCampaign,
     "stop": daemon.LeavingDaemon,
-    "search": search.SearchResult,
-    "searches": search.Searches,
-    "report": report.WrittenReport,
-    "results": results.ComparedResults,
-    "run": show.RunSummary,
-    "status": status.DaemonStatus,
-    "sut": sut.ShownSut,
+    "search": values.SearchResult,
+    "searches": values.Searches,
+    "report": values.WrittenReport,
+    "results": ComparedResults,
+    "run": values.RunSummary,
+    "status": values.DaemonStatus,
+    "sut": values.ShownSut,
     "vary": WrittenVariants,
     "verify": Verifications,
 }

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from daemon.analysis.history import CampaignHistory
-from daemon.analysis.table import write_table
 from daemon.batch.errors import TraceUnavailable
-from daemon.model.assessments import ReferenceComparison
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
@@ -27,36 +24,14 @@ from scenario_tui.source import (
 )
 
 if TYPE_CHECKING:
+    from daemon.analysis.history import WrittenHistory
     from daemon.analysis.report import SuggestedCommand
     from daemon.analysis.results import CampaignResults
     from daemon.model.status import RunRow
     from daemon.model.verbs import CampaignSource
+    from scenario_tui.cli.values import WrittenReport
 
 _DEFAULT_PAGE: Final = Path("report.html")
-
-
-@dataclass(frozen=True, slots=True)
-class WrittenReport:
-    """Outcome of a campaign or a search, and the files ``written`` about it by their kind.
-
-    ``references`` are what others found of the same beside what was found here.
-    """
-
-    campaign: str
-    runs: int
-    answer: str
-    exit_code: int
-    written: dict[str, str]
-    references: tuple[ReferenceComparison, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class WrittenHistory:
-    """The submissions of a campaign, the oldest first, and the page that was written about them."""
-
-    answer: str
-    history: CampaignHistory
-    written: dict[str, str]
 
 
 def report(
@@ -139,6 +114,7 @@ def report(
         write_junit,
         write_page,
     )
+    from scenario_tui.cli.values import WrittenReport
 
     bar = partial(track_progress, description="reading traces")
     material = read_report_data(results, specs, processes=processes, watched=bar)
@@ -149,6 +125,8 @@ def report(
         records = tuple(run.record for run in material.runs)
         write_junit(row.name, material.assessment, records, junit)
     if table is not None:
+        from daemon.analysis.table import write_table
+
         write_table(report_table(material), table)
     written = {"page": page, "figures": figures} | tables
     answer, code = headline(material.assessment, material.runs), material.assessment.exit_code
@@ -186,7 +164,7 @@ def _report_history(campaign: str, page: Path, target: DaemonTarget) -> Answer[W
 
     Raises :class:`daemon.batch.errors.Refused` if there is no such campaign.
     """
-    from daemon.analysis.history import read_history
+    from daemon.analysis.history import WrittenHistory, read_history
     from daemon.analysis.history_page import history_page
 
     with target.read() as source:
@@ -203,6 +181,7 @@ def _report_search(
     from daemon.search.answers.sentences import headline
     from daemon.search.page import search_page
     from scenario_tui.cli.search import search_code
+    from scenario_tui.cli.values import WrittenReport
     from scenario_tui.text.search_text import search_commands
 
     row = source.search_row(campaign)

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
-from rich.text import Text
 
-from daemon.analysis.results import CampaignResults, read_results
-from daemon.analysis.table import results_table, write_table
-from daemon.judging.assessment import CampaignDifference
-from daemon.model.assessments import Assessment, AssessmentRules
-from daemon.model.status import CampaignRow, RunRow
-from daemon.model.submission import CampaignOrigin
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
@@ -23,7 +16,7 @@ from scenario_tui.cli.compare import compare_with_baseline, final_code, print_co
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, stdout_console
-from scenario_tui.cli.search import SearchResult, search_answer
+from scenario_tui.cli.search import search_answer
 from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
 from scenario_tui.text.formatting import (
     TERMINAL_STYLES,
@@ -32,30 +25,15 @@ from scenario_tui.text.formatting import (
     run_label,
     run_word,
 )
-from scenario_tui.text.summary import summary_parts
+
+if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults, ComparedResults
+    from daemon.judging.assessment import CampaignDifference
+    from daemon.model.status import RunRow
+    from scenario_tui.cli.values import SearchResult
 
 _WIDE: Final = 120
 """Columns from which on a table has room for paths."""
-
-
-@dataclass(frozen=True, slots=True)
-class ComparedResults:
-    """Everything about a campaign, with what it was held against; ``runs`` may be some of it."""
-
-    campaign: CampaignRow
-    declared: AssessmentRules
-    assessment: Assessment
-    runs: tuple[RunRow, ...]
-    origin: CampaignOrigin
-    comparison: CampaignDifference | None = None
-
-    @classmethod
-    def of(
-        cls, results: CampaignResults, comparison: CampaignDifference | None = None
-    ) -> ComparedResults:
-        """Return results with what they were compared with."""
-        declared, assessment = results.declared, results.assessment
-        return cls(results.row, declared, assessment, results.rows, results.origin, comparison)
 
 
 def results(
@@ -100,6 +78,8 @@ def results(
     table: TableFile = None,
 ) -> Answer[ComparedResults] | Answer[SearchResult]:
     """Show what came out of a campaign: every cell, what is not as expected and why."""
+    from daemon.analysis.results import ComparedResults, read_results
+
     is_listed = bool(outcome or text)
     with open_source(campaign, target) as source:
         row = find_campaign(source, campaign)
@@ -110,6 +90,8 @@ def results(
         if is_listed:
             rows = source.all_runs(row.id, outcome=outcome, text=text)
     if table is not None:
+        from daemon.analysis.table import results_table, write_table
+
         cells = results_table(whole)
         write_table(cells, table)
         target.say(f"{table}: {count_noun(cells.num_rows, 'row')}")
@@ -142,6 +124,8 @@ def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed
 
 def print_summary(results: CampaignResults, *, took: float | None = None) -> None:
     """Print the matrix of cells, the comparisons, and what is not as expected."""
+    from scenario_tui.text.summary import summary_parts
+
     console = stdout_console()
     for part in summary_parts(results, took=took):
         console.print(part, crop=False)
@@ -186,6 +170,8 @@ def _print_listed(rows: tuple[RunRow, ...]) -> None:
 
 
 def _print_runs(rows: tuple[RunRow, ...]) -> None:
+    from rich.text import Text
+
     console = stdout_console()
     # Paths would be folded into columns of letters; below, the folder of all of them is said.
     paths = console.width >= _WIDE

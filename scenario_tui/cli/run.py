@@ -32,9 +32,8 @@ from scenario_tui.cli.output import (
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
-    from daemon.analysis.results import CampaignResults
+    from daemon.analysis.results import CampaignResults, ComparedResults
     from daemon.judging.assessment import CampaignDifference
-    from scenario_tui.cli.results import ComparedResults
     from scenario_tui.library.campaign import Campaign
 
 Out = Annotated[
@@ -52,7 +51,7 @@ def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:
     """
     from importlib.resources import as_file, files
 
-    from scenario_tui.cli.results import ComparedResults
+    from daemon.analysis.results import ComparedResults
     from scenario_tui.library.campaign import load
     from scenario_tui.text.formatting import run_word
 
@@ -96,8 +95,8 @@ def run(
     Nothing is left behind but the traces and what they are about, in scenario-results/ unless
     told otherwise.
     """
+    from daemon.analysis.results import ComparedResults
     from scenario_tui.cli.compare import compare_with_baseline, final_code
-    from scenario_tui.cli.results import ComparedResults
 
     # Before the runs, not after them; a folder that is made for the traces may hold it as well.
     if junit is not None and (out is None or out not in junit.parents):

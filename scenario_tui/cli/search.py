@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from daemon.model.search_answer import SearchRow
-from daemon.model.status import RunRow
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
@@ -32,30 +30,17 @@ from scenario_tui.source import DaemonTarget, find_campaign
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.status import RunRow
     from daemon.model.verbs import DaemonClient
     from daemon.search.client import SearchClient
     from daemon.search.preparation import PreparedSearch
+    from scenario_tui.cli.values import Searches, SearchResult
 
 _PATIENCE: Final = 30.0
 """Seconds to wait for an answer of the daemon before it is asked again."""
 _LOOK_EVERY: Final = 0.2
 _LAYERS: Final = "campaign"
-
-
-@dataclass(frozen=True, slots=True)
-class SearchResult:
-    """A search with its answer and its runs; ``found`` is the campaign file of the failure."""
-
-    search: SearchRow
-    proposals: tuple[RunRow, ...]
-    found: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Searches:
-    """The searches of a daemon, the newest first; answers have no campaign file."""
-
-    searches: tuple[SearchRow, ...]
 
 
 def search(
@@ -135,6 +120,8 @@ def search(
     The search runs here and has its runs executed by the daemon; one is started on this machine if
     none answers. After Ctrl-C the same command goes on where it was.
     """
+    from scenario_tui.cli.values import Searches
+
     if not campaign:
         with target.open() as daemon:
             searches = daemon.searches()
@@ -196,6 +183,8 @@ def search_answer(
     row: SearchRow, runs: tuple[RunRow, ...], target: DaemonTarget, found: Path | None = None
 ) -> Answer[SearchResult]:
     """Return the answer about a search, ``found`` being the campaign file of its failure."""
+    from scenario_tui.cli.values import SearchResult
+
     value = SearchResult(row, runs, str(found or ""))
     return Answer("search", value, partial(_print_search, value, target), search_code(row))
 

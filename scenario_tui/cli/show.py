@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
 from daemon.batch.errors import TraceUnavailable, Unreachable
-from daemon.model.live_judgement import LogLine
 from daemon.model.run_state import RunState
-from daemon.model.search import SearchTask
-from daemon.model.spec import Snapshot
-from daemon.model.status import RunDetail
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import print_commands, stdout_console
-from scenario_tui.library.watching import latest_snapshot
 from scenario_tui.source import DaemonTarget, bring_traces, find_run, open_source, why_no_trace
 from scenario_tui.text.formatting import (
     SHOWN_LINES,
@@ -35,49 +29,10 @@ from scenario_tui.text.formatting import (
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
+    from daemon.model.live_judgement import LogLine
+    from daemon.model.status import RunDetail
     from daemon.model.verbs import CampaignSource
-
-
-@dataclass(frozen=True, slots=True)
-class RunSummary:
-    """Everything about one run; ``task`` is the search that it belongs to, if any.
-
-    ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
-    far one is that runs, if it told within half a second.
-    """
-
-    run: RunDetail
-    task: SearchTask | None = None
-    standing: str = ""
-    live: Snapshot | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class RunStep:
-    """A step in the life of a run: the state it came to, when, and why if there is a reason."""
-
-    at: float
-    state: str
-    note: str
-
-
-@dataclass(frozen=True, slots=True)
-class RunLog:
-    """Log of a run: the ``steps`` of its attempts, their ``output``, events that it recorded.
-
-    ``printed`` is what an external system under test wrote while it ran, by name. Of a trace
-    alone only what it recorded and printed is known. ``standing`` says why there is no trace of it
-    (yet), empty when there is one.
-    """
-
-    run: str
-    attempts: int
-    reason: str
-    steps: tuple[RunStep, ...] = ()
-    output: tuple[str, ...] = ()
-    recorded: tuple[LogLine, ...] = ()
-    printed: dict[str, str] = field(default_factory=dict)
-    standing: str = ""
+    from scenario_tui.cli.values import RunLog, RunSummary
 
 
 def show(
@@ -115,6 +70,8 @@ def show(
     It is read from the state directory of this machine unless a daemon is named. No daemon is
     needed, except to say how far a run is.
     """
+    from scenario_tui.cli.values import RunSummary
+
     wants_log = log or everything or bool(output)
     with open_source(run, target, judge=not wants_log) as source:
         detail = find_run(source, run)
@@ -136,6 +93,8 @@ def show(
 
 def _with_progress(summary: RunSummary, target: DaemonTarget) -> RunSummary:
     """Return a running run with how far it is, which only a daemon that is there can say."""
+    from scenario_tui.library.watching import latest_snapshot
+
     row = summary.run.row
     with suppress(Unreachable), target.open() as daemon:
         summary = replace(summary, live=latest_snapshot(daemon, row.id))
@@ -182,6 +141,7 @@ def _read_log(
 ) -> RunLog:
     """Return what a run left; a daemon elsewhere does not tell of attempts."""
     from daemon.batch.ledger import LedgerReader
+    from scenario_tui.cli.values import RunLog, RunStep
 
     row = detail.row
     log = RunLog(row.id, row.attempt, row.reason, standing=standing)
@@ -256,6 +216,8 @@ def _print_steps(log: RunLog) -> None:
 
 
 def _print_recorded(recorded: tuple[LogLine, ...]) -> None:
+    from rich.text import Text
+
     console = stdout_console()
     console.print("\nin simulated time", style="dim")
     styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import Unavailable
-from daemon.model.search_answer import SearchRow
-from daemon.model.status import CampaignRow, DaemonOverview, WorkerRow
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import plain_table, stdout_console
@@ -20,24 +17,19 @@ from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from daemon.model.search_answer import SearchRow
+    from daemon.model.status import CampaignRow, DaemonOverview
+    from scenario_tui.cli.values import DaemonStatus
+
 _MAX_CAMPAIGNS: Final = 15
 _OTHER_COLUMNS: Final = 18
 """Columns that age and gaps take in the list of campaigns."""
 
 
-@dataclass(frozen=True, slots=True)
-class DaemonStatus:
-    """A daemon and everything it has; ``searches`` are those that have not ended."""
-
-    endpoint: str
-    overview: DaemonOverview
-    campaigns: tuple[CampaignRow, ...]
-    workers: tuple[WorkerRow, ...]
-    searches: tuple[SearchRow, ...] = ()
-
-
 def status(target: DaemonTarget) -> Answer[DaemonStatus]:
     """Say how everything stands: daemon, workers, campaigns."""
+    from scenario_tui.cli.values import DaemonStatus
+
     endpoint = target.endpoint
     with target.open() as daemon:
         overview, workers = daemon.overview(), daemon.workers()

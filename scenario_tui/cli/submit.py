@@ -24,11 +24,10 @@ from scenario_tui.cli.output import print_commands, say
 from scenario_tui.source import DaemonTarget, find_campaign
 
 if TYPE_CHECKING:
-    from daemon.analysis.results import CampaignResults
+    from daemon.analysis.results import CampaignResults, ComparedResults
     from daemon.judging.assessment import CampaignDifference
     from daemon.model.status import HandedOver
-    from scenario_tui.cli.results import ComparedResults
-    from scenario_tui.cli.search import SearchResult
+    from scenario_tui.cli.values import SearchResult
 
 
 def submit(
@@ -54,8 +53,8 @@ def submit(
     Only runs that have no result yet are executed. A daemon is started on this machine if none
     answers.
     """
+    from daemon.analysis.results import ComparedResults
     from scenario_tui.cli.compare import compare_with_baseline, final_code
-    from scenario_tui.cli.results import ComparedResults
     from scenario_tui.cli.run import load_announced
     from scenario_tui.library.submission import receipt_text
 
@@ -124,7 +123,7 @@ def wait(
     Leaves with 4 when the time is up before. A daemon that is away is waited for, two minutes
     unless --timeout says otherwise. Ctrl-C ends the waiting only.
     """
-    from scenario_tui.cli.results import ComparedResults
+    from daemon.analysis.results import ComparedResults
     from scenario_tui.cli.search import wait_for_search
     from scenario_tui.library.job import wait_for
     from scenario_tui.library.watching import PATIENCE, ask_patiently

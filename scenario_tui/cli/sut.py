@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.model.spec import SutReference
-from grammars.text.diagnostics import Finding
 from scenario_tui.cli import completion, sut_ros
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import PlainFlagsGroup, command_of
@@ -28,6 +25,7 @@ if TYPE_CHECKING:
     from daemon.campaign import LoadedSut, ParameterValues
     from daemon.stacks.findings import ParameterFinding
     from daemon.stacks.ros1.configuration import RosParameters
+    from scenario_tui.cli.values import ShownSut
 
 app = typer.Typer(
     name="sut",
@@ -36,23 +34,6 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class ShownSut:
-    """A system under test; ``places`` says where each of its parameters was written.
-
-    ``layers`` are the SUT files it is made of. ``ros`` has topics, wiring, planners and costmaps
-    of the ROS 1 stack, and is empty for others.
-    """
-
-    reference: SutReference
-    layers: tuple[str, ...]
-    places: dict[str, str]
-    defaults: dict[str, dict[str, Any]]
-    without_effect: dict[str, str]
-    warnings: tuple[Finding, ...]
-    ros: dict[str, Any]
 
 
 @command_of(app, "show")
@@ -73,6 +54,7 @@ def show(
     Nothing is started.
     """
     from daemon.campaign import LayerLibrary, RefusedSutError
+    from scenario_tui.cli.values import ShownSut
 
     path = find_sut(file, Path())
     try:

@@ -8,6 +8,7 @@ from daemon.judging.assessment._assess import (
 )
 from daemon.judging.assessment._campaign_difference import (
     CampaignDifference,
+    ComparedCampaigns,
     JudgedCampaign,
     QuantityChange,
     VerdictChange,
@@ -24,6 +25,7 @@ from daemon.judging.assessment._references import reference_comparisons
 
 __all__ = [
     "CampaignDifference",
+    "ComparedCampaigns",
     "JudgedCampaign",
     "QuantityChange",
     "VerdictChange",

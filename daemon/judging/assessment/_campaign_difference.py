@@ -112,6 +112,14 @@ class CampaignDifference:
         return any(v.worse for v in self.verdicts) or any(s.worse for s in self.shifts)
 
 
+@dataclass(frozen=True, slots=True)
+class ComparedCampaigns:
+    """Changes from one campaign to the other."""
+
+    comparison: CampaignDifference
+    regressed: bool
+
+
 def compare_campaigns(
     before: JudgedCampaign, after: JudgedCampaign, worse_by: float | None = None
 ) -> CampaignDifference:

@@ -20,7 +20,6 @@ DEMO = "campaigns/demo/campaign.yaml"
 LOADED = (
     # (words, exit code, what may not be loaded beside NEEDED_BY_FEW)
     ("--help", 0, LANGUAGES | BUS | {"pydantic"}),
-    ("check --help", 0, LANGUAGES | BUS),
     ("status", 3, LANGUAGES | BUS),
     ("results nothing", 2, LANGUAGES | BUS),
     ("search", 3, LANGUAGES),
@@ -52,6 +51,15 @@ def test_the_command_line_imports_nothing_heavy():
 def test_help_imports_nothing_heavy_either():
     loaded = _loaded_after("from scenario_tui.cli.command_line import invoke\ninvoke(['--help'])")
     assert loaded.isdisjoint(HEAVY)
+
+
+def test_no_command_imports_anything_heavy_before_it_runs():
+    """Help and completion load a command, and print no more than its options."""
+    loaded = _loaded_after(
+        "from scenario_tui.cli.commands import COMMANDS, load_command\n"
+        "for name in COMMANDS:\n    load_command(name)"
+    )
+    assert loaded.isdisjoint({*HEAVY, *NEEDED_BY_FEW, "rich.console", "daemon.model.status"})
 
 
 def test_completion_of_names_imports_nothing_heavy_either():
