@@ -10,7 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Final
 
@@ -127,24 +127,31 @@ def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
     pipe = paths.state / "tether"
     with suppress(FileExistsError):
         os.mkfifo(pipe, 0o600)
-    users = os.open(paths.state / "users.lock", os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        # Open at both ends, so that opening it waits for nobody.
-        tether = os.open(pipe, os.O_RDWR)
-        try:
-            with _one_at_a_time(paths):
-                endpoint = None if _locked_alone(users) else running_daemon(paths.state)
-                if endpoint is None:
-                    endpoint = _start_shared(paths, pipe, trace_bytes)
-                fcntl.flock(users, fcntl.LOCK_SH)
-            yield endpoint
-        finally:
-            with _one_at_a_time(paths):
-                os.close(tether)
-                if _locked_alone(users):
-                    _wait_until_gone(paths)
-    finally:
-        os.close(users)
+    with ExitStack() as cleanup:
+        users = os.open(paths.state / "users.lock", os.O_RDWR | os.O_CREAT, 0o600)
+        cleanup.callback(os.close, users)
+        with _one_at_a_time(paths):
+            is_first = _locked_alone(users)
+            if is_first:
+                # One whose users were killed is about to leave.
+                _wait_until_gone(paths)
+            # Open at both ends, so that opening it waits for nobody.
+            tether = os.open(pipe, os.O_RDWR)
+            cleanup.callback(_leave, paths, users, tether)
+            endpoint = None if is_first else running_daemon(paths.state)
+            endpoint = endpoint or _start_shared(paths, pipe)
+            if is_first:
+                _tidy(paths, endpoint, trace_bytes)
+            fcntl.flock(users, fcntl.LOCK_SH)
+        yield endpoint
+
+
+def _leave(paths: StatePaths, users: int, tether: int) -> None:
+    """Cut a tether; the last one to leave waits for the end of the daemon."""
+    with _one_at_a_time(paths):
+        os.close(tether)
+        if _locked_alone(users):
+            _wait_until_gone(paths)
 
 
 @contextmanager
@@ -163,15 +170,17 @@ def _locked_alone(users: int) -> bool:
     return True
 
 
-def _start_shared(paths: StatePaths, pipe: Path, trace_bytes: int) -> str:
-    # One whose users were killed is about to leave.
-    _wait_until_gone(paths)
+def _start_shared(paths: StatePaths, pipe: Path) -> str:
     stdin = os.open(pipe, os.O_RDONLY)
     try:
         command = _command(paths, None, tether=True)
-        endpoint = _wait_until_up(start_detached(command, paths.worker_log, stdin), paths)
+        return _wait_until_up(start_detached(command, paths.worker_log, stdin), paths)
     finally:
         os.close(stdin)
+
+
+def _tidy(paths: StatePaths, endpoint: str, trace_bytes: int) -> None:
+    """End and delete what earlier users left, except what :func:`shared_daemon` keeps."""
     with Client.open(endpoint) as client:
         rows = client.campaigns()
         for row in rows:
@@ -183,7 +192,6 @@ def _start_shared(paths: StatePaths, pipe: Path, trace_bytes: int) -> str:
     from daemon.batch.ledger import RetentionPolicy, sweep_traces
 
     sweep_traces(paths, RetentionPolicy(size=trace_bytes), time.time())
-    return endpoint
 
 
 def _wait_until_gone(paths: StatePaths) -> None:
