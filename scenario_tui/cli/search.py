@@ -160,12 +160,12 @@ def _watch(
     ``file`` is its campaign file, if that is here. Ctrl-C ends the watching, and the search if its
     ``client`` runs here.
     """
-    from scenario_tui.library.watching import WatchedSearch, watch_work
+    from scenario_tui.library.watching import WatchedSearch, watch
 
     if client is not None:
         client.start()
     try:
-        row = watch_work(target.open, campaign, WatchedSearch(campaign, client))
+        row = watch(target.open, WatchedSearch(campaign, client))
     except KeyboardInterrupt:
         if client is not None:
             client.leave()
@@ -224,11 +224,10 @@ def wait_for_search(
     target: DaemonTarget, campaign: str, *, patience: float, limit: float = inf
 ) -> Answer[SearchResult]:
     """Watch a search to its end or for ``limit`` seconds; its answer is one line."""
-    from scenario_tui.library.watching import WatchedSearch, ask_patiently, watch_work
+    from scenario_tui.library.watching import WatchedSearch, ask_patiently, watch
     from scenario_tui.text.search_text import search_line
 
-    work = WatchedSearch(campaign)
-    row = watch_work(target.open, campaign, work, patience=patience, limit=limit)
+    row = watch(target.open, WatchedSearch(campaign), patience=patience, limit=limit)
     runs = ask_patiently(target, lambda daemon: daemon.all_runs(campaign, results=True), patience)
     line = f"{row.campaign}: {search_line(row)}"
     return replace(search_answer(row, runs, target), text=partial(say, line))

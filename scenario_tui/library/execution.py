@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from daemon.analysis.results import CampaignResults, read_results, write_campaign_note
 from daemon.batch.client import Client
@@ -20,13 +20,10 @@ from daemon.judging.assessment import assess
 from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
 from scenario_tui.interrupts import stop_if_interrupted
-from scenario_tui.library.watching import watch
+from scenario_tui.library.watching import ENDURANCE, WatchedRuns, watch
 
 if TYPE_CHECKING:
     from daemon.model.submission import Submission
-
-_MAX_TROUBLE: Final = 20.0
-"""Seconds without a worker, or with a full disk, after which nobody is going to help."""
 
 
 def run_here(
@@ -55,7 +52,7 @@ def run_here(
         opened = partial(Client.open, endpoint)
         with opened() as daemon:
             daemon.submit(submission)
-        row = watch(opened, submission.campaign, endurance=_MAX_TROUBLE)
+        row = watch(opened, WatchedRuns(submission.campaign), endurance=ENDURANCE)
         with opened() as daemon:
             results = read_results(daemon, row)
     rows = tuple(_moved(run, target) for run in results.rows)

@@ -9,25 +9,24 @@ from typing import TYPE_CHECKING
 
 from daemon.batch.launch import ensure_daemon, running_daemon
 from daemon.batch.paths import endpoint_text
-from daemon.model.status import RunRow
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.library.results import Results, Run
 from scenario_tui.library.watching import (
     LOG,
     PATIENCE,
     SUBMIT_PATIENCE,
+    CollectedRuns,
     ProgressDisplay,
     WatchedRuns,
     ask_patiently,
-    follow_work,
+    follow,
     watch,
 )
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
-    from daemon.model.status import CampaignRow, SubmissionReceipt
+    from daemon.model.status import SubmissionReceipt
     from daemon.model.submission import Submission
-    from daemon.model.verbs import DaemonClient
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +48,11 @@ class Job:
         A daemon that goes away is waited for, 120 s by default. Raises :class:`DaemonError` when it
         stays away.
         """
-        work = _ArrivingRuns(self.id)
-        for _ in follow_work(self._target.open, self.id, work, ProgressDisplay(None)):
-            while work.arrived:
-                yield Run(work.arrived.pop(0), self._target)
+        work, yielded = CollectedRuns(self.id), set[str]()
+        for _ in follow(self._target.open, work, ProgressDisplay(None)):
+            arrived = [row for row in work.rows if row.settled and row.id not in yielded]
+            yielded |= {row.id for row in arrived}
+            yield from (Run(row, self._target) for row in arrived)
 
     def wait(self, timeout: float | None = None) -> Results:
         """Return the results when every run is over, or as they stand after ``timeout`` seconds.
@@ -77,7 +77,7 @@ def wait_for(
     # Reading ledgers comes with it: for whoever only submits, a seventh of the time.
     from daemon.analysis.results import read_results
 
-    row = watch(target.open, campaign, patience=patience, limit=limit)
+    row = watch(target.open, WatchedRuns(campaign), patience=patience, limit=limit)
     value = ask_patiently(target, lambda daemon: read_results(daemon, row), PATIENCE)
     return Results(value, target)
 
@@ -109,22 +109,3 @@ def launch_daemon(target: DaemonTarget, workers: int | None = None) -> str:
     where = endpoint_text(ensure_daemon(state, slots=workers))
     end = target.command("daemon", "--stop")
     return f"started a daemon on this machine at {where} (`{end}` ends it)"
-
-
-class _ArrivingRuns(WatchedRuns):
-    """The runs of a campaign; ``arrived`` are those that are over and were not taken yet."""
-
-    def __init__(self, campaign: str) -> None:
-        super().__init__(campaign)
-        self.arrived: list[RunRow] = []
-        self._told: set[str] = set()
-        self._before = 0  # runs of the beginning that are all over
-
-    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
-        """Ask how the campaign stands, and then for the runs that are over."""
-        row = super().look(daemon, shown)
-        rows = daemon.all_runs(self.campaign, offset=self._before, results=True)
-        self.arrived += [one for one in rows if one.settled and one.id not in self._told]
-        self._told |= {one.id for one in self.arrived}
-        self._before += next((k for k, one in enumerate(rows) if not one.settled), len(rows))
-        return row

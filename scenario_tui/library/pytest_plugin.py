@@ -27,13 +27,12 @@ from daemon.campaign import campaign_origin, expand
 from daemon.judging.assessment import assess, base_name, expected_verdict
 from daemon.model.assessments import CellVerdict, ComparisonVerdict, ExpectationStatus
 from daemon.model.run_state import RunState
-from daemon.model.status import CampaignRow, RunRow
-from daemon.model.verbs import DaemonClient
+from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from grammars.text.diagnostics import InputError, ScenarioError, Severity, Where
 from scenario_tui.library.campaign import load
 from scenario_tui.library.results import Cell, Results, Run
-from scenario_tui.library.watching import PATIENCE, ProgressDisplay, WatchedRuns, watch_work
+from scenario_tui.library.watching import ENDURANCE, PATIENCE, CollectedRuns, watch
 from scenario_tui.source import DaemonTarget
 from scenario_tui.text.assessment_text import Footnotes, comparison_notes, oracle_notes
 from scenario_tui.text.formatting import glyph_word
@@ -49,8 +48,6 @@ _TRACE_BYTES: Final = 2**30
 """Bytes of traces that pytest's cache keeps of earlier sessions."""
 _PICTURES_KEPT: Final = 86_400.0
 """Seconds for which it keeps pictures of failed runs."""
-_ENDURANCE: Final = 20.0
-"""Seconds without a worker, or with a full disk, after which nobody is going to help."""
 _CELLS: Final = pytest.StashKey[list[Cell]]()
 """The cells that a test asked for."""
 
@@ -211,7 +208,7 @@ def _typed(path: Path) -> str:
 
 
 @dataclass
-class WatchedCells(WatchedRuns):
+class WatchedCells(CollectedRuns):
     """The runs of a campaign, until those of ``cells`` have ended.
 
     With ``whole`` they end with the campaign: an undecided cell may get more of them.
@@ -219,15 +216,6 @@ class WatchedCells(WatchedRuns):
 
     whole: bool = False
     cells: frozenset[CellName] = frozenset()
-    rows: tuple[RunRow, ...] = ()
-
-    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
-        """Return how the campaign stands, after asking for the runs that may have changed."""
-        row = super().look(daemon, shown)
-        settled = next((i for i, run in enumerate(self.rows) if not run.settled), len(self.rows))
-        newer = daemon.all_runs(self.campaign, offset=settled, results=True)
-        self.rows = (*self.rows[:settled], *newer)
-        return row
 
     @property
     def finished(self) -> bool:
@@ -274,13 +262,7 @@ class CampaignRuns:
                 target = self.plugin.target
                 # A private daemon that is gone does not come back.
                 patience = PATIENCE if target.named else 0.0
-                watch_work(
-                    target.open,
-                    watched.campaign,
-                    watched,
-                    patience=patience,
-                    endurance=_ENDURANCE,
-                )
+                watch(target.open, watched, patience=patience, endurance=ENDURANCE)
         return watched.of_cells
 
     def results(self) -> Results:

@@ -62,6 +62,8 @@ _POLL: Final = 2.0
 """Seconds between two looks at one that is not known to have changed: events may get lost."""
 PATIENCE: Final = 120.0
 """Seconds a watcher waits for a daemon that went away."""
+ENDURANCE: Final = 20.0
+"""Seconds a private daemon may be without a worker, or its disk full: nobody is going to help."""
 SUBMIT_PATIENCE: Final = 10.0
 """Seconds a daemon that is away is waited for with a submission: one that restarts needs a few."""
 _LOOK: Final = 2.0
@@ -74,6 +76,7 @@ _SAY_AGAIN: Final = 5.0
 _LIVE_PATIENCE: Final = 0.5
 """Seconds for a run to say how far it is: it does so several times a second while it is watched."""
 _NO_WORKER: Final = "waiting for a worker: none is connected"
+_AWAY: Final = "the daemon does not answer, waiting for it (Ctrl-C to leave)"
 
 
 class ProgressDisplay:
@@ -166,8 +169,8 @@ def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
     text = Text.assemble(
         (f"  {glyph_word('running')}  ", TERMINAL_STYLES["running"]), run_label(row)
     )
-    seen = None if live is None else live.snapshot
-    return _fitting(text.append(f"  {reached_text(seen)}", style="dim"))
+    snapshot = None if live is None else live.snapshot
+    return _fitting(text.append(f"  {reached_text(snapshot)}", style="dim"))
 
 
 def _fitting(text: Text) -> Text:
@@ -180,7 +183,7 @@ def _fitting(text: Text) -> Text:
 class _TroubleReporter:
     """Says once what keeps runs from being executed, and when it is over."""
 
-    shown: ProgressDisplay
+    display: ProgressDisplay
     endurance: float
     words: str = ""
     since: float = 0.0
@@ -198,8 +201,8 @@ class _TroubleReporter:
         words = overview.trouble.strip()
         phase = overview.preparation.phase if overview.preparation else None
         is_due = phase != self.phase or now >= self.say_at
-        if phase is not None and is_due and not self.shown.on_screen:
-            self.shown.note(overview.preparing)  # a screen shows it as it goes on
+        if phase is not None and is_due and not self.display.on_screen:
+            self.display.note(overview.preparing)  # a screen shows it as it goes on
             self.say_at = now + _SAY_AGAIN
         self.phase = phase
         waits = overview.queued and not overview.workers and not overview.trouble
@@ -208,16 +211,18 @@ class _TroubleReporter:
             self.since = now
         if words != self.words:
             last = words.splitlines()[-1] if words else ""
-            self.shown.note(f"no run can start: {last}" if words else "runs can start again")
+            self.display.note(f"no run can start: {last}" if words else "runs can start again")
         self.words = words
         if words and now - self.since > self.endurance:
             raise DaemonError(words)
 
 
 class WatchedWork(Protocol[T_co]):
-    """Something of a campaign that is asked for again and again, and drawn, until it is over."""
+    """Part of a campaign that a watcher asks for and draws, again and again, until it is over."""
 
-    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> T_co:
+    campaign: str
+
+    def look(self, daemon: DaemonClient, display: ProgressDisplay) -> T_co:
         """Ask how it stands; returns what is known then."""
 
     @property
@@ -237,14 +242,14 @@ class WatchedRuns:
     running: tuple[RunRow, ...] = ()
     began: tuple[float, int] | None = None
 
-    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> CampaignRow:
+    def look(self, daemon: DaemonClient, display: ProgressDisplay) -> CampaignRow:
         """Return how the campaign stands."""
         row = self.row = daemon.campaign(self.campaign)
         if row is None:
             raise Refused(f"the daemon does not know the campaign {self.campaign} (any more)")
         # One more than is shown tells whether there are more.
         most = _SHOWN_RUNS + 1
-        if shown.on_screen:
+        if display.on_screen:
             self.running = daemon.runs(row.id, state="running", limit=most).rows
         # Runs that were over before somebody looked say nothing about the rate: they may be cached.
         self.began = self.began or (time.monotonic(), _over(row))
@@ -268,6 +273,21 @@ class WatchedRuns:
         )
 
 
+@dataclass  # with slots it would be a class anew, which super() does not know
+class CollectedRuns(WatchedRuns):
+    """The runs of a campaign with their results: ``rows`` are all of them, in order."""
+
+    rows: tuple[RunRow, ...] = ()
+
+    def look(self, daemon: DaemonClient, display: ProgressDisplay) -> CampaignRow:
+        """Return how the campaign stands, after asking for the runs that may have changed."""
+        row = super().look(daemon, display)
+        settled = next((i for i, run in enumerate(self.rows) if not run.settled), len(self.rows))
+        newer = daemon.all_runs(self.campaign, offset=settled, results=True)
+        self.rows = (*self.rows[:settled], *newer)
+        return row
+
+
 @dataclass(slots=True)
 class WatchedSearch:
     """A search as it was seen last, and what has been told of it; ``client`` runs it here."""
@@ -280,13 +300,13 @@ class WatchedSearch:
     def __post_init__(self) -> None:
         self.runs = WatchedRuns(self.campaign)
 
-    def look(self, daemon: DaemonClient, shown: ProgressDisplay) -> SearchRow:
+    def look(self, daemon: DaemonClient, display: ProgressDisplay) -> SearchRow:
         """Return how it stands; tell the first failure and what the search goes on with."""
         row, before = daemon.search_row(self.campaign), self.row
         if row is None:
             raise Refused(f"the daemon does not know the search {self.campaign} (any more)")
-        if shown.on_screen:
-            self.runs.look(daemon, shown)
+        if display.on_screen:
+            self.runs.look(daemon, display)
         first = row.answer.first if row.answer is not None else None
         was_told = before is not None and before.answer is not None and before.answer.first
         # Of a search that was over when somebody came, the answer tells.
@@ -294,10 +314,10 @@ class WatchedSearch:
             oracle = first.verdict.oracle if first.verdict else row.task.minimise
             margin = margin_words(first)
             by = f" by {margin}" if margin else ""
-            shown.note(f"run {first.number} fails: {oracle}{by} ({first.run})")
+            display.note(f"run {first.number} fails: {oracle}{by} ({first.run})")
         phase = before.phase if before is not None else "explore"
         if row.phase != phase and row.state == "running":
-            shown.note(phase_words(row))
+            display.note(phase_words(row))
         self.row = row
         return row
 
@@ -314,96 +334,60 @@ class WatchedSearch:
         return self.runs.draw(live, preparing, about)
 
 
-def watch(
-    open_daemon: ClientOpener,
-    campaign: str,
-    *,
-    patience: float = PATIENCE,
-    endurance: float = math.inf,
-    limit: float = math.inf,
-) -> CampaignRow:
-    """Show progress until no run of ``campaign`` waits or runs; return how it ended.
+def watch(open_daemon: ClientOpener, work: WatchedWork[T], **limits: float) -> T:
+    """Show how ``work`` stands until it is finished, and return how it ended.
 
-    It is watched as :func:`watch_work` says.
+    ``limits`` are those of :func:`follow`.
     """
-    work = WatchedRuns(campaign)
-    return watch_work(
-        open_daemon, campaign, work, patience=patience, endurance=endurance, limit=limit
-    )
+    with open_display() as display:
+        return deque(follow(open_daemon, work, display, **limits), maxlen=1).pop()
 
 
-def watch_work(
+def follow(
     open_daemon: ClientOpener,
-    campaign: str,
     work: WatchedWork[T],
-    *,
-    patience: float = PATIENCE,
-    endurance: float = math.inf,
-    limit: float = math.inf,
-) -> T:
-    """Show how ``work`` of a ``campaign`` stands until it is finished; return how it ended.
-
-    Otherwise as :func:`follow_work`.
-    """
-    with open_display() as shown:
-        looks = follow_work(
-            open_daemon,
-            campaign,
-            work,
-            shown,
-            patience=patience,
-            endurance=endurance,
-            limit=limit,
-        )
-        return deque(looks, maxlen=1).pop()
-
-
-def follow_work(
-    open_daemon: ClientOpener,
-    campaign: str,
-    work: WatchedWork[T],
-    shown: ProgressDisplay,
+    display: ProgressDisplay,
     *,
     patience: float = PATIENCE,
     endurance: float = math.inf,
     limit: float = math.inf,
 ) -> Iterator[T]:
-    """Yield how ``work`` of a ``campaign`` stands, after every change, until it is finished.
+    """Yield how ``work`` stands, after every change, until it is finished.
 
-    After ``limit`` seconds the last is how it stands then. A daemon that goes away is waited for
-    and found again. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at
-    the limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
+    After ``limit`` seconds the last state is yielded, whatever it is. A daemon that goes away is
+    awaited. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at the
+    limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
     """
-    begun = time.monotonic()
+    start = time.monotonic()
     live: dict[str, LiveSnapshot] = {}
-    gone: float | None = None
-    trouble = _TroubleReporter(shown, endurance)
+    away_since: float | None = None
+    trouble = _TroubleReporter(display, endurance)
     while True:
         try:
-            with open_daemon() as daemon, _listen(daemon, campaign, live) as changed:
+            with open_daemon() as daemon, _listen(daemon, work.campaign, live) as changed:
                 look_at = 0.0
                 while True:
                     stop_if_interrupted()
                     now = time.monotonic()
                     if changed.is_set() or now >= look_at:
                         changed.clear()
-                        yield work.look(daemon, shown)
+                        yield work.look(daemon, display)
                         now = time.monotonic()
                         look_at = now + _POLL
-                    if gone is not None:
-                        shown.note("the daemon is back, watching again")
-                        gone = None
-                    if work.finished or now - begun >= limit:
+                    if away_since is not None:
+                        display.note("the daemon is back, watching again")
+                        away_since = None
+                    if work.finished or now - start >= limit:
                         return
                     trouble.look(daemon, now)
-                    shown.show(partial(work.draw, live, trouble.preparing))
+                    display.show(partial(work.draw, live, trouble.preparing))
                     time.sleep(INTERVAL)
         except Unreachable:
             now = time.monotonic()
-            if gone is None:
-                shown.note("the daemon does not answer, waiting for it (Ctrl-C to leave)")
-                gone = now
-            if now - gone > patience or now - begun >= limit:
+            if away_since is None:
+                display.note(_AWAY)
+                away_since = now
+            if now - away_since > patience or now - start >= limit:
                 raise
             time.sleep(INTERVAL)
 
@@ -415,7 +399,7 @@ def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patien
     ``ask`` raises.
     """
     deadline = time.monotonic() + patience
-    said = ""
+    message = ""
     while True:
         try:
             with target.open() as daemon:
@@ -423,12 +407,11 @@ def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patien
         except Unreachable as error:
             if not target.may_come_back or time.monotonic() >= deadline:
                 raise
-            words = "the daemon does not answer, waiting for it (Ctrl-C to leave)"
+            previous, message = message, _AWAY
             if isinstance(error, Unavailable):
-                words = f"{error}; trying again (Ctrl-C to leave)"
-            if words != said:
-                LOG.info("%s", words)
-            said = words
+                message = f"{error}; trying again (Ctrl-C to leave)"
+            if message != previous:
+                LOG.info("%s", message)
             time.sleep(INTERVAL)
 
 

@@ -11,7 +11,7 @@ from daemon.model.run_state import RunState
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
 from daemon.model.verdicts import Outcome
 from scenario_tui.library import watching
-from scenario_tui.library.watching import progress_lines, watch
+from scenario_tui.library.watching import WatchedRuns, progress_lines, watch
 from tests.scenario_tui.fake import CAMPAIGN, OLD, WAITING, make_live, make_row
 
 PREPARING = "compiling kernels 7/42 (once on this machine)"
@@ -41,7 +41,7 @@ def test_watching_ends_with_the_last_run(fake, capsys):
             _finish(daemon)
 
     fake.before = later
-    assert watch(fake.open, CAMPAIGN).finished
+    assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     assert capsys.readouterr() == ("", "")  # no progress where there is no terminal
 
 
@@ -56,7 +56,7 @@ def test_watching_survives_a_restart_and_says_so(fake, caplog):
             _finish(daemon)
 
     fake.before = restart
-    assert watch(fake.open, CAMPAIGN).finished
+    assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     said = caplog.messages
     assert said == [
         "the daemon does not answer, waiting for it (Ctrl-C to leave)",
@@ -67,12 +67,12 @@ def test_watching_survives_a_restart_and_says_so(fake, caplog):
 def test_watching_gives_up_on_a_daemon_that_stays_away(fake):
     fake.reachable = False
     with pytest.raises(Unreachable):
-        watch(fake.open, CAMPAIGN, patience=0.02)
+        watch(fake.open, WatchedRuns(CAMPAIGN), patience=0.02)
 
 
 def test_a_campaign_the_daemon_forgot_is_not_waited_for(fake):
     with pytest.raises(Refused):
-        watch(fake.open, "never-submitted")
+        watch(fake.open, WatchedRuns("never-submitted"))
 
 
 def _drawn(width, *shown, **words):
@@ -132,7 +132,7 @@ def test_what_a_worker_prepares_is_said_again_after_a_while(fake, caplog, monkey
             _finish(daemon)
 
     fake.before = later
-    assert watch(fake.open, CAMPAIGN).finished
+    assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     said = caplog.messages
     phases = [line.partition(" ")[2] for line in said]
     assert list(dict.fromkeys(phases)) == ["starting", "compiling"]
@@ -151,7 +151,7 @@ def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, ca
             _finish(daemon)
 
     fake.before = later
-    assert watch(fake.open, CAMPAIGN).finished
+    assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     said = caplog.messages
     assert said == ["no run can start: OSError: the disk is full", "runs can start again"]
 
@@ -160,7 +160,7 @@ def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeyp
     monkeypatch.setattr(watching, "_LOOK", 0.0)
     fake.trouble = "the disk is full"
     with pytest.raises(DaemonError, match="the disk is full"):
-        watch(fake.open, CAMPAIGN, endurance=0.01)
+        watch(fake.open, WatchedRuns(CAMPAIGN), endurance=0.01)
 
 
 def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, monkeypatch):
@@ -181,7 +181,7 @@ def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, mon
                 on_event(ChangeEvent(2, "campaign", CAMPAIGN, CAMPAIGN, "finished"))
 
     fake.before = later
-    assert watch(fake.open, CAMPAIGN).finished
+    assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     asked = [call for call in fake.calls if call[0] == "campaigns"]
     assert [call[1] for call in asked] == [CAMPAIGN, CAMPAIGN]
 
