@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from daemon.batch.amounts import size_text
-from grammars.text.words import count_noun
+from grammars.text.words import command_line, count_noun
 
 if TYPE_CHECKING:
     from daemon.model.status import DeletedCampaign
@@ -33,15 +33,22 @@ class CampaignAction:
     tooltip: str = ""
     options: tuple[str, ...] = ()
 
-    def outcome_text(self, campaign: str, runs: int = 0, **given: Any) -> str:
-        """Return what became of ``runs`` runs of a campaign."""
-        return self.outcome.format(campaign=campaign, runs=count_noun(runs, "run"), **given)
+    def outcome_text(
+        self, campaign: str, runs: int, command: Callable[..., str] = command_line, **given: Any
+    ) -> str:
+        """Return what became of ``runs`` runs of a campaign.
+
+        ``command`` quotes a command about its daemon.
+        """
+        resume = command(RESUME.command, campaign, *RESUME.options)
+        words = {"campaign": campaign, "runs": count_noun(runs, "run"), "resume": resume}
+        return self.outcome.format_map(words | given)
 
 
 PAUSE: Final = CampaignAction(
     "pause",
     lambda daemon, campaign: daemon.steer(campaign, paused=True),
-    "paused {campaign}; {runs} wait until `scenario pause {campaign} --off`",
+    "paused {campaign}; {runs} wait until `{resume}`",
     "P",
     "Pause",
     "Start no more runs of the campaign, or go on",

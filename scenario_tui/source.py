@@ -204,18 +204,17 @@ def find_run(source: CampaignSource, name: str) -> RunDetail:
 
     Raises :class:`Refused` when it does not exist, with those that do.
     """
-    campaign_name, dot, number = name.rpartition(".")
+    campaign_name, _, number = name.rpartition(".")
+    is_numbered = bool(campaign_name) and number.isdecimal()
     # An id costs one question; anything else needs the list of campaigns.
     with suppress(Refused):
         return source.run(name)
     if files := trace_files(name):
         _refuse_several(name, [str(file) for file in files])
         return source.run(str(files[0]))
-    if Path(name).is_file():
-        raise Refused(_why_no_traces(name))
-    campaign = find_campaign(source, campaign_name if dot else name)
+    campaign = find_campaign(source, campaign_name if is_numbered else name)
     run = f"{campaign.id}.{number}"
-    if dot and run != name:
+    if is_numbered and run != name:
         with suppress(Refused):
             return source.run(run)
     runs = f"{campaign.id}.0 to {campaign.id}.{campaign.total - 1}"
@@ -260,9 +259,15 @@ def _why_no_campaign(source: CampaignSource, name: str) -> str:
     if match := re.search(r"^campaign\s*:\s*([\w-]+)", text, re.MULTILINE):
         return f'{name} is a file: what was submitted of it is called "{match[1]}"'
     if words := _why_no_traces(name):
-        return f"{words}, and no campaign is called so"
-    # Ids have no slash (daemon.model.ids).
-    if "/" in name:
+        return f"{words}, and no campaign has that name"
+    if name.rpartition(".")[2].isdecimal():
+        try:
+            campaign = find_run(source, name).row.campaign
+        except Refused as error:
+            return str(error)
+        return f"{name} is a run of {campaign}: `scenario show` tells about it"
+    # Ids have neither (daemon.model.ids).
+    if "/" in name or "." in name:
         return f"there is no folder or file {name}"
     rows = source.campaign_page()
     names = {row.name for row in rows} | {row.id for row in rows}
@@ -340,7 +345,7 @@ def recorded_runs(source: CampaignSource, name: str, target: DaemonTarget) -> tu
     rows = source.all_runs(campaign.id, results=True)
     rows = tuple(row for row in rows if row.result is not None)
     if not rows:
-        raise Refused(without_traces_text(with_time_left(campaign, target)))
+        raise Refused(without_traces_text(with_time_left(campaign, target), target.command))
     if rest := unfinished_text(campaign):
         finished = f"{count_noun(len(rows), 'run')} finished so far"
         target.say(f"{campaign.id} goes on ({rest}): {finished}")
@@ -355,10 +360,10 @@ def why_no_trace(run: RunRow, source: CampaignSource, target: DaemonTarget) -> s
     if campaign is not None:
         campaign = with_time_left(campaign, target)
     if run.state is not RunState.QUEUED:
-        return without_trace_text(run, campaign)
+        return without_trace_text(run, campaign, None, target.command)
     waiting = source.runs(run.campaign, state=RunState.QUEUED, limit=LARGEST_PAGE)
     before = next((k for k, row in enumerate(waiting.rows) if row.id == run.id), None)
-    return without_trace_text(run, campaign, before)
+    return without_trace_text(run, campaign, before, target.command)
 
 
 def with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:

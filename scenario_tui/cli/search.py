@@ -165,7 +165,7 @@ def _watch(
     if client is not None:
         client.start()
     try:
-        row = watch(target.open, WatchedSearch(campaign, client))
+        row = watch(target.open, WatchedSearch(campaign, client, target.command))
     except KeyboardInterrupt:
         if client is not None:
             client.leave()
@@ -209,7 +209,8 @@ def _print_searches(searches: tuple[SearchRow, ...], target: DaemonTarget) -> No
 
     console = stdout_console()
     if not searches:
-        console.print("No searches yet. Type: scenario search CAMPAIGN.yaml")
+        console.print("No searches yet. Write `search:` into a campaign file, then type:")
+        print_commands((target.command("search", "campaign.yaml"), "its only search"))
         return
     table = plain_table("search", "", "how it stands")
     for row in searches:
@@ -227,7 +228,8 @@ def wait_for_search(
     from scenario_tui.library.watching import WatchedSearch, ask_patiently, watch
     from scenario_tui.text.search_text import search_line
 
-    row = watch(target.open, WatchedSearch(campaign), patience=patience, limit=limit)
+    work = WatchedSearch(campaign, command=target.command)
+    row = watch(target.open, work, patience=patience, limit=limit)
     runs = ask_patiently(target, lambda daemon: daemon.all_runs(campaign, results=True), patience)
     line = f"{row.campaign}: {search_line(row)}"
     return replace(search_answer(row, runs, target), text=partial(say, line))
@@ -369,9 +371,8 @@ def _find_search(target: DaemonTarget, wanted: str) -> str:
     with target.open() as daemon:
         row = find_campaign(daemon, wanted)
     if not row.search:
-        raise CommandError(
-            f"{wanted} is no search: its results are shown by `scenario results {wanted}`"
-        )
+        results = target.command("results", wanted)
+        raise CommandError(f"{wanted} is no search: `{results}` shows what came out of it")
     return row.id
 
 

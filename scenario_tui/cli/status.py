@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.errors import Unavailable
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.output import plain_table, stdout_console
+from scenario_tui.cli.output import plain_table, print_commands, stdout_console
 from scenario_tui.source import DaemonTarget
 from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
 
@@ -41,19 +41,20 @@ def status(target: DaemonTarget) -> Answer[DaemonStatus]:
             if any(row.search in ("running", "waiting") for row in campaigns):
                 searches = daemon.searches(unfinished=True)
     value = DaemonStatus(endpoint, overview, campaigns, workers, searches)
-    return Answer("status", value, partial(_print_status, value))
+    return Answer("status", value, partial(_print_status, value, target))
 
 
-def _print_status(status: DaemonStatus) -> None:
+def _print_status(status: DaemonStatus, target: DaemonTarget) -> None:
     """Print the daemon on two lines, and the newest campaigns."""
     console, campaigns = stdout_console(), status.campaigns
     _print_overview(status)
     if not campaigns and status.overview.trouble:
         return  # there may be some that cannot be read just now
     if not campaigns:
-        console.print(
-            "\nNo campaigns yet. Type:\n  scenario new my-tests\n"
-            "  scenario submit my-tests/campaign.yaml"
+        console.print("\nNo campaigns yet. Type:")
+        submit = target.command("submit", "my-tests/campaign.yaml")
+        print_commands(
+            ("scenario new my-tests", "write a small campaign"), (submit, "hand it to the daemon")
         )
         return
     console.print(_campaign_table(campaigns[:_MAX_CAMPAIGNS], status.overview.now, console.width))

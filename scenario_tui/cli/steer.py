@@ -55,10 +55,11 @@ def _steer(
     with target.open() as daemon:
         row = find_campaign(daemon, name)
         value = SteeredRuns(row.id, action.request(daemon, row.id, **given))
-    words = action.outcome_text(row.id, value.runs, **given)
+    words = action.outcome_text(row.id, value.runs, target.command, **given)
     if action is CANCEL and row.search in ("running", "waiting"):
         # Between two of its runs there may be none to cancel.
-        words += f", which has ended; `scenario search {row.id}` says what it found"
+        answer = target.command("search", row.id)
+        words += f", which has ended; `{answer}` says what it found"
     schema = "resume" if action is RESUME else action.command
     return Answer(schema, value, partial(say, words))
 

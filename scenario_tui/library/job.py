@@ -77,7 +77,8 @@ def wait_for(
     # Reading ledgers comes with it: for whoever only submits, a seventh of the time.
     from daemon.analysis.results import read_results
 
-    row = watch(target.open, WatchedRuns(campaign), patience=patience, limit=limit)
+    work = WatchedRuns(campaign, target.command)
+    row = watch(target.open, work, patience=patience, limit=limit)
     value = ask_patiently(target, lambda daemon: read_results(daemon, row), PATIENCE)
     return Results(value, target)
 

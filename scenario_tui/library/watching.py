@@ -31,7 +31,7 @@ from daemon.model.status import (
 from daemon.model.verbs import ClientOpener, DaemonClient
 from daemon.search.answers.sentences import margin_words, phase_words
 from grammars.text.terminal_text import printable_streams
-from grammars.text.words import count_noun, duration_text
+from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.terminal.printable_console import open_console
 from scenario_tui.text.formatting import (
@@ -129,11 +129,12 @@ def progress_lines(
     per_minute: float = 0.0,
     waiting: str = "",
     search: str = "",
+    command: Callable[..., str] = command_line,
 ) -> Group:
     """Return how far a campaign is: its line, that of its ``search``, a line for each running run.
 
-    ``waiting`` says what keeps runs from starting. Where a terminal is narrow, the end of a line is
-    left out: the rate, then counts.
+    ``waiting`` says what keeps runs from starting; ``command`` quotes a command about the daemon.
+    Where a terminal is narrow, the end of a line is left out: the rate, then counts.
     """
     tail = Text(f"{_over(row)}/{count_noun(row.total, 'run')}")
     if row.seconds_left is not None:
@@ -150,7 +151,7 @@ def progress_lines(
     bar = ProgressBar(total=max(1, row.total), completed=_over(row), width=_BAR)
     line.add_row(Text(row.name, style="bold"), bar, tail)
     if row.paused:
-        waiting = f"paused: `scenario pause {row.id} --off` lets it go on"
+        waiting = f"paused: `{command('pause', row.id, '--off')}` lets it go on"
     elif not (running or waiting or row.finished):
         waiting = _WAITING
     hidden = len(running) - _SHOWN_RUNS
@@ -235,9 +236,13 @@ class WatchedWork(Protocol[T_co]):
 
 @dataclass(slots=True)
 class WatchedRuns:
-    """The runs of a campaign, as far as they are shown."""
+    """The runs of a campaign, as far as they are shown.
+
+    ``command`` quotes a command about their daemon.
+    """
 
     campaign: str
+    command: Callable[..., str] = command_line
     row: CampaignRow | None = None
     running: tuple[RunRow, ...] = ()
     began: tuple[float, int] | None = None
@@ -269,7 +274,13 @@ class WatchedRuns:
         minutes, over = (time.monotonic() - self.began[0]) / 60.0, _over(self.row) - self.began[1]
         rate = over / minutes if minutes > 0.0 else 0.0
         return progress_lines(
-            self.row, self.running, live, per_minute=rate, waiting=preparing, search=search
+            self.row,
+            self.running,
+            live,
+            per_minute=rate,
+            waiting=preparing,
+            search=search,
+            command=self.command,
         )
 
 
@@ -294,11 +305,12 @@ class WatchedSearch:
 
     campaign: str
     client: SearchClient | None = None
+    command: Callable[..., str] = command_line
     row: SearchRow | None = None
     runs: WatchedRuns = field(init=False)
 
     def __post_init__(self) -> None:
-        self.runs = WatchedRuns(self.campaign)
+        self.runs = WatchedRuns(self.campaign, self.command)
 
     def look(self, daemon: DaemonClient, display: ProgressDisplay) -> SearchRow:
         """Return how it stands; tell the first failure and what the search goes on with."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from daemon.model.run_state import UNFINISHED_STATES, RunState
@@ -35,31 +36,41 @@ def progress_text(row: CampaignRow) -> str:
     return f"{row.ended:,} of {runs} finished"
 
 
-def without_trace_text(run: RunRow, campaign: CampaignRow | None, before: int | None = None) -> str:
+def without_trace_text(
+    run: RunRow,
+    campaign: CampaignRow | None,
+    before: int | None,
+    command: Callable[..., str],
+) -> str:
     """Return why a run has no trace, and what to type where that helps.
 
-    ``campaign`` is its own, if known; ``before`` is how many of its runs are queued before it.
+    ``campaign`` is its own, if known; ``before`` is how many of its runs are queued before it, if
+    it is queued; ``command`` quotes a command about its daemon.
     """
+    again = f"`{command('retry', run.campaign)}` queues it again"
     if run.state is RunState.RUNNING:
-        return f"{run.id} is running: its trace is there when it ends, `scenario tui` shows it live"
+        shown = f"`{command('tui')}` shows it live"
+        return f"{run.id} is running: its trace is there when it ends, {shown}"
     if run.state is RunState.QUEUED:
-        return f"{run.id} is queued: {_waiting_text(run, campaign, before)}"
+        return f"{run.id} is queued: {_waiting_text(run, campaign, before, command)}"
     if run.state is RunState.CANCELLED:
-        state = f"{run.id} was cancelled before it ended"
-        return f"{state}; `scenario retry {run.campaign}` queues it again"
+        return f"{run.id} was cancelled before it ended; {again}"
     if run.state is RunState.LOST:
         why = run.reason.strip().splitlines()[-1:]
         state = f"{run.id} is lost, {count_noun(run.attempt, 'attempt')} left no result"
-        return ": ".join((state, *why)) + f"; `scenario retry {run.campaign}` queues it again"
+        return ": ".join((state, *why)) + f"; {again}"
     return f"{run.id} has no trace: {run.reason or 'it is not there any more'}"
 
 
-def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None) -> str:
+def _waiting_text(
+    run: RunRow, campaign: CampaignRow | None, before: int | None, command: Callable[..., str]
+) -> str:
     """Return what a queued run waits for."""
     if run.reason:
         return f"once more, {run.reason}"
     if campaign is not None and campaign.paused:
-        return f"its campaign is paused, `scenario pause {campaign.id} --off` lets it go on"
+        resume = command("pause", campaign.id, "--off")
+        return f"its campaign is paused, `{resume}` lets it go on"
     parts = []
     if before is not None:
         first = f"{count_noun(before, 'run')} of its campaign queued before it"
@@ -69,12 +80,13 @@ def _waiting_text(run: RunRow, campaign: CampaignRow | None, before: int | None)
     return ", ".join(parts) or "it has not started yet"
 
 
-def without_traces_text(campaign: CampaignRow) -> str:
-    """Return why a campaign has no traces."""
+def without_traces_text(campaign: CampaignRow, command: Callable[..., str]) -> str:
+    """Return why a campaign has no traces; ``command`` quotes a command about its daemon."""
     if rest := unfinished_text(campaign):
         return f"no run of {campaign.id} has a trace yet: {rest}"
     words = {"cancelled": campaign.cancelled, "lost": campaign.lost}
     lacking = ", ".join(f"{count:,} {word}" for word, count in words.items() if count)
     if not lacking:
         return f"the traces of {campaign.id} are not there any more"
-    return f"no run of {campaign.id} has a trace: {lacking}; `scenario retry` queues them again"
+    again = f"`{command('retry', campaign.id)}` queues them again"
+    return f"no run of {campaign.id} has a trace: {lacking}; {again}"

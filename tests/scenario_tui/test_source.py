@@ -88,6 +88,8 @@ def test_a_folder_called_like_a_campaign_does_not_hide_it(places):
         ("nowhere", 'there is no campaign "nowhere"'),
         ("corr.9", "is no run: those of corr-1 are corr-1.0 to corr-1.2"),
         ("a/b", "there is no folder or file a/b"),
+        ("../b", r"there is no folder or file \.\./b"),
+        ("none.yaml", "there is no folder or file none.yaml"),
         ("none.mcap", "there is no trace none.mcap"),
         ("note.txt", "note.txt is no trace"),
         ("corr.2", "corr-1.2 is queued: the next of its campaign"),

@@ -50,16 +50,15 @@ _SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended", "queu
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
 _NOTHING: Final = (
     "No campaigns yet. {submit} chooses one, or type in another terminal\n\n"
-    "    scenario submit CAMPAIGN.yaml\n\n"
+    "    scenario new my-tests\n"
+    "    {line}\n\n"
     "or, to see a short one without the daemon,\n\n"
     "    scenario demo"
 )
 _LAUNCHING: Final = "No daemon answers here yet: starting one on this machine."
 _NOBODY: Final = (
     "No daemon answers here. In another terminal, type\n\n"
-    "    scenario daemon\n\n"
-    "or hand it a campaign, which starts one:\n\n"
-    "    scenario submit CAMPAIGN.yaml\n\n"
+    "    {line}\n\n"
     "This screen notices when it is there."
 )
 _OTHERS: Final = (
@@ -148,13 +147,17 @@ class CampaignsScreen(SteeringScreen):
         self.set_focus(grid if there else table, scroll_visible=False)
 
     def _nothing(self, state: DashboardState) -> str:
+        lines = self.dashboard.command_lines
         if state.connected:
-            return _NOTHING.format(submit=self.key("submit"))
+            line = lines.daemon_line("submit", "my-tests/campaign.yaml")
+            return _NOTHING.format(submit=self.key("submit"), line=line)
         if state.refused:
             return f"{state.problem}\n\n{_OTHERS}"
         if self.dashboard.launching and state.problem:
             return _LAUNCHING
-        return _NOBODY if state.problem else ""
+        # A daemon is started where its state is, never at an address.
+        line = replace(lines, connect="").daemon_line("daemon")
+        return _NOBODY.format(line=line) if state.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
         """Describe the campaign the cursor came to."""

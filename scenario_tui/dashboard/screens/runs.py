@@ -239,10 +239,7 @@ class RunsScreen(SteeringScreen):
             keys = (("filter", "change the text"), ("only", "show others"), ("back", "back"))
             ways = "      ".join(f"{self.key(id)}  {words}" for id, words in keys)
             return f"No run matches.\n\n    {ways}"
-        return (
-            f"No runs yet. {self.key('submit')} chooses a campaign, or type in another terminal"
-            "\n\n    scenario submit CAMPAIGN.yaml"
-        )
+        return f"No runs yet. {self.key('submit')} chooses a campaign"
 
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""

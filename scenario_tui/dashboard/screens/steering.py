@@ -165,7 +165,8 @@ class SteeringScreen(BaseScreen):
         """Have the daemon do something to a campaign; say what came of it."""
 
         def act(daemon: DaemonClient) -> str:
-            return action.outcome_text(row.id, action.request(daemon, row.id, **given), **given)
+            runs = action.request(daemon, row.id, **given)
+            return action.outcome_text(row.id, runs, self._line, **given)
 
         line = self._line(action.command, row.id, *action.options, *options)
         self.dashboard.steer(lambda daemon: act(daemon) + ending, line)

@@ -105,7 +105,7 @@ def test_a_folder_has_no_history(call, capsys):
     connect(Path("state/ledger.db")).close()
     assert invoke(["report", "--history", "my traces"]) == 2
     said = capsys.readouterr().err
-    assert "my traces is a folder of traces, and no campaign is called so" in said
+    assert "my traces is a folder of traces, and no campaign has that name" in said
 
 
 def test_the_newest_folder_is_meant_where_nothing_was_submitted(call, capsys):

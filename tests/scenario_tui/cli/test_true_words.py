@@ -55,8 +55,8 @@ NO_TRACES = {
     "paused": "no run of paused-1 has a trace yet: 4 queued, paused",
     "running": "no run of running-1 has a trace yet: 1 running, 3 queued",
     "retrying": "no run of retrying-1 has a trace yet: 4 queued",
-    "cancelled": "no run of cancelled-1 has a trace: 4 cancelled; `scenario retry`",
-    "lost": "no run of lost-1 has a trace: 4 lost; `scenario retry`",
+    "cancelled": "no run of cancelled-1 has a trace: 4 cancelled; `scenario retry cancelled-1`",
+    "lost": "no run of lost-1 has a trace: 4 lost; `scenario retry lost-1`",
 }
 """What is said of a campaign by commands that read its traces."""
 

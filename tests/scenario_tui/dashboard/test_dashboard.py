@@ -507,7 +507,7 @@ async def test_empty_screens_say_what_to_type(opened, fake):
     fake.rows = ()
     async with opened() as pilot:
         await settle(pilot)
-        assert "scenario submit CAMPAIGN.yaml" in shown(pilot)
+        assert "scenario submit my-tests/campaign.yaml" in shown(pilot)
         await press(pilot, "2")
         assert "No runs yet" in shown(pilot)
 
