@@ -171,7 +171,7 @@ def export(
     A campaign gets one folder per scenario; scenarios with equal worlds share one. Traces come
     from a daemon or the store they lie in, and each is verified; what was interrupted goes on.
     """
-    if is_recorded(source):
+    if is_recorded(source, kinds):
         _refuse_options(context, _OF_FILES, "are of floor plans and campaign files, not of runs")
         if Artefact.PICTURE not in kinds:
             _refuse_options(context, _OF_PICTURES, "goes with picture only")
@@ -179,8 +179,6 @@ def export(
     else:
         from templates.world import ExportSettings
 
-        if Artefact.TRACES in kinds:
-            raise typer.BadParameter("traces are of recorded runs, not of files", param_hint="KIND")
         _refuse_options(context, _OF_PICTURES, "goes with a picture of a run")
         for kind, names in _OF_KINDS.items():
             if kind not in kinds and Artefact.ALL not in kinds:

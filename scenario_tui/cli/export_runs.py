@@ -12,7 +12,7 @@ import typer
 from daemon.batch.errors import TraceUnavailable
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.options import check_folder, check_writable
-from scenario_tui.source import DaemonTarget, one_trace, recorded_runs
+from scenario_tui.source import DaemonTarget, one_trace, recorded_runs, trace_files
 
 if TYPE_CHECKING:
     from daemon.batch.stores import TraceReference
@@ -31,9 +31,10 @@ class ExportedFiles:
     missing: dict[str, str] = field(default_factory=dict)
 
 
-def is_recorded(source: Path) -> bool:
-    """Return True for the name of a trace, a run or a submitted campaign, not of another file."""
-    if source.suffix == ".mcap":
+def is_recorded(source: Path, kinds: Sequence[str]) -> bool:
+    """Return True if artefacts of these kinds are of a trace, a run or a submitted campaign."""
+    # `scenario new patrol` makes a folder that is called like its campaign: it hides no traces.
+    if source.suffix == ".mcap" or "traces" in kinds:
         return True
     return not source.exists() and source.suffix not in _FILE_ENDINGS and len(source.parts) == 1
 
@@ -52,9 +53,11 @@ def export_recorded(
     """
     if len(kinds) != 1 or kinds[0] not in RECORDED_KINDS:
         other = [kind for kind in kinds if kind not in RECORDED_KINDS]
-        about = f"{other[0]} is of a building or a campaign file, and {source} is no file: of"
-        message = f"{about if other else 'of'} recorded runs there are `picture` and `traces`"
-        raise typer.BadParameter(f"{message}, one at a time", param_hint="KIND")
+        message = "of recorded runs there are `picture` and `traces`, one at a time"
+        if other and "traces" not in kinds:
+            about = f"{other[0]} is of a building or a campaign file, and {source} is no file"
+            message = f"{about}: {message}"
+        raise typer.BadParameter(message, param_hint="KIND")
     if kinds[0] == "traces":
         check_folder(out, "--out")
         return _copy_traces(str(source), out, target)
@@ -81,6 +84,8 @@ def _copy_traces(name: str, folder: Path, target: DaemonTarget) -> ExportedFiles
     from daemon.model.ids import trace_name
     from daemon.model.verbs import DaemonClient
 
+    if Path(name).is_file() and trace_files(name):
+        raise typer.BadParameter(f"the trace {name} is here already", param_hint="SOURCE")
     # All are asked for first, so that the bar knows how much there is to come.
     traces: list[tuple[TraceReference, Path]] = []
     missing: dict[str, str] = {}

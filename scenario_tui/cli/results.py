@@ -119,6 +119,7 @@ def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed
     """Print a search in place of a matrix of verdicts, which it has not."""
     answer.text()
     if listed:
+        stdout_console().print()
         _print_runs(rows)
 
 
@@ -150,17 +151,20 @@ def _print_results(
     more = (target.command("results", row.id, "--runs"), "every run and its trace")
     if listed and rows:
         more = (target.command("show", rows[0].id), "one run: what each oracle says")
-    # The dashboard is of a daemon and knows no folders.
-    whole = (target.command("tui"), "the dashboard")
+    # The dashboard is of a daemon and knows no folders; a page needs more than results.
+    whole = [(target.command("tui"), "the dashboard")]
     if Path(row.id).exists():
-        whole = (target.command("report", row.id), "one page with figures")
-    print_commands(more, whole)
+        page = (target.command("report", row.id), "one page with figures")
+        whole = [] if row.id.endswith(".json") else [page]
+    print_commands(more, *whole)
 
 
 def _print_folder(rows: tuple[RunRow, ...]) -> None:
     traces = [run.trace for run in rows if run.trace]
     if traces:
         where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0] or '.'}"
+        if len(traces) == 1:
+            where = f"1 trace: {traces[0]}"
         stdout_console().print(where, markup=False, soft_wrap=True)
 
 
@@ -178,6 +182,8 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     remarks = paths or any(row.reason or row.cached for row in rows)
     more = ("trace" if paths else "remark",) if remarks else ()
     table = plain_table("run", "", "verdict", "decided by", "margin", *more)
+    # Names are there to be copied: where it is narrow the places of runs are shortened.
+    table.columns[0].no_wrap, table.columns[1].overflow = True, "ellipsis"
     for row in rows:
         word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
         value = margin(row.margin, row.unit) if row.oracle else ""

@@ -186,9 +186,11 @@ def _print_log(log: RunLog, everything: bool, target: DaemonTarget) -> None:
     has_reason = any(step.note.strip() == log.reason.strip() for step in log.steps)
     for text in filter(None, (*log.output, "" if has_reason else log.reason)):
         stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
-    if log.recorded:
-        _print_recorded(log.recorded)
     console = stdout_console()
+    if log.recorded:
+        if log.steps or log.attempts or log.standing:
+            console.print()
+        _print_recorded(log.recorded)
     for name, text in log.printed.items():
         lines, hidden = last_lines(text, None if everything else SHOWN_LINES)
         console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
@@ -219,7 +221,7 @@ def _print_recorded(recorded: tuple[LogLine, ...]) -> None:
     from rich.text import Text
 
     console = stdout_console()
-    console.print("\nin simulated time", style="dim")
+    console.print("in simulated time", style="dim")
     styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
     width = max(len(line.source) for line in recorded)
     for line in recorded:

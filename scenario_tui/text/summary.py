@@ -123,11 +123,8 @@ def _conclusion_line(results: CampaignResults) -> str:
             standing = "not as expected already"
         return f"{standing}; {unfinished_text(row)}"
     # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
-    # and Pearson.
-    # More than the policy says where no system of the campaign is repeatable and nobody said how
-    # often it is run.
-    cells = results.assessment.cells
-    n = max(results.declared.policy.n, min((len(cell.runs) for cell in cells), default=0))
-    if code == 0 and results.declared.policy.rule == "all":
+    # and Pearson. A folder may hold fewer runs than the campaign asked for.
+    n = min((len(cell.runs) for cell in results.assessment.cells), default=0)
+    if code == 0 and n and results.declared.policy.rule == "all":
         said += f"; {n} of {n} shows a pass rate of at least {cut_percentage(at_least(n, n))}"
     return said

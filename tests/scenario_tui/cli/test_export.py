@@ -46,7 +46,7 @@ def test_every_kind_there_is_can_be_asked_for():
     [
         ("jsonld", "taken.txt/more", "cannot be written: Not a directory"),
         ("map", "taken.txt", "taken.txt is no folder"),
-        ("traces", "there", "traces are of recorded runs, not of files"),
+        ("traces", "there", "flat.fpm is no trace (MCAP file)"),
     ],
 )
 def test_a_place_that_cannot_be_is_wrong_usage(

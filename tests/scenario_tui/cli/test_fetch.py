@@ -80,6 +80,7 @@ def cached(here):
 
 
 def test_a_campaign_is_fetched_once_and_verified(here, far, capsys):
+    (here / "corr").mkdir()  # as `scenario new corr` leaves it
     assert invoke(["export", "corr", "traces", "-o", "out", "--json"]) == 0
     body = declared(capsys.readouterr().out)
     assert body["missing"] == {}
@@ -107,6 +108,11 @@ def test_what_cannot_be_fetched_is_said(here, capsys):
     assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
     assert invoke(["export", "cor-2", "traces"]) == 2
     assert 'there is no campaign "cor-2"' in capsys.readouterr().err
+    Path("here.mcap").write_bytes(b"\x89MCAP0\r\n")
+    assert invoke(["export", "here.mcap", "traces"]) == 2
+    assert "the trace here.mcap is here already" in capsys.readouterr().err
+    assert invoke(["export", "corr", "traces", "picture"]) == 2
+    assert "`picture` and `traces`, one at a time" in capsys.readouterr().err
 
 
 def test_commands_about_recorded_runs_bring_their_traces(here, capsys):

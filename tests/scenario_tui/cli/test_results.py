@@ -62,7 +62,7 @@ def test_what_is_known_is_no_surprise_and_says_why(scenario, fake):
     assert "✗ fail 0/2 ✗✗ a  no-contact" in said.out
     assert "a  known: the door is fast" in said.out
     assert "everything is as expected" in said.out
-    assert "5 of 5 shows a pass rate of at least 54.9 %" in said.out
+    assert "2 of 2 shows a pass rate of at least 22.3 %" in said.out, "of the runs that are there"
     assert (said.code, "unexpected" in said.out) == (0, False)
 
 
@@ -139,6 +139,13 @@ def test_an_unknown_campaign_is_refused_with_a_suggestion(scenario):
     said = scenario("results", "nightlee")
     assert said.code == 2
     assert 'there is no campaign "nightlee": did you mean "nightly"?' in said.err
+
+
+def test_a_run_in_place_of_a_campaign_is_told_from_a_typing_error(scenario):
+    said = scenario("results", "first.1")
+    assert said.code == 2
+    assert f"first.1 is a run of {CAMPAIGN}: `scenario show` tells about it" in said.err
+    assert "is no run: those of" in scenario("results", "first.99").err
 
 
 def test_results_leave_with_the_campaigns_code_when_asked(scenario, fake):
