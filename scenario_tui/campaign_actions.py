@@ -21,8 +21,8 @@ class CampaignAction:
     """``command`` is typed behind ``scenario``; in the dashboard it is the id of the ``key``.
 
     ``options`` are typed behind it. ``request`` asks a daemon, by the id of a campaign, for the
-    action and returns the number of its runs; of deletion, what is gone. ``outcome`` is the
-    sentence afterwards: ``campaign``, ``runs`` and the keywords of the request are filled in.
+    action. It returns the number of runs; a deletion returns the deleted campaigns. ``outcome`` is
+    the sentence afterwards, with ``campaign``, ``runs`` and the keywords of the request.
     """
 
     command: str
@@ -34,15 +34,15 @@ class CampaignAction:
     options: tuple[str, ...] = ()
 
     def outcome_text(
-        self, campaign: str, runs: int, command: Callable[..., str] = command_line, **given: Any
+        self, campaign: str, runs: int, command: Callable[..., str] = command_line, **more: Any
     ) -> str:
-        """Return what became of ``runs`` runs of a campaign.
+        """Return the sentence about ``runs`` runs of a campaign.
 
         ``command`` quotes a command about its daemon.
         """
         resume = command(RESUME.command, campaign, *RESUME.options)
         words = {"campaign": campaign, "runs": count_noun(runs, "run"), "resume": resume}
-        return self.outcome.format_map(words | given)
+        return self.outcome.format_map(words | more)
 
 
 PAUSE: Final = CampaignAction(
@@ -96,14 +96,14 @@ KEYED: Final = (PAUSE, CANCEL, RETRY, PRIORITY, DELETE)
 """Those with a key, in the order the keys are listed."""
 
 
-def deletion_text(gone: Sequence[DeletedCampaign], *, dry: bool = False) -> str:
-    """Return what went with campaigns, or would go, a line for each."""
+def deletion_text(deleted: Sequence[DeletedCampaign], *, dry: bool = False) -> str:
+    """Return a line for each deleted campaign with its runs and traces, ``dry`` if it stays."""
     lines = [
         DELETE.outcome_text(
             one.campaign,
             one.runs,
             traces=f"{count_noun(one.traces, 'trace')}, {size_text(one.bytes)}",
         )
-        for one in gone
+        for one in deleted
     ]
     return "\n".join(f"would have {line}" if dry else line for line in lines)

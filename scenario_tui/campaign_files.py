@@ -10,11 +10,11 @@ from typing import Final
 
 _DEPTH: Final = 6
 _LOOKED_AT: Final = 20_000
-"""Directory entries looked at; who starts in `/` shall get an answer too."""
+"""Directory entries looked at: a search from `/` ends, too."""
 _MOST: Final = 500
 """Files returned at most."""
 _HEAD: Final = 65_536
-"""Bytes of a file that are looked through for a key: no file is loaded to find out what it is."""
+"""Bytes of a file that are searched for a key, instead of loading it."""
 _PASSED: Final = frozenset(
     {"node_modules", "site-packages", "__pycache__", "build", "dist", "scenario-results", "venv"}
 )
@@ -37,19 +37,18 @@ def has_key(path: Path, key: str) -> bool:
     return re.search(rb"^%s\s*:" % key.encode(), head, re.MULTILINE) is not None
 
 
-def find_files(folder: Path, wanted: Callable[[Path], bool]) -> tuple[Path, ...]:
-    """Return the files wanted in and below a folder, those changed last first.
+def find_files(folder: Path, is_match: Callable[[Path], bool]) -> tuple[Path, ...]:
+    """Return the files in and below a folder that match, the latest change first.
 
-    Hidden folders and those with what was built or downloaded are passed by.
+    Hidden folders and those of builds and downloads are skipped.
     """
-    # Who submits a file has most likely just written it.
-    found = [(entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder, wanted)]
-    found.sort(key=lambda pair: (-pair[0], pair[1]))
-    return tuple(path for _, path in found)
+    # People submit the file that they have just written.
+    files = [(-entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder, is_match)]
+    return tuple(path for _, path in sorted(files))
 
 
-def _walk(folder: Path, wanted: Callable[[Path], bool]) -> Iterator[os.DirEntry[str]]:
-    # Breadth first: what is near is found also where the limits cut.
+def _walk(folder: Path, is_match: Callable[[Path], bool]) -> Iterator[os.DirEntry[str]]:
+    # Breadth first: limits cut far files, not near ones.
     folders, looked, yielded = [(str(folder), 0)], 0, 0
     for place, depth in folders:
         for entry in _entries(place):
@@ -59,7 +58,7 @@ def _walk(folder: Path, wanted: Callable[[Path], bool]) -> Iterator[os.DirEntry[
             if entry.is_dir(follow_symlinks=False):
                 if depth < _DEPTH and entry.name[0] != "." and entry.name not in _PASSED:
                     folders.append((entry.path, depth + 1))
-            elif wanted(Path(entry.path)) and entry.is_file():
+            elif is_match(Path(entry.path)) and entry.is_file():
                 yielded += 1
                 yield entry
 
@@ -73,7 +72,7 @@ def _entries(place: str) -> list[os.DirEntry[str]]:
 
 
 def newest_change(folder: Path) -> float:
-    """Return when something in a folder changed last [s since the epoch], 0 for an empty one."""
+    """Return the time of the latest change in a folder [s since the epoch], 0 if it is empty."""
     return max((entry.stat().st_mtime for entry in _entries(str(folder))), default=0.0)
 
 
@@ -83,10 +82,10 @@ def relative_name(path: Path, here: Path) -> str:
 
 
 def fuzzy_matches(names: tuple[str, ...], typed: str) -> tuple[str, ...]:
-    """Return the names that fit what was typed, letters in order, the best first."""
+    """Return the names with the typed letters in order, the best match first."""
     if not typed:
         return names
-    # TAB looks for campaigns with the functions above, and must not wait for this.
+    # The functions above answer TAB, which must not wait for this library.
     from textual.fuzzy import FuzzySearch
 
     search = FuzzySearch()

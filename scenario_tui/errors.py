@@ -1,20 +1,20 @@
-"""Errors that the public functions raise, and nothing else on purpose.
+"""Errors that the public functions raise.
 
 ScenarioError                root of them all
 ├── InputError               a file, a name or a text cannot be used; ``findings`` says why
 │   ├── TraceError           a trace is damaged, cut off or not to be trusted
 │   └── MissingExtraError    an optional part of this project is not installed
-└── DaemonError              a daemon did not do what it was asked to
+└── DaemonError              a daemon did not answer a request
     ├── Refused              it answered no: there is no such campaign or run
     ├── Unreachable          none answers where one was expected
     │   └── Unavailable      it cannot do it just now, its disk is full, say
     ├── LaunchFailed         one that was started did not come up
     ├── PlaceUnusable        a state directory or an address cannot be used
     ├── KeysUnusable         keys for a connection are missing, damaged or of the wrong kind
-    └── TraceUnavailable     the trace of a run is nowhere to be had
+    └── TraceUnavailable     the trace of a run does not exist or cannot be reached
 
-The findings of an :class:`InputError` tell the file and the line (``where``), what is wrong
-(``message``) and what to do (``hint``). An interrupt is a ``KeyboardInterrupt``, as everywhere.
+A finding of an :class:`InputError` has the file and the line (``where``), the problem
+(``message``) and the remedy (``hint``). An interrupt is a ``KeyboardInterrupt``, as everywhere.
 """
 
 from daemon.batch.errors import (

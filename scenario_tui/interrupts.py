@@ -1,10 +1,9 @@
 """Interrupts (Ctrl-C, SIGINT) that arrive while libraries load, which may lose them.
 
-Python raises ``KeyboardInterrupt`` wherever the program is. In a callback of a library written in
-C, or where one catches everything, that is the end of it: the program would go on for an hour, or
-end as if it had failed. So that one came is remembered, looked at between the steps of a command,
-and decides the exit code. Imports nothing but the standard library: it is there before anything
-else.
+Python raises ``KeyboardInterrupt`` wherever the program is. A callback of a library written in C,
+or a handler of all exceptions, may swallow it: the program would go on for an hour, or end as if
+it had failed. Therefore this module remembers the interrupt. Commands ask for it between their
+steps, and it decides the exit code. Only the standard library is imported: this loads first.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ _came = False
 
 
 def remember_interrupts() -> None:
-    """Remember from now on that an interrupt came; it raises as it did.
+    """Remember interrupts from now on; they raise as before.
 
-    Where somebody else handles SIGINT, or ignores it, nothing changes.
+    A handler of others for SIGINT stays in place.
     """
     if threading.current_thread() is not threading.main_thread():
         return
@@ -28,12 +27,12 @@ def remember_interrupts() -> None:
 
 
 def was_interrupted() -> bool:
-    """Whether an interrupt came."""
+    """Return True if an interrupt came."""
     return _came
 
 
 def stop_if_interrupted() -> None:
-    """Raise ``KeyboardInterrupt`` if one came before, whatever has become of it."""
+    """Raise ``KeyboardInterrupt`` if one came before and was lost."""
     if _came:
         raise KeyboardInterrupt
 

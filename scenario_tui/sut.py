@@ -1,9 +1,9 @@
 """The protocol of systems under test, under the name that plug-ins use.
 
-A package of yours names a factory under the entry point group ``scenario.suts``; what it makes is
-a :class:`SystemUnderTest`. See :mod:`daemon.model.sut` for the contract. It has to be made within
-10 s of wall clock; what takes longer belongs into ``start``. All chance comes from the briefing's
-``seed``: ``scenario verify`` tells what does not.
+Your package names a factory under the entry point group ``scenario.suts``. The factory returns a
+:class:`SystemUnderTest` within 10 s of wall clock; longer work belongs into ``start``. All chance
+comes from the briefing's ``seed``: ``scenario verify`` reports any other. The contract stands in
+:mod:`daemon.model.sut`.
 """
 
 from daemon.model.sut import (

@@ -1,7 +1,7 @@
 """A campaign that no daemon knows: a folder of traces, one trace, or a file of results.
 
-It answers what a daemon answers about its own. The campaign's id is what people typed, and a run's
-id is its trace as people would type it, so that both can be typed again.
+It answers the questions that a daemon answers about its own campaigns. The campaign's id is the
+path that people typed. A run's id is the path of its trace. Both can be typed again.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Column of the table: ``kind`` names its Arrow type, ``unit`` is empty for what has none."""
+    """Column of the table: ``kind`` names its Arrow type, ``unit`` may be empty."""
 
     name: str
     kind: str
@@ -63,7 +63,7 @@ COLUMNS: Final = (
 """Columns in order. Their names need no quotes in SQL."""
 
 _FORMULA: Final = "^[=+\\-@\t\r\n＝＋－＠]"
-"""What makes spreadsheets take a cell for a formula, also after an import; as OWASP lists it."""
+"""First characters by which spreadsheets take a cell for a formula, as OWASP lists them."""
 _NUMBER: Final = r"^[+-]?\d+(\.\d*)?([eE][+-]?\d+)?$"
 
 

@@ -39,8 +39,8 @@ def running_daemon(state: Path) -> str | None:
     try:
         with Client.open(endpoint, timeout=2.0) as client:
             # Another directory's daemon may have taken the port since.
-            kept = Path(client.overview().state)
-            return endpoint if is_same_folder(kept, paths.state) else None
+            folder = Path(client.overview().state)
+            return endpoint if is_same_folder(folder, paths.state) else None
     except DaemonError:
         return None
 
@@ -51,9 +51,9 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
     A started daemon is detached: it outlives this process. Raises :class:`LaunchFailed` with the
     end of its log when it does not come up.
     """
-    found = running_daemon(state)
-    if found is not None:
-        return found
+    endpoint = running_daemon(state)
+    if endpoint is not None:
+        return endpoint
     paths = StatePaths.find(state)
     paths.make_folders()
     return _wait_until_up(start_detached(_command(paths, slots), paths.worker_log), paths)
@@ -62,7 +62,7 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
 def start_detached(
     command: list[str], log: Path, stdin: int = subprocess.DEVNULL
 ) -> subprocess.Popen[bytes]:
-    """Start a process that outlives this one; what it says goes to ``log``."""
+    """Start a process that outlives this one; its output goes to ``log``."""
     with open_private_log(log) as output:
         process = subprocess.Popen(
             command,
@@ -71,7 +71,7 @@ def start_detached(
             stderr=output,
             start_new_session=True,
         )
-    # It stays when we leave; should it end before, somebody has to take notice of it.
+    # It stays when we leave. If it ends before, somebody has to reap it.
     threading.Thread(target=process.wait, daemon=True).start()
     return process
 
@@ -86,7 +86,7 @@ def embedded_daemon(
 ) -> Iterator[str]:
     """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
 
-    ``wall`` is the limit of a run [s]; what is 0 or ``None`` is as always.
+    ``wall`` is the limit of a run [s]; 0 and ``None`` stand for the defaults.
 
     Afterwards no process is left, also when this process is killed: the daemon, its worker and
     their children hang on a pipe that we hold.

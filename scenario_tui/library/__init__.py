@@ -1,5 +1,4 @@
 """Public face of the project: campaigns, their execution, their results, traces.
 
-:mod:`scenario_tui` publishes what is public of it. The command line and the dashboard are its
-first users.
+:mod:`scenario_tui` publishes its public names. The command line and the dashboard use it, too.
 """

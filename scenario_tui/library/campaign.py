@@ -250,7 +250,7 @@ class Campaign:
 
         ``connect`` is the endpoint of the daemon (``tls/host:port``), ``state`` the state directory
         of one on this machine. Otherwise it is that of ``$SCENARIO_CONNECT``, then the daemon of
-        this machine, which is started with ``workers`` runs at a time if it does not answer.
+        this machine. If that does not answer, it is started with ``workers`` runs at a time.
         ``fresh`` runs everything anew. Raises :class:`InputError` with all findings when one of
         them is an error and :class:`DaemonError` when no daemon takes it.
         """

@@ -1,4 +1,4 @@
-"""Checking one file: what it is, and everything wrong with it."""
+"""Checks of single files: the kind of a file and the findings about it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def check(path: str | Path) -> list[Finding]:
 
 
 def check_file(path: Path, *, base: str = "") -> tuple[str, tuple[Finding, ...]]:
-    """Return what a file is in a few words and its diagnostics, errors and warnings.
+    """Return the kind of a file in a few words and its findings, errors and warnings.
 
-    Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
+    Relative identifiers of JSON-LD resolve against ``base``, otherwise against the file's address.
     """
     try:
         checker = _checker(path)
@@ -48,10 +48,8 @@ def _checker(path: Path) -> Checker:
         if path.name.endswith(ending):
             return checker
     if path.suffix not in (".yaml", ".yml"):
-        known = ", ".join(_BY_ENDING)
-        raise InputError(
-            Finding(Where(str(path)), "is no kind of file known here", f"known: {known}, .yaml")
-        )
+        hint = f"known: {', '.join(_BY_ENDING)}, .yaml"
+        raise InputError(Finding(Where(str(path)), "is no kind of file known here", hint))
     return _yaml
 
 

@@ -63,7 +63,7 @@ class Job:
         return wait_for(self._target, self.id, limit=math.inf if timeout is None else timeout)
 
     def cancel(self) -> int:
-        """Cancel what is queued or running, and return how many runs that were."""
+        """Cancel all queued and running runs, and return their number."""
         return ask_patiently(self._target, lambda daemon: daemon.cancel(self.id), SUBMIT_PATIENCE)
 
 
@@ -84,7 +84,7 @@ def wait_for(
 
 
 def submit_to(target: DaemonTarget, submission: Submission, workers: int | None = None) -> Job:
-    """Hand a submission to the daemon that is meant; one is started unless people named it."""
+    """Hand a submission to a daemon; one is started unless people named it."""
     # A library that loaded may have lost an interrupt.
     stop_if_interrupted()
     start_daemon_if_needed(target, workers)

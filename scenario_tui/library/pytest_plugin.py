@@ -328,7 +328,7 @@ class CampaignCollector(pytest.File):
     runs: CampaignRuns
 
     def collect(self) -> Iterator[pytest.Collector]:
-        """Yield the scenarios; raises ``CollectError`` with what is wrong with the campaign."""
+        """Yield the scenarios; raises ``CollectError`` with the findings about the campaign."""
         try:
             campaign = _load(self.path)
         except ScenarioError as error:

@@ -211,7 +211,7 @@ class Results:
         cells = {(one.scenario, one.system): one for one in self.cells}
         if cell not in cells:
             words = [", ".join(map(repr, names)) for names in cells]
-            wrong = ", ".join(map(repr, cell))
+            wrong = repr(cell).strip("()")
             raise KeyError(f"no cell {wrong}: {did_you_mean(wrong, words)}")
         return cells[cell]
 

@@ -1,7 +1,7 @@
 """From a campaign file to a submission: load, check and expand it, here or in a child process.
 
-What reads the languages takes 100 MB and keeps a core busy; the dashboard stays small and quick
-when a process of its own does it: ``python -m scenario_tui.library.submission FILE [--submit]``.
+The languages take 100 MB and keep a core busy. The dashboard stays small and quick because a child
+process loads them: ``python -m scenario_tui.library.submission FILE [--submit]``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _STATE: Final = "--state"
 
 
 def searches_text(path: Path, names: tuple[str, ...]) -> str:
-    """Say which searches a campaign has besides, and what starts them; nothing without any."""
+    """Return which searches a campaign has and the command that starts them, empty without any."""
     if not names:
         return ""
     if len(names) == 1:
@@ -42,7 +42,7 @@ def searches_text(path: Path, names: tuple[str, ...]) -> str:
 
 
 def receipt_text(receipt: SubmissionReceipt) -> str:
-    """Say what became of a submission."""
+    """Return the answer to a submission in words."""
     runs = count_noun(receipt.runs, "run")
     if receipt.known:
         return f"{receipt.campaign} is known already, its {runs} are kept (--fresh runs them anew)"
@@ -54,16 +54,15 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
 class SubmissionPlan:
     """Runs that would be executed: ``cells`` times ``repeats``, 0 when cells differ in these.
 
-    ``seconds`` are those of the runs that have no result yet, ``seconds_anew`` those of all, each
-    as one worker takes them one after the other; ``untimed`` and ``untimed_anew`` of them are not
-    in there, because nothing like them was run. All of this is 0 where ``asked`` is false: no
-    ledger could be asked.
+    One worker needs ``seconds`` for the runs without a result and ``seconds_anew`` for all. These
+    leave out ``untimed`` and ``untimed_anew`` runs: nothing like them was run. ``has_forecast`` is
+    false when no ledger could be read; the numbers are 0 then.
     """
 
     cells: int
     repeats: int
     runs: int
-    asked: bool = False
+    has_forecast: bool = False
     cached: int = 0
     seconds: float = 0.0
     untimed: int = 0
@@ -119,7 +118,7 @@ def check_file(
 
 
 def _plan(submission: Submission, state: Path | None) -> SubmissionPlan:
-    """Return what would be executed, asking the ledger below ``state``."""
+    """Return the plan of a submission, with times from the ledger below ``state``."""
     cells = Counter(run.cell for run in submission.runs)
     repeats = set(cells.values())
     runs = len(submission.runs)
@@ -130,7 +129,7 @@ def _plan(submission: Submission, state: Path | None) -> SubmissionPlan:
     new = [s for s, cached in zip(forecast.seconds, forecast.cached, strict=True) if not cached]
     return replace(
         plan,
-        asked=True,
+        has_forecast=True,
         cached=sum(forecast.cached),
         seconds=sum(s or 0.0 for s in new),
         untimed=new.count(None),
@@ -160,12 +159,12 @@ def _forecast(submission: Submission, state: Path) -> Forecast | None:
 
 
 def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
-    """Say what would be executed, and about how long that takes ``slots`` runs at a time."""
+    """Return a plan in words, with its duration for ``slots`` runs at a time."""
     cells, runs = count_noun(plan.cells, "cell"), count_noun(plan.runs, "run")
     words = f"{cells}, {runs}"
     if plan.repeats:
         words = f"{cells} × {count_noun(plan.repeats, 'repeat')} = {runs}"
-    if not plan.asked:
+    if not plan.has_forecast:
         return words
     cached = 0 if fresh else plan.cached
     if cached == plan.runs:
@@ -209,9 +208,9 @@ def check_file_in_child(
 
 
 def main(arguments: list[str]) -> None:
-    """Write what was found of a file to standard output, and nothing else there."""
-    # Systems under test that plug in may print: that goes to standard error, and only the answer to
-    # what was standard output.
+    """Write the checked file, and no more, to standard output as JSON."""
+    # Systems under test of plug-ins may print: their output goes to standard error, the answer
+    # alone to the former standard output.
     answer = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     path, *options = arguments

@@ -94,12 +94,12 @@ class ProgressDisplay:
         return self._screen is not None
 
     def show(self, draw: Callable[[], RenderableType]) -> None:
-        """Draw what stands, if anything is drawn at all."""
+        """Draw the current state, if anything is drawn at all."""
         if self._screen is not None:
             self._screen.update(draw(), refresh=True)
 
     def note(self, message: str) -> None:
-        """Say something that must not be overwritten: on a terminal it stands above the bar."""
+        """Print a message that stays: on a terminal it stands above the bar."""
         if self._screen is None:
             LOG.info("%s", message)
         else:
@@ -133,8 +133,8 @@ def progress_lines(
 ) -> Group:
     """Return how far a campaign is: its line, that of its ``search``, a line for each running run.
 
-    ``waiting`` says what keeps runs from starting; ``command`` quotes a command about the daemon.
-    Where a terminal is narrow, the end of a line is left out: the rate, then counts.
+    ``waiting`` says why no run starts; ``command`` quotes a command about the daemon. A narrow
+    terminal cuts the end of a line: the rate, then counts.
     """
     tail = Text(f"{_over(row)}/{count_noun(row.total, 'run')}")
     if row.seconds_left is not None:
@@ -162,7 +162,7 @@ def progress_lines(
 
 
 def _over(row: CampaignRow) -> int:
-    """Return how many runs neither wait nor run, cancelled ones included."""
+    """Return the number of runs that neither wait nor run, including cancelled ones."""
     return row.total - row.queued - row.running
 
 
@@ -182,7 +182,7 @@ def _fitting(text: Text) -> Text:
 
 @dataclass(slots=True)
 class _TroubleReporter:
-    """Says once what keeps runs from being executed, and when it is over."""
+    """Reports once why no run can be executed, and when they can again."""
 
     display: ProgressDisplay
     endurance: float
@@ -224,14 +224,14 @@ class WatchedWork(Protocol[T_co]):
     campaign: str
 
     def look(self, daemon: DaemonClient, display: ProgressDisplay) -> T_co:
-        """Ask how it stands; returns what is known then."""
+        """Ask for its current state and return that."""
 
     @property
     def finished(self) -> bool:
-        """True if nothing more comes."""
+        """True if its state is final."""
 
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str) -> RenderableType:
-        """Return how it stands; ``preparing`` is what keeps runs from starting."""
+        """Return its state; ``preparing`` says why no run starts."""
 
 
 @dataclass(slots=True)
@@ -301,7 +301,7 @@ class CollectedRuns(WatchedRuns):
 
 @dataclass(slots=True)
 class WatchedSearch:
-    """A search as it was seen last, and what has been told of it; ``client`` runs it here."""
+    """A search as its last row describes it; ``client`` runs it in this process."""
 
     campaign: str
     client: SearchClient | None = None
@@ -313,21 +313,21 @@ class WatchedSearch:
         self.runs = WatchedRuns(self.campaign, self.command)
 
     def look(self, daemon: DaemonClient, display: ProgressDisplay) -> SearchRow:
-        """Return how it stands; tell the first failure and what the search goes on with."""
-        row, before = daemon.search_row(self.campaign), self.row
+        """Return its row; report the first failure and every new phase."""
+        row, previous = daemon.search_row(self.campaign), self.row
         if row is None:
             raise Refused(f"the daemon does not know the search {self.campaign} (any more)")
         if display.on_screen:
             self.runs.look(daemon, display)
         first = row.answer.first if row.answer is not None else None
-        was_told = before is not None and before.answer is not None and before.answer.first
-        # Of a search that was over when somebody came, the answer tells.
-        if first is not None and not was_told and not (before is None and row.ended):
+        is_old = previous is not None and previous.answer is not None and previous.answer.first
+        # If the search had ended before the first look, its answer reports the failure.
+        if first is not None and not is_old and not (previous is None and row.ended):
             oracle = first.verdict.oracle if first.verdict else row.task.minimise
             margin = margin_words(first)
             by = f" by {margin}" if margin else ""
             display.note(f"run {first.number} fails: {oracle}{by} ({first.run})")
-        phase = before.phase if before is not None else "explore"
+        phase = previous.phase if previous is not None else "explore"
         if row.phase != phase and row.state == "running":
             display.note(phase_words(row))
         self.row = row
@@ -366,9 +366,10 @@ def follow(
 ) -> Iterator[T]:
     """Yield how ``work`` stands, after every change, until it is finished.
 
-    After ``limit`` seconds the last state is yielded, whatever it is. A daemon that goes away is
-    awaited. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at the
-    limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
+    After ``limit`` seconds the last state is yielded, whatever it is. If the daemon goes
+    away, the loop waits for it. Raises :class:`Unreachable` when it stays away for ``patience``
+    seconds, or at the limit. Raises :class:`DaemonError` when it cannot execute runs for
+    ``endurance`` seconds.
     """
     start = time.monotonic()
     live: dict[str, LiveSnapshot] = {}
@@ -431,7 +432,7 @@ def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patien
 def _listen(
     daemon: DaemonClient, campaign: str, live: dict[str, LiveSnapshot]
 ) -> Iterator[threading.Event]:
-    """Collect telemetry, and yield what is set whenever the campaign has changed."""
+    """Collect telemetry, and yield an event that every change of the campaign sets."""
     changed = threading.Event()
 
     def on_event(event: ChangeEvent) -> None:
@@ -451,7 +452,7 @@ def _listen(
 def latest_snapshot(
     daemon: DaemonClient, run: str, patience: float = _LIVE_PATIENCE
 ) -> Snapshot | None:
-    """Return how far a run is, ``None`` when it does not tell within ``patience`` seconds."""
+    """Return how far a run is, ``None`` without news within ``patience`` seconds."""
     snapshots: list[Snapshot] = []
     came = threading.Event()
 

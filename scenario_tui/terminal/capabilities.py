@@ -19,7 +19,7 @@ _LIGHT_COLOURS: Final = frozenset({"7", *map(str, range(9, 16))})
 _TMUX_PATIENCE: Final = 2.0
 """Seconds; in a thread of its own, so that nobody waits."""
 Blocks: TypeAlias = Literal["cells", "quadrants"]
-"""What areas are filled with: whole cells, or quarters of cells."""
+"""Units of filled areas: whole cells, or quarters of cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class TerminalLimits:
 
 
 def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
-    """Return why nothing can be drawn on this terminal; empty when it can."""
+    """Return why this terminal shows no drawing, empty when it does."""
     name = environ.get("TERM", "")
     if name not in _UNDRAWABLE:
         return ""
@@ -42,9 +42,9 @@ def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
 
 
 def why_no_screen() -> str:
-    """Say why there can be no screen here, empty when there can.
+    """Return why no screen can be opened here, empty when one can.
 
-    It is drawn on standard error and takes keys from standard input; standard output is for words.
+    Screens draw on standard error and read keys from standard input; standard output is for words.
     """
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return "there is none at standard input and standard error"
@@ -54,7 +54,7 @@ def why_no_screen() -> str:
 def terminal_limits(
     colour_system: str | None, environ: Mapping[str, str] = os.environ
 ) -> TerminalLimits:
-    """Return the limits of the terminal of this process; ``colour_system`` is what rich says."""
+    """Return the limits of the terminal of this process; ``colour_system`` is the one of rich."""
     return TerminalLimits(_colours(colour_system, environ), ascii_only(environ))
 
 
@@ -74,12 +74,12 @@ def _colours(system: str | None, environ: Mapping[str, str]) -> Literal["all", "
 def ascii_only(environ: Mapping[str, str] = os.environ) -> bool:
     """Return True if the terminal shows ASCII only.
 
-    ``SCENARIO_GLYPHS=ascii`` or ``unicode`` settles it. The console of Linux has none of our
-    signs, and elsewhere the encoding of the stream says whether it takes UTF-8.
+    ``SCENARIO_GLYPHS=ascii`` or ``unicode`` decides. The console of Linux lacks our signs.
+    Elsewhere the encoding of the stream decides.
     """
-    chosen = environ.get("SCENARIO_GLYPHS", "")
-    if chosen in ("ascii", "unicode"):
-        return chosen == "ascii"
+    choice = environ.get("SCENARIO_GLYPHS", "")
+    if choice in ("ascii", "unicode"):
+        return choice == "ascii"
     # Textual draws on standard error, not on standard output.
     encoding = (sys.stderr.encoding or "").lower().replace("-", "")
     return environ.get("TERM") == "linux" or encoding != "utf8"
@@ -88,8 +88,8 @@ def ascii_only(environ: Mapping[str, str] = os.environ) -> bool:
 def copy_to_tmux(text: str, environ: Mapping[str, str] = os.environ) -> bool:
     """Put ``text`` into the buffer of the tmux around us, which passes it on to its terminal.
 
-    As it comes, tmux ignores programs inside of it that ask for that themselves. Returns whether
-    there was a tmux that took it.
+    By default tmux ignores programs inside of it that ask for that themselves. Returns True if a
+    tmux took the text.
     """
     if not environ.get("TMUX") or shutil.which("tmux") is None:
         return False

@@ -1,8 +1,8 @@
-"""Line filters: nothing that steers the terminal, and what poor ones and bright themes lack.
+"""Line filters: no text steers the terminal; poor terminals and bright themes get fit colours.
 
-Sixteen colours belong to the people who chose them, so their own foreground and background are
-used, words keep their hue, and what stands on a bright background (the selected row, the banner of
-a lost connection) is shown in reverse.
+People choose the sixteen colours of their terminal. Therefore its own foreground and background
+are used, and words keep their hue. Bright backgrounds (the selected row, the banner of a lost
+connection) become reverse video.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from scenario_tui.text.ascii_signs import to_ascii
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
 
 _LIT: Final = 0.35
-"""Brightness from which on a background is there to be seen, over a dark one."""
+"""Least brightness of a background that stands out from a dark one."""
 _FAINT: Final = 0.19
-"""Brightness below which words are meant to be overlooked; shown dim instead."""
+"""Brightness below which words are shown dim: they are meant to be overlooked."""
 _GREY: Final = 0.22
-"""Saturation below which a colour is none."""
+"""Saturation below which a colour counts as grey."""
 _HUES: Final = (
     (20, "red"),
     (70, "yellow"),
@@ -49,8 +49,8 @@ class PrintableText(LineFilter):
     def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
         """Return the segments, together as wide as before, with printable text.
 
-        Most such signs have no width of their own: what is shown for them takes its cells from the
-        next gap in the line, so that columns stay. Where there is none they are left out.
+        Most such signs have no width of their own. Their replacement takes its cells from the next
+        gap in the line, so that columns stay. Without a gap they are left out.
         """
         if all(segment.text.isprintable() for segment in segments):
             return list(segments)

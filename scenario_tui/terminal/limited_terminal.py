@@ -1,8 +1,8 @@
-"""Apps for slow lines and poor terminals: only cells that changed are sent, in what can be shown.
+"""Apps for slow lines and poor terminals: they send only changed cells, in signs that these show.
 
-Widgets are drawn anew as a whole when something in them changes, and most of what they draw is
-there already. On a slow line that is what costs: :class:`TerminalDiff` remembers what the terminal
-shows and reduces every frame to what differs.
+A widget that changes is drawn anew as a whole, although most of it stands on the screen already.
+That costs time on a slow line. :class:`TerminalDiff` remembers the cells of the terminal and
+reduces every frame to the differences.
 """
 
 from __future__ import annotations
@@ -71,12 +71,12 @@ class TerminalDiff:
         self._opened = False
 
     def forget(self) -> None:
-        """Know nothing of the terminal: the next frame is sent as it is."""
+        """Forget all cells of the terminal: the next frame is sent as it is."""
         self._rows.clear()
         self._place = self._style = None
 
     def reduce(self, data: str) -> str:
-        """Return what must be sent of ``data``; frames begin by placing the cursor."""
+        """Return the part of ``data`` to send; frames begin by placing the cursor."""
         if data in _SYNC:
             return self._synchronise(begins=data == _SYNC[0])
         if not _FRAME.match(data):
@@ -92,16 +92,16 @@ class TerminalDiff:
         return self._opening() + changes if changes else ""
 
     def _synchronise(self, *, begins: bool) -> str:
-        """Announce frames to terminals that show them at once, unless there is nothing to show."""
+        """Announce frames to terminals that show them at once, unless they are empty."""
         # Textual brackets every frame, ten a second; those in which nothing is left are not sent at
         # all, brackets included (measured: 38 bytes a second when nothing happens).
         opened, self._held, self._opened = self._opened, begins, False
         return _SYNC[1] if opened and not begins else ""
 
     def _opening(self) -> str:
-        held, self._held = self._held, False
-        self._opened = self._opened or held
-        return _SYNC[0] if held else ""
+        announce, self._held = self._held, False
+        self._opened = self._opened or announce
+        return _SYNC[0] if announce else ""
 
     def _changes(self, tokens: list[re.Match[str]]) -> Iterator[str]:
         row = column = 0
@@ -145,9 +145,9 @@ class TerminalDiff:
     def _restyle(self, style: str) -> Iterator[str]:
         if style != self._style:
             # Styles add up in a terminal: one over another begins with a reset.
-            known = self._style == ""
+            is_plain = self._style == ""
             self._style = style
-            yield f"\x1b[{style if known or not style else '0;' + style}m"
+            yield f"\x1b[{style if is_plain or not style else '0;' + style}m"
 
     def _move(self, row: int, column: int) -> str:
         if self._place == (row, column):
@@ -160,7 +160,7 @@ class TerminalDiff:
 
 
 def _spans(row: _Row, column: int, style: str, text: str) -> Iterator[tuple[int, int]]:
-    """Return where a run differs from what stands there, as [first, last) of the run."""
+    """Yield the parts of a run that differ from the row, as [first, last) of the run."""
     end = column + len(text)
     cells, styles = row.cells[column:end], row.styles[column:end]
     if "".join(cells) == text and styles.count(style) == len(styles):
@@ -241,7 +241,7 @@ class LimitedTerminalApp(App[None]):
         return _diffing_driver(super().get_driver_class())
 
     def on_resize(self) -> None:
-        """Draw everything again: what terminals keep of a screen when its size changes differs."""
+        """Draw everything again: terminals differ in what they keep when their size changes."""
         if self._drawn:
             self._forget()
             # Once more when it has its size: frames sent while it is dragged are for another one.
@@ -266,17 +266,14 @@ def _diffing_driver(base: type[Driver]) -> type[Driver]:
 
     # Made at run time: which driver there is depends on the platform and on the test harness.
     class DiffingDriver(base):  # type: ignore[misc, valid-type]
-        """Sends what changed of frames; everything else goes through."""
+        """Sends the changes of frames; everything else goes through."""
 
         def __init__(self, *arguments: Any, **settings: Any) -> None:
             super().__init__(*arguments, **settings)
             self.terminal_diff = TerminalDiff()
 
         def write(self, data: str) -> None:
-            """Send what of it is news.
-
-            The mouse reports clicks and drags: every move of it would travel up the line, too.
-            """
+            """Send the news in it, and have the mouse report clicks and drags, but no moves."""
             if news := self.terminal_diff.reduce(data.replace("\x1b[?1003", "\x1b[?1002")):
                 super().write(news)
 

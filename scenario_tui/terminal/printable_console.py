@@ -14,7 +14,7 @@ from grammars.text.terminal_text import printable, unfiltered
 
 
 class PrintableConsole(Console):
-    """A console that prints what is :func:`~grammars.text.terminal_text.printable`, and no markup.
+    """A console that prints :func:`~grammars.text.terminal_text.printable` text, and no markup.
 
     Escape sequences are made of styles and control segments, behind this filter.
     """
@@ -33,17 +33,17 @@ class PrintableConsole(Console):
         elif isinstance(renderable, str):
             renderable = printable(renderable)
         for segment in super().render(renderable, options):
-            shown = segment.text if segment.control else printable(segment.text)
-            yield segment if shown == segment.text else segment._replace(text=shown)
+            plain = segment.text if segment.control else printable(segment.text)
+            yield segment if plain == segment.text else segment._replace(text=plain)
 
 
 def printable_text(text: Text) -> Text:
     """Return a text with the same styles whose characters are printable."""
-    shown = printable(text.plain)
-    if shown == text.plain:
+    plain = printable(text.plain)
+    if plain == text.plain:
         return text
     copy = text.copy()
-    copy.plain = shown  # as long as before: every style stays where it was
+    copy.plain = plain  # as long as before: every style stays where it was
     return copy
 
 

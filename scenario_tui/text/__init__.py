@@ -1,4 +1,4 @@
-"""How things are said to people: words, numbers, styles, and texts made of them.
+"""Texts for people: words, numbers, styles, and whole reports.
 
 Used by the command line, the dashboard and the report; nothing here imports textual.
 """

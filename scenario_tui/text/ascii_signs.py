@@ -11,7 +11,7 @@ from rich.text import Text
 
 _BRAILLE: Final = range(0x2800, 0x2900)
 _DENSITY: Final = " ..::::##"
-"""How the number of dots of a braille cell looks."""
+"""A sign for each number of dots in a braille cell."""
 # One character for each: a sign that took another number of cells would shift all behind it.
 _SIGNS: Final = str.maketrans(
     "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪╱",
@@ -38,21 +38,21 @@ _WIDE: Final = {"‼": "!!", "∞": "inf", "→": "->", "°": " deg"}
 
 @lru_cache(maxsize=4096)
 def to_ascii(text: str) -> str:
-    """Return a text in ASCII that takes as many cells: signs by their likes, ``?`` for the rest."""
+    """Return a text in ASCII that takes as many cells: similar signs, ``?`` for the rest."""
     return "".join(map(_ascii_character, text.translate(_TABLE)))
 
 
 def text_in_ascii(text: Text) -> Text:
     """Return a text with its styles in ASCII, as :func:`to_ascii`."""
-    shown = text.copy()
-    shown.plain = to_ascii(text.plain)
-    return shown
+    copy = text.copy()
+    copy.plain = to_ascii(text.plain)
+    return copy
 
 
 def _ascii_character(character: str) -> str:
     if character.isascii():
         return character
-    # Letters lose their accents; what decomposes into more cells than it took is not shown.
+    # Letters lose their accents. A sign that would take more cells than before becomes "?".
     width = cell_len(character)
     letters = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
     return letters if len(letters) == width else "?" * width

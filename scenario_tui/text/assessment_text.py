@@ -60,8 +60,8 @@ class Footnotes:
 
     def mark(self, reasons: Iterable[str]) -> str:
         """Return the letters of reasons, new ones for those not seen before."""
-        found = dict.fromkeys(reason for reason in reasons if reason)
-        return "".join(self.letters.setdefault(reason, self._next()) for reason in found)
+        unique = dict.fromkeys(reason for reason in reasons if reason)
+        return "".join(self.letters.setdefault(reason, self._next()) for reason in unique)
 
     def lines(self) -> list[Text]:
         """Return a line for each letter."""
@@ -83,22 +83,21 @@ def cell_text(
     *,
     alone: bool = False,
 ) -> Text:
-    """Return a cell in two lines: verdict, counts and mark, then the oracle that tells most.
+    """Return a cell in two lines: verdict, counts and mark, then the most telling oracle.
 
-    ``!`` marks what is not as expected, a letter what is known. With the row to itself (``alone``)
-    it is one line with a glyph for each repeat.
+    ``!`` marks a surprise, a letter a known failure. With the row to itself (``alone``) it is one
+    line with a glyph for each repeat.
     """
     word = cell.word
     text = Text.assemble((glyph_word(word), styles[word]))
     text.append(f" {_repeats(cell, results, alone)}")
     if cell.needs_attention:
         text.append(" !", style="bold")
-    elif known := notes.mark(oracle.why for oracle in cell.oracles if oracle.expected != "pass"):
-        text.append(f" {known}", style="bold")
-    shown = _worst(cell)
-    if shown:
+    elif letters := notes.mark(one.why for one in cell.oracles if one.expected != "pass"):
+        text.append(f" {letters}", style="bold")
+    if worst := _worst(cell):
         text.append("  " if alone else "\n")
-        text.append(shown, style=quiet_style(styles))
+        text.append(worst, style=quiet_style(styles))
     return text
 
 
@@ -127,7 +126,7 @@ def _worst(cell: CellAssessment) -> str:
 
 
 def _leading_oracle(cell: CellAssessment) -> CellVerdict | None:
-    """Return the oracle that tells most about a cell.
+    """Return the most telling oracle of a cell.
 
     Of those with the cell's verdict one that is not as expected comes first, then the smallest
     margin: a tight pass is worth seeing.
@@ -138,8 +137,8 @@ def _leading_oracle(cell: CellAssessment) -> CellVerdict | None:
 
 
 def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
-    margin = oracle.worst.verdict.margin if oracle.worst else None
-    return not oracle.needs_attention, margin is None, margin or 0.0
+    least = oracle.worst.verdict.margin if oracle.worst else None
+    return not oracle.needs_attention, least is None, least or 0.0
 
 
 def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styles) -> Text:
@@ -160,32 +159,32 @@ def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styl
 
 
 def _in_signs(text: str) -> str:
-    """Return what an assessment says, written for programs, as people are told it."""
+    """Return a text of an assessment, which is for programs, in signs for people."""
     return moments_in_tenths(_HYPHEN.sub("−", text).replace("  t=", "  at "))
 
 
-def unexpected_text(found: UnexpectedVerdict, styles: Styles) -> Text:
-    """Return what is not as expected, with the run to look at."""
-    known = found.why and f"known: {found.why}"
-    text = _attention_line(str(found.verdict), _in_signs(found.text), [known], styles)
-    if found.run:
-        text.append(f"  → {found.run}", style=styles["measure"])
+def unexpected_text(verdict: UnexpectedVerdict, styles: Styles) -> Text:
+    """Return an unexpected verdict in words, with the run to look at."""
+    reason = verdict.why and f"known: {verdict.why}"
+    text = _attention_line(str(verdict.verdict), _in_signs(verdict.text), [reason], styles)
+    if verdict.run:
+        text.append(f"  → {verdict.run}", style=styles["measure"])
     return text
 
 
 def undecided_text(oracles: Sequence[CellVerdict], styles: Styles) -> Text:
-    """Return what could not be decided and why; the oracles share it."""
+    """Return which oracles of a cell could not decide, and the reason that they share."""
     oracle = oracles[0]
     worst = oracle.worst.verdict if oracle.worst else None
     note = worst.evidence.note_text if worst and worst.outcome is not Outcome.PASS else ""
-    # The first line says what happened; what the stack printed is shown with the run.
+    # The first line says what happened; output of the stack is shown with the run.
     note = note.partition("\n")[0]
-    said = f"{oracle.sut} {oracle.scenario} {', '.join(one.oracle for one in oracles)}"
-    return _attention_line(str(oracle.verdict), said, [oracle.statement, note], styles)
+    subject = f"{oracle.sut} {oracle.scenario} {', '.join(one.oracle for one in oracles)}"
+    return _attention_line(str(oracle.verdict), subject, [oracle.statement, note], styles)
 
 
 def repeatability_text(results: CampaignResults) -> str:
-    """Return which systems are not repeatable and what that means, empty when all are."""
+    """Return which systems are not repeatable and its consequence, empty without any."""
     names = ", ".join(results.not_repeatable)
     if not names:
         return ""
@@ -193,20 +192,20 @@ def repeatability_text(results: CampaignResults) -> str:
 
 
 def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str, list[Text]]]:
-    """Return what is to be looked at, as titles with lines; empty lists are left out."""
+    """Return lists of surprises and problems, each a title with lines, without empty ones."""
     surprises, undecided = results.assessment.surprises, results.undecided
-    lost, differing = results.lost_runs, results.nondeterministic_runs
+    lost_runs, differing = results.lost_runs, results.nondeterministic_runs
     groups = (
-        (surprises, "unexpected", [unexpected_text(found, styles) for found in surprises]),
+        (surprises, "unexpected", [unexpected_text(one, styles) for one in surprises]),
         (undecided, "undecided", [undecided_text(o, styles) for o in group_errors(undecided)]),
-        (lost, "not executed", [_lost_run_text(row, styles) for row in lost]),
+        (lost_runs, "not executed", [_lost_run_text(row, styles) for row in lost_runs]),
         (
             differing,
             "not reproducible",
             [_attention_line(run_word(r), run_label(r), [r.reason], styles) for r in differing],
         ),
     )
-    return [(f"{len(found):,} {title}", lines) for found, title, lines in groups if found]
+    return [(f"{len(items):,} {title}", lines) for items, title, lines in groups if items]
 
 
 def _lost_run_text(row: RunRow, styles: Styles) -> Text:
@@ -224,17 +223,14 @@ def matrix_rows(
     results: CampaignResults, notes: Footnotes, styles: Styles = DASHBOARD_STYLES
 ) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
     """Return systems under test and, for each scenario, its label with a cell for each of them."""
-
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     suts = tuple(dict.fromkeys(sut for _, sut in cells))
-    alone = len(suts) == 1
+    alone, quiet = len(suts) == 1, quiet_style(styles)
     lines = []
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
-        found = (cells.get((scenario, sut)) for sut in suts)
-        shown = (c and cell_text(c, results, notes, styles, alone=alone) for c in found)
-        lines.append(
-            (scenario, tuple(text or Text(NOTHING, style=quiet_style(styles)) for text in shown))
-        )
+        row = (cells.get((scenario, sut)) for sut in suts)
+        texts = (c and cell_text(c, results, notes, styles, alone=alone) for c in row)
+        lines.append((scenario, tuple(one or Text(NOTHING, style=quiet) for one in texts)))
     return suts, tuple(lines)
 
 
@@ -245,11 +241,11 @@ _WITHOUT_VERDICT: Final = {
     "cancelled": "{}, none was judged: they were cancelled",
     "done": "{}, judged by no oracle",
 }
-"""What is said of a cell without a verdict, by how its runs stand."""
+"""Sentences about a cell without a verdict, by the state of its runs."""
 
 
 def cell_notes(cell: CellAssessment) -> Text:
-    """Return a cell oracle by oracle: counts, what they show, the worst run, what was expected."""
+    """Return a cell oracle by oracle: counts, what they show, the worst run, the expectation."""
     text = Text.assemble((f"{cell.scenario}  {cell.sut}\n", "bold"))
     for oracle in sorted(
         cell.oracles, key=lambda o: (not o.needs_attention, SEVERITY.index(o.word))
@@ -275,8 +271,8 @@ def oracle_notes(oracle: CellVerdict) -> Text:
     text.append("\n")
     lines = [oracle.statement]
     if oracle.worst is not None:
-        said = ", ".join(evidence_parts(oracle.worst.verdict))
-        lines.append(f"worst in repeat {oracle.worst.repeat}: {said}" if said else "")
+        evidence = ", ".join(evidence_parts(oracle.worst.verdict))
+        lines.append(f"worst in repeat {oracle.worst.repeat}: {evidence}" if evidence else "")
     lines.append(oracle.why and f"known: {oracle.why}")
     for line in lines:
         text.append(f"  {line}\n" if line else "", style=QUIET)
@@ -291,7 +287,7 @@ def comparison_notes(cell: ComparisonVerdict, notes: Footnotes) -> Text:
 
 
 def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
-    """Return comparisons, what is known, and what is to be looked at."""
+    """Return the notes on a campaign: surprises, problems, comparisons, known failures."""
     text = Text()
     for title, lines in attention_lists(results, DASHBOARD_STYLES):
         text.append(f"\n{title}\n", style="bold")
@@ -303,9 +299,9 @@ def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
         text.append("  ").append_text(comparison_notes(cell, notes))
     if results.assessment.comparisons:
         text.append(f"{BOUNDS}\n", style=QUIET)
-    if said := repeatability_text(results):
-        text.append(f"\n{said}\n", style=QUIET)
-    if known := notes.lines():
-        text.append("\n").append_text(Text("\n").join(known)).append("\n")
+    if words := repeatability_text(results):
+        text.append(f"\n{words}\n", style=QUIET)
+    if reasons := notes.lines():
+        text.append("\n").append_text(Text("\n").join(reasons)).append("\n")
     text.append(f"\nscenario results {results.row.id}\n", style=QUIET)
     return text

@@ -32,7 +32,7 @@ from scenario_tui.text.formatting import (
 )
 
 _IDENTITY: Final = ("campaign", "repeat")
-"""What tells runs apart without making them different."""
+"""Fields of a specification in which equal runs may differ."""
 _LONGEST: Final = 40
 """Characters of a value that are shown, unless two that differ would look the same."""
 _FEW: Final = 2
@@ -70,7 +70,7 @@ def _amount(verdict: Verdict) -> float | None:
 
 
 def spec_differences(first: RunSpec, second: RunSpec) -> list[tuple[str, str, str]]:
-    """Return what is not the same in two specifications: the path of a part, then as two texts."""
+    """Return the differences of two specifications: the path of a part, then two texts."""
     ours, theirs = (dict(_flat("", codec.to_plain(spec))) for spec in (first, second))
     parts = [
         (path, *_shown(ours.get(path, NOTHING), theirs.get(path, NOTHING)))
@@ -187,12 +187,12 @@ def rejudge_parts(results: Sequence[RejudgedTrace], styles: Styles) -> list[Text
 def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
     """Return how many runs were judged, and with what they were compared."""
     same = sum(one.outcome is one.outcome_before for one in judged)
-    known = sum(one.origin == "ledger" for one in judged)
+    in_ledger = sum(one.origin == "ledger" for one in judged)
     parts = [f"{count_noun(len(judged), 'trace')} judged, {same} with the verdict they had"]
-    if known:
-        parts.append(f"{known} compared with the ledger")
-    if known < len(judged):
-        parts.append(f"{len(judged) - known} with what the oracles inside of the trace say")
+    if in_ledger:
+        parts.append(f"{in_ledger} compared with the ledger")
+    if in_ledger < len(judged):
+        parts.append(f"{len(judged) - in_ledger} with what the oracles inside of the trace say")
     if unreadable:
         parts.append(f"{unreadable} not readable")
     return ", ".join(parts)
@@ -250,10 +250,10 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
         unit = measures[0].unit
         return f"{format_quantity(min(values), unit)} to {format_quantity(max(values), unit)}", ""
     decided = [(label, v) for label, v in verdicts if v.outcome in (Outcome.PASS, Outcome.FAIL)]
-    known = [(v.margin, label, v) for label, v in decided if v.margin is not None]
-    if not known:
+    margins = [(v.margin, label, v) for label, v in decided if v.margin is not None]
+    if not margins:
         return NOTHING, ""
-    least, label, verdict = min(known, key=lambda entry: entry[0])
+    least, label, verdict = min(margins, key=lambda entry: entry[0])
     run = " ".join(filter(None, (label, moment_text(verdict.evidence.time))))
     return margin(least, verdict.unit), run
 

@@ -44,7 +44,7 @@ _WORDS: Final = (
 """Every word for a verdict or a state: glyph, style on the terminal, style on the dashboard."""
 
 SEVERITY: Final = tuple(word for word, *_ in _WORDS)
-"""Words from what people must look at first to what is fine."""
+"""Words in the order in which people must look at them."""
 GLYPHS: Final = {word: glyph for word, glyph, *_ in _WORDS}
 TERMINAL_STYLES: Final = {word: terminal for word, _, terminal, _ in _WORDS}
 DASHBOARD_STYLES: Final = {word: dashboard for word, *_, dashboard in _WORDS}
@@ -60,12 +60,12 @@ NOT_REPEATABLE: Final = "not repeatable"
 
 
 def quiet_style(styles: Styles) -> str:
-    """Return the style of what is not to draw the eye."""
+    """Return the style of words that should not draw the eye."""
     return styles["cancelled"]
 
 
 def run_word(row: RunRow) -> str:
-    """Return the one word for how a run stands: its verdict, else its state."""
+    """Return the verdict of a run, otherwise its state."""
     # RunState.DONE, whose module loads four times as long as this one.
     if row.state == "done":
         return str(row.outcome or Outcome.ERROR)
@@ -101,8 +101,8 @@ def margin(value: float | None, unit: str) -> str:
 def margin_bar(share: float, half: int = 4) -> str:
     """Return a bar that grows from the middle: left for a limit broken, right for one kept.
 
-    ``share`` is cut to [-1, 1]; every side has ``half`` cells in steps of half a cell, and what is
-    not nothing shows at least one step.
+    ``share`` is cut to [-1, 1]. Every side has ``half`` cells in steps of half a cell; a share that
+    is not 0 shows at least one step.
     """
     filled = 0.0 if math.isnan(share) else min(abs(share), 1.0)
     steps = math.ceil(2 * half * filled)
@@ -157,7 +157,7 @@ def rate_text(per_minute: float) -> str:
 
 
 def run_counts(row: CampaignRow | DaemonOverview) -> dict[str, int]:
-    """Return how many runs there are of each word, those that matter most first."""
+    """Return the number of runs for each word, the most important first."""
     counts = {
         "fail": row.failed,
         "error": row.errors,

@@ -28,20 +28,20 @@ class Conclusion:
 
 
 NONE_JUDGED: Final = "none judged"
-"""What is said of a campaign while no oracle has judged any of its runs."""
+"""Words for a campaign of which no oracle has judged a run yet."""
 
 SO_FAR_FINE: Final = Conclusion("running", "so far fine")
-"""What has been judged is as expected, and not all has been."""
+"""All verdicts are as expected, and some are missing."""
 _CONCLUSIONS: Final = {
     0: Conclusion("pass", "as expected"),
     3: Conclusion("lost", "not all judged"),
     4: Conclusion("inconclusive", "undecided"),
 }
-"""By the exit code of `scenario results`, so that scripts and people are told the same."""
+"""Conclusions by the exit code of `scenario results`: scripts and people learn the same."""
 
 
 def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
-    """Return an assessment in two words; of an unfinished campaign what can be said so far."""
+    """Return an assessment in two words; so far, if the campaign is unfinished."""
     code = assessment.exit_code
     if code == 1:
         return unexpected_conclusion(len(assessment.surprises))
@@ -58,17 +58,17 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
 
 
 def unexpected_conclusion(count: int) -> Conclusion:
-    """Return that so many oracles or comparisons are not as expected."""
+    """Return the conclusion for ``count`` oracles or comparisons that are not as expected."""
     return Conclusion("fail", f"{count:,} unexpected", count)
 
 
 def overall_conclusion(
     campaigns: Sequence[CampaignRow], conclusions: Mapping[str, Conclusion]
 ) -> Conclusion | None:
-    """Return how the newest campaign of each name stands, all together.
+    """Return one conclusion for the newest campaign of each name.
 
-    ``campaigns`` are the newest first. Earlier ones of a name were superseded, by a repair say.
-    ``None`` while there is none that was judged.
+    ``campaigns`` begin with the newest. Earlier ones of a name were superseded, by a repair say.
+    ``None`` while no campaign was judged.
     """
     newest: dict[str, CampaignRow] = {}
     for row in campaigns:
@@ -76,7 +76,7 @@ def overall_conclusion(
     judgements = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
     if count := sum(one.unexpected for one in judgements):
         return unexpected_conclusion(count)
-    # What was cancelled says nothing more, and must not hide what the others say.
+    # Cancelled campaigns must not hide the conclusions of the others.
     judgements = [one for one in judgements if one.word != "cancelled"] or judgements
     judged = [one for one in judgements if one.text != NONE_JUDGED]
     if judged and len(judged) < len(judgements) and all(one.word == "pass" for one in judged):

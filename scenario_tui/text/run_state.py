@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def unfinished_text(row: CampaignRow) -> str:
-    """Return what is left of a campaign: ``1 run is running, 12 queued, paused, 3 min 20 s left``.
+    """Return the rest of a campaign: ``1 run is running, 12 queued, paused, 3 min 20 s left``.
 
     Empty for one that is finished.
     """
@@ -42,10 +42,10 @@ def without_trace_text(
     before: int | None,
     command: Callable[..., str],
 ) -> str:
-    """Return why a run has no trace, and what to type where that helps.
+    """Return why a run has no trace, and the command that helps, if any.
 
-    ``campaign`` is its own, if known; ``before`` is how many of its runs are queued before it, if
-    it is queued; ``command`` quotes a command about its daemon.
+    ``campaign`` is its own, if known; ``before`` counts its runs that are queued before it.
+    ``command`` quotes a command about its daemon.
     """
     again = f"`{command('retry', run.campaign)}` queues it again"
     if run.state is RunState.RUNNING:
@@ -65,7 +65,7 @@ def without_trace_text(
 def _waiting_text(
     run: RunRow, campaign: CampaignRow | None, before: int | None, command: Callable[..., str]
 ) -> str:
-    """Return what a queued run waits for."""
+    """Return the reason why a queued run waits."""
     if run.reason:
         return f"once more, {run.reason}"
     if campaign is not None and campaign.paused:

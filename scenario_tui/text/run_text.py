@@ -132,9 +132,9 @@ def _first_line(note: str) -> str:
 def verdict_lines(
     verdicts: Sequence[Verdict], time: float, most: int = VERDICT_LINES
 ) -> list[Text]:
-    """Return at most ``most`` lines on the verdicts, what was decided against first.
+    """Return at most ``most`` lines on the verdicts, the gravest first.
 
-    What is decided later than ``time`` is known already but said to lie ahead.
+    Of verdicts that are decided later than ``time`` the line says how far ahead that lies.
     """
     judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
     ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
@@ -197,7 +197,7 @@ def run_text(
 
 
 def reached_text(snapshot: Snapshot | None, *, limit: bool = True) -> str:
-    """Return how far a run is: ``1/3 wp  60 s of 1200 s``; or what its start waits for.
+    """Return how far a run is: ``1/3 wp  60 s of 1200 s``; or why its start waits.
 
     Without ``limit`` the text ends after the simulated time.
     """
@@ -239,7 +239,7 @@ def _map_text(settings: MapSettings) -> str:
 
 
 def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLES) -> None:
-    """Add what the run was and what became of it."""
+    """Append the settings of a run and the facts of its end."""
     row, spec, result = detail.row, detail.spec, detail.row.result
     repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
     facts = [

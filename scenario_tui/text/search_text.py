@@ -1,4 +1,4 @@
-"""A search on a terminal: how far it is, its answer, what decides."""
+"""A search on a terminal: its progress, its answer, the deciding parameters."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _STATES: Final = {"cancelled": "cancelled", "failed": "error"}
 def proposal_text(
     task: SearchTask, proposal: Proposal, width: int, styles: Styles = DASHBOARD_STYLES
 ) -> Text:
-    """Return what a run of a search was for, and the values of its point."""
+    """Return the purpose of a run of a search, and the values of its point."""
     purpose = PHASES[proposal.phase]
     if proposal.phase == "explore":
         purpose += f" ({proposal.method})"
@@ -185,7 +185,7 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
 
 
 def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
-    """Return failures that are different ones, each with its example."""
+    """Return a line for each distinct failure, with its example."""
     words = [finding_words(finding) for finding in answer.findings]
     width = max(map(len, words), default=0)
     lines = []
@@ -209,9 +209,9 @@ def _influence_title(answer: SearchAnswer) -> str:
 def influence_lines(
     task: SearchTask, answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES
 ) -> list[Text]:
-    """Return a bar for each parameter, those that decide most first.
+    """Return a bar for each parameter, the most influential first.
 
-    To the left: larger values bring the failure nearer. What chance gives as well is dim.
+    To the left: larger values bring the failure nearer. Influence within chance is dim.
     """
     ordered = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
     names = [task.short_name(one.parameter) for one in ordered]
@@ -226,12 +226,12 @@ def influence_lines(
 
 
 def search_commands(
-    row: SearchRow, found: str = "", command: Callable[..., str] = command_line
+    row: SearchRow, failure_file: str = "", command: Callable[..., str] = command_line
 ) -> tuple[tuple[str, str], ...]:
-    """Return what to type next about a search: commands and what they do.
+    """Return the next commands for a search, each with its purpose.
 
-    ``found`` is the campaign file of its failure, if that is here; ``command`` makes lines of words
-    for the daemon that has the search.
+    ``failure_file`` is the campaign file of its failure, if that is here. ``command`` joins words
+    to a line for the daemon of the search.
     """
     if not row.ended:
         watch = (command("search", row.campaign), "watch it")
@@ -245,12 +245,12 @@ def search_commands(
         what = "watch the failure" if decisive.fails else "watch the run nearest to failing"
         commands.append((command("replay", decisive.run, *begin), what))
         commands.append((command("show", decisive.run), "what each oracle says"))
-    if decisive is not None and found:
+    if decisive is not None and failure_file:
         cell = decisive.label.split("/")[:2]
-        export = command_line("export", found, *GAZEBO_KINDS, "-o", "gazebo")
+        export = command_line("export", failure_file, *GAZEBO_KINDS, "-o", "gazebo")
         commands += [
-            (command_line("run", found), "the failure again, on its own"),
-            (command_line("blame", found, *cell), "the least of it that still fails"),
+            (command_line("run", failure_file), "the failure again, on its own"),
+            (command_line("blame", failure_file, *cell), "the least of it that still fails"),
             (export, "its world for Gazebo"),
         ]
     commands.append((command("report", row.campaign), "a page with figures"))

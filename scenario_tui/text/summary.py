@@ -32,7 +32,7 @@ from scenario_tui.text.results import conclude
 from scenario_tui.text.run_state import progress_text, unfinished_text
 
 _LISTED: Final = 12
-"""Lines of each list of what is to be looked at."""
+"""Most lines of each list of surprises and problems."""
 
 
 def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
@@ -47,24 +47,23 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
 
 def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Table:
     """Return one row for each comparison and one column for each system under test."""
-    found = {(cell.comparison, cell.sut): cell for cell in cells}
+    by_name = {(cell.comparison, cell.sut): cell for cell in cells}
     suts = tuple(dict.fromkeys(cell.sut for cell in cells))
     table = plain_table("comparison", *suts, "is to be")
     for name, text in {cell.comparison: cell.text for cell in cells}.items():
-        row = (found.get((name, sut)) for sut in suts)
-        shown = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)
-        table.add_row(
-            name, *(one or NOTHING for one in shown), Text(text, style=quiet_style(TERMINAL_STYLES))
-        )
+        row = (by_name.get((name, sut)) for sut in suts)
+        words = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)
+        aim = Text(text, style=quiet_style(TERMINAL_STYLES))
+        table.add_row(name, *(one or NOTHING for one in words), aim)
     return table
 
 
 def summary_parts(
     results: CampaignResults, *, took: float | None = None
 ) -> Iterator[RenderableType]:
-    """Yield the matrix of cells, the comparisons, and what is not as expected.
+    """Yield the matrix of cells, the comparisons, and the surprises.
 
-    ``took`` is how long it took [s]. Print them without cropping: some lines are never broken.
+    ``took`` is the duration [s]. Print them without cropping: some lines are never broken.
     """
     notes, judged = Footnotes(), results.assessment
     yield _headline(results, took)
@@ -108,23 +107,23 @@ def _headline(results: CampaignResults, took: float | None) -> Text:
 
 
 def _conclusion_line(results: CampaignResults) -> str:
-    """Return the last word: whether all is as expected, and how little that shows."""
+    """Return the last line: whether all is as expected, and the pass rate that this shows."""
     code, row = results.assessment.exit_code, results.row
-    said = {
+    words = {
         0: "everything is as expected",
         1: "not as expected",
         3: "some runs could not be executed or judged",
     }.get(code, "not everything is decided")
     if code == 4 and row.cancelled:
-        said = f"not everything is decided: {count_noun(row.cancelled, 'run')} cancelled"
+        words = f"not everything is decided: {count_noun(row.cancelled, 'run')} cancelled"
     if not row.finished:
         standing = conclude(results.assessment, finished=False).text
         if code == 1:
             standing = "not as expected already"
         return f"{standing}; {unfinished_text(row)}"
-    # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
-    # and Pearson. A folder may hold fewer runs than the campaign asked for.
+    # n passes of n are no pass rate of 100 %: they show the lower bound of Clopper and Pearson.
+    # A folder may hold fewer runs than the campaign asked for.
     n = min((len(cell.runs) for cell in results.assessment.cells), default=0)
     if code == 0 and n and results.declared.policy.rule == "all":
-        said += f"; {n} of {n} shows a pass rate of at least {cut_percentage(at_least(n, n))}"
-    return said
+        words += f"; {n} of {n} shows a pass rate of at least {cut_percentage(at_least(n, n))}"
+    return words

@@ -92,7 +92,7 @@ async def test_what_would_be_executed_is_said_before(fake, folder):
 @pytest.mark.parametrize(
     ("plan", "fresh", "said"),
     [
-        ({"asked": False}, False, ""),
+        ({"has_forecast": False}, False, ""),
         ({"untimed": 15}, False, "; how long they take is unknown: no run of these yet"),
         ({"seconds": 480.0}, False, "; about 4 min 00 s on 2 slots"),
         ({"cached": 12, "seconds": 90.0}, False, ", 12 cached; about 45 s on 2 slots"),
@@ -103,7 +103,7 @@ async def test_what_would_be_executed_is_said_before(fake, folder):
     ],
 )
 def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(plan, fresh, said):
-    found = SubmissionPlan(3, 5, 15, **{"asked": True} | plan)
+    found = SubmissionPlan(3, 5, 15, **{"has_forecast": True} | plan)
     assert plan_text(found, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
 
 
