@@ -15,7 +15,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import CommandError, ExitCode
 from scenario_tui.cli.options import refuse_missing_file
-from scenario_tui.cli.output import open_progress, say, stdout_console
+from scenario_tui.cli.output import open_progress, print_line, say
 from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
 from scenario_tui.text.formatting import verdict_line
 
@@ -193,15 +193,15 @@ def _print(explanation: Explanation, like: str) -> None:
     from daemon.analysis.blame import story_lines
     from scenario_tui.cli.output import print_commands
 
-    console, story = stdout_console(), explanation.blame
-    console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
-    console.print()
+    story = explanation.blame
+    print_line(f"{story.run} fails {verdict_line(story.verdict)}")
+    print_line()
     for line in story_lines(story, like):
-        console.print(f"  {line}", soft_wrap=True)
-    console.print()
+        print_line(f"  {line}")
+    print_line()
     if story.stopped:
-        console.print(f"stopped before nothing else could go: {story.stopped}")
+        print_line(f"stopped before nothing else could go: {story.stopped}")
     took = f"{count_noun(explanation.runs, 'run')}, {duration_text(explanation.seconds)}"
-    console.print(f"{took}; {explanation.cached} more were known already")
+    print_line(f"{took}; {explanation.cached} more were known already")
     command = command_line("run", explanation.saved)
     print_commands((command, "the smallest failing scenario, on its own"))

@@ -19,7 +19,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import parse_ratio
-from scenario_tui.cli.output import plain_table, stdout_console
+from scenario_tui.cli.output import plain_table, print_line, stdout_console
 from scenario_tui.source import DaemonTarget, find_campaign, open_source
 from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word, margin
 
@@ -155,8 +155,7 @@ def compare(
 
 def print_comparison(difference: CampaignDifference, *, everything: bool = False) -> None:
     """Print what changed from one campaign to the other, what got worse first."""
-    console = stdout_console()
-    console.print(f"{difference.before} → {difference.after}", style="bold", markup=False)
+    print_line(f"{difference.before} → {difference.after}", style="bold")
     sides = (
         (difference.before, difference.unfinished_before),
         (difference.after, difference.unfinished_after),
@@ -164,32 +163,32 @@ def print_comparison(difference: CampaignDifference, *, everything: bool = False
     for name, count in dict(sides).items():
         if count:
             words = f"{name}: {count_noun(count, 'run')} not finished, compared is the rest"
-            console.print(words, markup=False, style="yellow", soft_wrap=True)
+            print_line(words, style="yellow")
     for title, cells in (
         ("only before", difference.only_before),
         ("only after", difference.only_after),
     ):
         if cells:
             names = ", ".join(f"{scenario}/{sut}" for scenario, sut in cells)
-            console.print(f"{title}: {names}", markup=False, soft_wrap=True)
+            print_line(f"{title}: {names}")
     for change in sorted(difference.verdicts, key=lambda v: not v.worse):
-        console.print(_verdict_text(change), soft_wrap=True)
+        print_line(_verdict_text(change))
     shifts = [s for s in difference.shifts if everything or s.changed or s.worse]
     shifts.sort(key=lambda s: (not s.worse, not s.changed))
     if shifts:
-        console.print()
-        console.print(_shift_table(shifts[:_MOST_LISTED]))
+        print_line()
+        stdout_console().print(_shift_table(shifts[:_MOST_LISTED]))
         if len(shifts) > _MOST_LISTED:
-            console.print(f"and {len(shifts) - _MOST_LISTED} more")
+            print_line(f"and {len(shifts) - _MOST_LISTED} more")
     # How many were tested is said because Holm's correction depends on it.
     tested = sum(shift.p is not None for shift in difference.shifts)
     quantities = count_noun(tested, "quantity", "quantities")
     changed = sum(shift.changed for shift in difference.shifts)
-    console.print(f"\n{quantities} tested (t, Holm at 5 %): {changed} changed", markup=False)
+    print_line(f"\n{quantities} tested (t, Holm at 5 %): {changed} changed")
     if difference.worse_by is not None:
         worse = sum(s.worse for s in difference.shifts) + sum(v.worse for v in difference.verdicts)
-        console.print(f"{worse} worse by more than {100 * difference.worse_by:g} %", markup=False)
-    console.print()
+        print_line(f"{worse} worse by more than {100 * difference.worse_by:g} %")
+    print_line()
 
 
 def _verdict_text(change: VerdictChange) -> Text:

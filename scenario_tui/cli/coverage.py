@@ -13,7 +13,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Processes, check_campaign_file
-from scenario_tui.cli.output import plain_table, say, stdout_console
+from scenario_tui.cli.output import plain_table, print_line, say, stdout_console
 from scenario_tui.source import DaemonTarget, all_traces
 
 if TYPE_CHECKING:
@@ -79,15 +79,14 @@ def _measure_coverage(
 
 def _print(counts: Coverage) -> None:
     """Print a table for each kind of thing that can be covered."""
-    console = stdout_console()
     basis = "by their traces" if counts.recorded else "as planned"
-    console.print(f"{count_noun(counts.runs, 'run')}, {basis}")
-    console.print()
-    console.print(_feature_table(counts))
+    print_line(f"{count_noun(counts.runs, 'run')}, {basis}")
+    print_line()
+    stdout_console().print(_feature_table(counts))
     for rows, table in ((counts.doors, _door_table), (counts.floor, _floor_table)):
         if rows:
-            console.print()
-            console.print(table(counts))
+            print_line()
+            stdout_console().print(table(counts))
     for one in counts.unreadable:
         say(f"{one.trace}: error: {one.problem}")
 

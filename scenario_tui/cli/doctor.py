@@ -13,7 +13,7 @@ from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.output import open_progress, stdout_console
+from scenario_tui.cli.output import open_progress, print_line
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
@@ -99,4 +99,4 @@ def _print_findings(findings: tuple[DoctorFinding, ...]) -> None:
         line.append(f"{finding.subject:<11} {finding.message}", style="default")
         if finding.remedy:
             line.append(f"\n            {finding.remedy}", style="cyan")
-        stdout_console().print(line, soft_wrap=True)
+        print_line(line)

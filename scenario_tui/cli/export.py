@@ -16,7 +16,7 @@ from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import CommandError, ExitCode
 from scenario_tui.cli.export_runs import ExportedFiles, export_recorded, is_recorded
 from scenario_tui.cli.options import Base, check_folder
-from scenario_tui.cli.output import report_findings, say, stdout_console, track_progress
+from scenario_tui.cli.output import print_line, report_findings, say, track_progress
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
@@ -201,7 +201,7 @@ def export(
 
 def _print(exported: ExportedFiles) -> None:
     for path in exported.files:
-        stdout_console().print(str(path), markup=False, highlight=False, soft_wrap=True)
+        print_line(str(path))
     for reason in exported.missing.values():
         say(reason)
 

@@ -13,7 +13,7 @@ from daemon.batch.amounts import parse_size, parse_time, size_text
 from grammars.text.words import count_noun
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import State
-from scenario_tui.cli.output import stdout_console
+from scenario_tui.cli.output import print_line
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import Removal
@@ -70,7 +70,6 @@ def gc(
 
 def _print_removal(removal: Removal) -> None:
     """Print a line for each campaign and stray file, and one for all."""
-    console = stdout_console()
     sizes = defaultdict[str, list[int]](list)
     for trace in removal.traces:
         sizes[trace.campaign].append(trace.size)
@@ -86,4 +85,4 @@ def _print_removal(removal: Removal) -> None:
         size = size_text(sum(stray.bytes for stray in removal.strays))
         total += f"; {count_noun(len(removal.strays), 'stray')}, {size}"
     for line in (*lines, total):
-        console.print(line, markup=False, soft_wrap=True)
+        print_line(line)

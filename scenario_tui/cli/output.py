@@ -18,6 +18,7 @@ from scenario_tui.text.formatting import plain_table as plain_table
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, ProgressColumn
+    from rich.text import Text
 
 T = TypeVar("T")
 
@@ -120,6 +121,11 @@ def track_progress(found: Iterable[T], total: int, description: str) -> Iterator
     # Processes are forked meanwhile, and threads do not survive that.
     with open_progress(threads=False) as progress:
         yield from progress.track(found, total=total, description=description)
+
+
+def print_line(text: str | Text = "", style: str | None = None) -> None:
+    """Print a line of results; the terminal wraps it, so that people can copy it whole."""
+    stdout_console().print(text, style=style, soft_wrap=True)
 
 
 def print_commands(*commands: tuple[str, str]) -> None:

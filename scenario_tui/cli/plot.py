@@ -14,7 +14,7 @@ from grammars.text.words import format_quantity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import RunOrTrace
-from scenario_tui.cli.output import stdout_console
+from scenario_tui.cli.output import print_line
 from scenario_tui.source import DaemonTarget, one_trace
 from scenario_tui.text.formatting import glyph_word, moment_text
 
@@ -71,18 +71,17 @@ def plot(
 def _print(trace: Trace, signals: list[Signal], verdicts: tuple[Verdict, ...]) -> None:
     from scenario_tui.dashboard.signal_graphs import draw_signals
 
-    console = stdout_console()
     size = shutil.get_terminal_size((80, 24))
     against = [v for v in verdicts if v.outcome is Outcome.FAIL]
     marks = tuple(v.evidence.time for v in against if v.evidence.time is not None)
     for signal in signals:
-        console.print(_summary(signal), soft_wrap=True)
+        print_line(_summary(signal))
     rows = size.lines - 1 - len(against) - len(signals)
     for row in draw_signals(trace.recorded, signals, size.columns, rows, marks=marks):
-        console.print(row, soft_wrap=True)
+        print_line(row)
     for one in against:
         parts = (f"{glyph_word(one.outcome)}  {one.oracle}", moment_text(one.evidence.time))
-        console.print(" ".join(filter(None, parts)), markup=False, soft_wrap=True)
+        print_line(" ".join(filter(None, parts)))
 
 
 def _summary(signal: Signal) -> Text:

@@ -12,7 +12,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import CommandError, ExitCode, wrong_usage
 from scenario_tui.cli.options import RunOrTrace
-from scenario_tui.cli.output import stdout_console
+from scenario_tui.cli.output import print_line, stdout_console
 from scenario_tui.source import DaemonTarget, one_trace
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def replay(
         from scenario_tui.text.comparison_text import comparison_text
 
         pairs = (first.verdicts, second.verdicts, first.trace.spec, second.trace.spec)
-        stdout_console().print(comparison_text(*pairs), soft_wrap=True)
+        print_line(comparison_text(*pairs))
         return ExitCode.EXPECTED
     from scenario_tui.dashboard.screens.compare import CompareScreen
     from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay

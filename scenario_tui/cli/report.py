@@ -15,7 +15,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Processes, TableFile, check_writable, why_no_folder
-from scenario_tui.cli.output import stdout_console, track_progress
+from scenario_tui.cli.output import print_line, track_progress
 from scenario_tui.source import (
     DaemonTarget,
     bring_traces,
@@ -227,4 +227,4 @@ def _print_written(
         is_file = Path(path).is_file()
         lines.append(f"{path} ({decimal(Path(path).stat().st_size)})" if is_file else path)
     for line in lines:
-        stdout_console().print(line, markup=False, soft_wrap=True)
+        print_line(line)

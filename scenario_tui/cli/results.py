@@ -15,7 +15,7 @@ from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Baseline, TableFile, WorseBy
-from scenario_tui.cli.output import plain_table, print_commands, stdout_console
+from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.cli.search import search_answer
 from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
 from scenario_tui.text.formatting import (
@@ -131,7 +131,7 @@ def print_summary(results: CampaignResults, *, took: float | None = None) -> Non
     for part in summary_parts(results, took=took):
         console.print(part, crop=False)
     for file, problem in results.unread:
-        console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
+        print_line(f"not read: {file}: {problem}")
 
 
 def _print_results(
@@ -165,7 +165,7 @@ def _print_folder(rows: tuple[RunRow, ...]) -> None:
         where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0] or '.'}"
         if len(traces) == 1:
             where = f"1 trace: {traces[0]}"
-        stdout_console().print(where, markup=False, soft_wrap=True)
+        print_line(where)
 
 
 def _print_listed(rows: tuple[RunRow, ...]) -> None:

@@ -24,10 +24,10 @@ from scenario_tui.cli.options import (
 )
 from scenario_tui.cli.output import (
     print_commands,
+    print_line,
     report_findings,
     say,
     show_progress,
-    stdout_console,
 )
 from scenario_tui.source import DaemonTarget
 
@@ -157,7 +157,7 @@ def _run(
 
 def _print_demo(results: CampaignResults, took: float) -> None:
     _print_results(results, took)
-    stdout_console().print("This is what testing with scenarios looks like. Make it yours:")
+    print_line("This is what testing with scenarios looks like. Make it yours:")
     print_commands(
         ("scenario new my-tests", "write a small campaign, every line explained"),
         ("scenario check my-tests/campaign.yaml", "find every problem before anything runs"),
@@ -187,4 +187,4 @@ def _print_results(results: CampaignResults, took: float) -> None:
 
     print_summary(results, took=took)
     kept = count_noun(sum(1 for row in results.rows if row.trace), "trace")
-    stdout_console().print(f"{kept} in {results.where}/\n", markup=False, soft_wrap=True)
+    print_line(f"{kept} in {results.where}/\n")

@@ -17,7 +17,7 @@ from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.output import print_commands, stdout_console
+from scenario_tui.cli.output import print_commands, print_line, stdout_console
 from scenario_tui.source import DaemonTarget, bring_traces, find_run, open_source, why_no_trace
 from scenario_tui.text.formatting import (
     SHOWN_LINES,
@@ -109,14 +109,14 @@ def _print_run(summary: RunSummary, target: DaemonTarget) -> None:
     from scenario_tui.text.run_text import run_text
     from scenario_tui.text.search_text import proposal_text
 
-    console, row = stdout_console(), summary.run.row
-    console.print(run_text(summary.run, summary.live, TERMINAL_STYLES), soft_wrap=True)
+    row = summary.run.row
+    print_line(run_text(summary.run, summary.live, TERMINAL_STYLES))
     is_starting = row.state == RunState.RUNNING and summary.live is None
     if is_starting or (row.state == RunState.QUEUED and not row.reason):
-        console.print(f"{summary.standing}\n", markup=False, soft_wrap=True)
+        print_line(f"{summary.standing}\n")
     if row.proposal is not None and summary.task is not None:
-        about = proposal_text(summary.task, row.proposal, console.width, TERMINAL_STYLES)
-        console.print(about, soft_wrap=True)
+        about = proposal_text(summary.task, row.proposal, stdout_console().width, TERMINAL_STYLES)
+        print_line(about)
     print_commands(*_next_commands(summary, target))
 
 
@@ -185,52 +185,49 @@ def _print_log(log: RunLog, everything: bool, target: DaemonTarget) -> None:
     # The reason is the note of an attempt, as long as that attempt is remembered.
     has_reason = any(step.note.strip() == log.reason.strip() for step in log.steps)
     for text in filter(None, (*log.output, "" if has_reason else log.reason)):
-        stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
-    console = stdout_console()
+        print_line(f"\n{text.strip()}")
     if log.recorded:
         if log.steps or log.attempts or log.standing:
-            console.print()
+            print_line()
         _print_recorded(log.recorded)
     for name, text in log.printed.items():
         lines, hidden = last_lines(text, None if everything else SHOWN_LINES)
-        console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
+        print_line(f"\n{name}", style="dim")
         if hidden:
             more = f"{count_noun(hidden, 'line')} before these"
             how = target.command("show", log.run, "--output", name)
-            console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
+            print_line(f"({more}: {how})", style="dim")
         for line in lines or ["(nothing)"]:
-            console.print(line, markup=False, soft_wrap=True)
+            print_line(line)
 
 
 def _print_steps(log: RunLog) -> None:
-    console = stdout_console()
     for step in log.steps:
         when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
         note = f"  {step.note.strip()}" if step.note else ""
-        console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
+        print_line(f"{when}  {step.state}{note}")
     if log.steps:
         return
     if log.attempts:
         attempts = count_noun(log.attempts, "attempt")
-        console.print(f"{attempts}; when is not remembered any more")
+        print_line(f"{attempts}; when is not remembered any more")
     elif log.standing:
-        console.print(log.standing, markup=False, soft_wrap=True)
+        print_line(log.standing)
 
 
 def _print_recorded(recorded: tuple[LogLine, ...]) -> None:
     from rich.text import Text
 
-    console = stdout_console()
-    console.print("in simulated time", style="dim")
+    print_line("in simulated time", style="dim")
     styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
     width = max(len(line.source) for line in recorded)
     for line in recorded:
         text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
         # What nodes log is anybody's text, as what they print is.
         words = "\n".join(printed_lines(line.text))
-        console.print(text.append(words, style=styles.get(line.level, "")), soft_wrap=True)
+        print_line(text.append(words, style=styles.get(line.level, "")))
 
 
 def _print_output(text: str) -> None:
     for line in printed_lines(text):
-        stdout_console().print(line, markup=False, soft_wrap=True)
+        print_line(line)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.errors import Unavailable
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.output import plain_table, print_commands, stdout_console
+from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.source import DaemonTarget
 from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
 
@@ -46,26 +46,27 @@ def status(target: DaemonTarget) -> Answer[DaemonStatus]:
 
 def _print_status(status: DaemonStatus, target: DaemonTarget) -> None:
     """Print the daemon on two lines, and the newest campaigns."""
-    console, campaigns = stdout_console(), status.campaigns
+    campaigns = status.campaigns
     _print_overview(status)
     if not campaigns and status.overview.trouble:
         return  # there may be some that cannot be read just now
     if not campaigns:
-        console.print("\nNo campaigns yet. Type:")
+        print_line("\nNo campaigns yet. Type:")
         submit = target.command("submit", "my-tests/campaign.yaml")
         print_commands(
             ("scenario new my-tests", "write a small campaign"), (submit, "hand it to the daemon")
         )
         return
+    console = stdout_console()
     console.print(_campaign_table(campaigns[:_MAX_CAMPAIGNS], status.overview.now, console.width))
     if len(campaigns) > _MAX_CAMPAIGNS:
-        console.print(f"and {len(campaigns) - _MAX_CAMPAIGNS} older ones")
+        print_line(f"and {len(campaigns) - _MAX_CAMPAIGNS} older ones")
     if status.searches:
         from scenario_tui.text.search_text import search_line
 
         for row in status.searches:
             words = f"search {search_line(row)}"
-            console.print(words, markup=False, highlight=False, soft_wrap=True)
+            print_line(words)
 
 
 def _print_overview(status: DaemonStatus) -> None:
@@ -74,25 +75,24 @@ def _print_overview(status: DaemonStatus) -> None:
     overview, console = status.overview, stdout_console()
     slots = sum(worker.slots for worker in status.workers if not worker.away)
     away = sum(worker.away for worker in status.workers)
-    console.print(
+    print_line(
         f"daemon {overview.version} at {endpoint_text(status.endpoint)}, "
         f"up {duration_text(overview.now - overview.started_at)}, "
         f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
-        + (f", {away} away" if away else ""),
-        soft_wrap=True,
+        + (f", {away} away" if away else "")
     )
     parts = _tally_parts(overview) or ["no runs yet"]
     if overview.rate > 0:
         parts.append(rate_text(overview.rate))
     if overview.seconds_left is not None:
         parts.append(f"{duration_text(overview.seconds_left)} left")
-    console.print(_wrap_parts(parts, console.width), markup=False)
+    console.print(_wrap_parts(parts, console.width))
     if overview.preparing:
-        console.print(overview.preparing, markup=False, soft_wrap=True)
+        print_line(overview.preparing)
     for number, trouble in enumerate(overview.troubles):
         what = "no run can start: " if overview.halted and number == 0 else ""
         words = f"! {what}{trouble.words.strip().splitlines()[-1]}"
-        console.print(words, markup=False, style="yellow", soft_wrap=True)
+        print_line(words, style="yellow")
 
 
 def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:

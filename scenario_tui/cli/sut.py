@@ -13,7 +13,13 @@ import typer
 from scenario_tui.cli import completion, sut_ros
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import PlainFlagsGroup, command_of
-from scenario_tui.cli.output import plain_table, report_findings, stderr_console, stdout_console
+from scenario_tui.cli.output import (
+    plain_table,
+    print_line,
+    report_findings,
+    stderr_console,
+    stdout_console,
+)
 from scenario_tui.cli.sut_check import check, find_sut
 from scenario_tui.text.formatting import NOT_REPEATABLE
 
@@ -111,18 +117,18 @@ def _defaults(sut: LoadedSut, read: RosParameters | None) -> dict[str, dict[str,
 def _print_sut(
     sut: LoadedSut, read: RosParameters | None, defaults: dict[str, dict[str, Any]]
 ) -> None:
-    reference, console = sut.reference, stdout_console()
+    reference = sut.reference
     about = f": {sut.layer.text.about}" if sut.layer.text.about else ""
     repeatable = "" if reference.repeatable else f", {NOT_REPEATABLE}"
     head = f"{reference.name}, kind {reference.kind}{repeatable}{about}"
-    console.print(head, markup=False, soft_wrap=True)
-    console.print(" < ".join(sut.layer.files), markup=False, style="dim", soft_wrap=True)
-    _print_settings(console, sut.settings, sut.findings.without_effect)
+    print_line(head)
+    print_line(" < ".join(sut.layer.files), style="dim")
+    _print_settings(stdout_console(), sut.settings, sut.findings.without_effect)
     # Files that travel with every run are no parameters of the table.
     digests = [f"{name} (sha256 {digest[:12]})" for name, digest in reference.files.items()]
     if digests:
-        console.print(f"\nfiles: {', '.join(digests)}", markup=False, soft_wrap=True)
-    _print_defaults(console, defaults)
+        print_line(f"\nfiles: {', '.join(digests)}")
+    _print_defaults(defaults)
     if read is not None:
         sut_ros.print_costmaps(read)
         sut_ros.print_wiring(read)
@@ -163,11 +169,11 @@ def _yaml_text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _print_defaults(console: Console, defaults: dict[str, dict[str, Any]]) -> None:
+def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
     if not any(defaults.values()):
         return
-    console.print("\nnot written anywhere", style="bold")
+    print_line("\nnot written anywhere", style="bold")
     for namespace, values in defaults.items():
         if values:
             listed = ", ".join(f"{name} {_yaml_text(value)}" for name, value in values.items())
-            console.print(f"  {namespace}: {listed}", markup=False, soft_wrap=True)
+            print_line(f"  {namespace}: {listed}")

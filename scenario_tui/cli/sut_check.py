@@ -17,7 +17,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import check_folder
-from scenario_tui.cli.output import report_findings, say, stderr_console, stdout_console
+from scenario_tui.cli.output import print_line, report_findings, say, stderr_console
 from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, printed_lines
 
 if TYPE_CHECKING:
@@ -199,7 +199,6 @@ def _print_check(check: StackCheck) -> None:
     """Print a line for each thing, and what to do where something is wrong."""
     from rich.text import Text
 
-    console = stdout_console()
     width = max((len(line.subject) for line in check.lines), default=0)
     for line in check.lines:
         word, style = _SIGNS[line.state]
@@ -208,12 +207,12 @@ def _print_check(check: StackCheck) -> None:
         text.append(f"{facts}: " if facts else "", style="dim").append(line.text, style=style)
         if line.hint:
             text.append(f"\n{'':{width + 4}}→ {line.hint}")
-        console.print(text, soft_wrap=True)
+        print_line(text)
     printed = printed_lines("\n".join(check.printed))
     if printed:
-        console.print("\nthe stack printed", style="dim")
+        print_line("\nthe stack printed", style="dim")
     for output in printed:
-        console.print(f"  {output}", markup=False, soft_wrap=True)
+        print_line(f"  {output}")
     count = Counter(line.state for line in check.lines)
     missing = f"{count['missing']} missing" if count["missing"] else "nothing is missing"
     warnings = f", {count_noun(count['warning'], 'warning')}" if count["warning"] else ""

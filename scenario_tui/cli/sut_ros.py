@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any, Final
 
-from scenario_tui.cli.output import stdout_console
+from scenario_tui.cli.output import print_line
 
 if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
@@ -89,23 +89,18 @@ def _written_names(sut: LoadedSut, namespace: str) -> set[str]:
 
 def print_costmaps(read: RosParameters) -> None:
     """Print the planners, and the layers of both costmaps from the lowest up."""
-    console = stdout_console()
     move_base = read.move_base
-    console.print("\nplanners and costmaps", style="bold")
+    print_line("\nplanners and costmaps", style="bold")
     plan, drive = move_base.base_global_planner, move_base.base_local_planner
-    console.print(f"  {plan} plans, {drive} drives", markup=False, soft_wrap=True)
+    print_line(f"  {plan} plans, {drive} drives")
     for name in ("global_costmap", "local_costmap"):
         costmap: LayeredCostmap = getattr(read, name)
         title = name.replace("_", " ")
         rolls = ", rolling" if costmap.rolling_window else ""
         unknown = ", unknown space tracked" if costmap.track_unknown_space else ""
-        console.print(
-            f"  {title} in {costmap.frame}, {costmap.update_frequency:g} Hz{rolls}{unknown}",
-            markup=False,
-            soft_wrap=True,
-        )
+        print_line(f"  {title} in {costmap.frame}, {costmap.update_frequency:g} Hz{rolls}{unknown}")
         for layer in costmap.layers:
-            console.print(f"    {_layer_text(layer)}", markup=False, soft_wrap=True)
+            print_line(f"    {_layer_text(layer)}")
 
 
 def _layer_text(layer: Layer) -> str:
@@ -141,14 +136,13 @@ def _wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
 
 def print_wiring(read: RosParameters) -> None:
     """Print the topics of lasers, and their listeners."""
-    console = stdout_console()
     topics = read.topics
     if topics.by_laser:
-        console.print("\nlasers come on", style="bold")
+        print_line("\nlasers come on", style="bold")
         for laser, named in topics.by_laser.items():
-            console.print(f"  {laser}: {', '.join(named)}", markup=False, soft_wrap=True)
+            print_line(f"  {laser}: {', '.join(named)}")
     else:
-        console.print(f"\nthe scan comes on {topics.published}", style="bold")
+        print_line(f"\nthe scan comes on {topics.published}", style="bold")
     heard_by = _wiring(read)
     listeners = {
         "amcl": (topics.amcl,),
@@ -160,8 +154,7 @@ def print_wiring(read: RosParameters) -> None:
         answer = "hears it" if lasers else "does not hear it"
         if topics.by_laser:
             answer = f"hears {', '.join(lasers)}" if lasers else "hears no laser"
-        console.print(
+        print_line(
             f"  {name} listens to {', '.join(listens) or 'nothing'}: {answer}",
-            markup=False,
             style="" if lasers else "yellow",
         )

@@ -13,7 +13,13 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Wall, refuse_missing_file
-from scenario_tui.cli.output import open_progress, plain_table, report_findings, stdout_console
+from scenario_tui.cli.output import (
+    open_progress,
+    plain_table,
+    print_line,
+    report_findings,
+    stdout_console,
+)
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
@@ -146,31 +152,29 @@ def _print(checks: tuple[Verification, ...]) -> None:
     if len(checks) == 1:
         _print_details(checks[0])
     if any(check.nondeterministic for check in checks):
-        stdout_console().print(_REMEDY, markup=False)
+        stdout_console().print(_REMEDY)
 
 
 def _print_check(check: Verification) -> None:
-    console = stdout_console()
     count = len(check.executions)
-    console.print(_headline(check, count), markup=False, soft_wrap=True)
+    print_line(_headline(check, count))
     problems = [] if check.trace else [("the first execution", check.recorded.problem)]
     for number, execution in enumerate(check.executions, 1):
         problems.append((f"execution {number}", execution.problem))
     for which, problem in problems:
         if problem:
-            console.print(f"{which}: {problem}", markup=False, style="yellow", soft_wrap=True)
+            print_line(f"{which}: {problem}", style="yellow")
     agreeing = check.all_executed and not check.nondeterministic and not check.same_bytes
     if check.repeatable and check.trace and count > 1 and agreeing:
-        console.print(_OTHER_CODE, markup=False)
+        stdout_console().print(_OTHER_CODE)
 
 
 def _print_details(check: Verification) -> None:
-    console = stdout_console()
     done = any(not execution.problem for execution in check.executions)
     if not done or (check.repeatable and check.same_bytes == len(check.executions)):
         return
     outcomes = ", ".join(f"{number} {word}" for word, number in check.outcomes.items())
-    console.print(f"with the recorded one: {outcomes}", markup=False)
+    print_line(f"with the recorded one: {outcomes}")
     table = plain_table("", "recorded", "least", "most", "of", figures=True)
     for spread in check.spreads:
         recorded = check.recorded.values.get(spread.name)
@@ -181,10 +185,10 @@ def _print_details(check: Verification) -> None:
             format_quantity(spread.most, spread.unit),
             str(spread.count),
         )
-    console.print(table)
+    stdout_console().print(table)
     if check.repeatable and check.versions:
         listed = ", ".join(f"{n} {then} ({now} here)" for n, (then, now) in check.versions.items())
-        console.print(f"recorded with {listed}", markup=False, soft_wrap=True)
+        print_line(f"recorded with {listed}")
 
 
 def _headline(check: Verification, count: int) -> str:
