@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.judging.assessment import CampaignDifference, assess
+from daemon.judging.assessment import CampaignDifference, JudgedCampaign, assess
 from daemon.model.assessments import (
     Assessment,
     AssessmentRules,
@@ -51,6 +51,11 @@ class CampaignResults:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_by_id", {row.id: row for row in self.rows})
+
+    @property
+    def judged(self) -> JudgedCampaign:
+        """The campaign as others are compared with it."""
+        return JudgedCampaign(self.row.id, self.declared, self.rows)
 
     @property
     def not_repeatable(self) -> tuple[str, ...]:
@@ -100,6 +105,13 @@ class ComparedResults:
         """Return results with what they were compared with."""
         declared, assessment = results.declared, results.assessment
         return cls(results.row, declared, assessment, results.rows, results.origin, comparison)
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of the assessment; 1, that of a finding, when the results got worse."""
+        # A regression is a finding also where everything still is as the campaign expects.
+        is_worse = self.comparison is not None and self.comparison.regressed
+        return 1 if is_worse else self.assessment.exit_code
 
 
 def read_results(source: CampaignSource, row: CampaignRow) -> CampaignResults:

@@ -31,12 +31,10 @@ if TYPE_CHECKING:
     from daemon.judging.assessment import (
         CampaignDifference,
         ComparedCampaigns,
-        JudgedCampaign,
         QuantityChange,
         VerdictChange,
     )
     from daemon.model.status import CampaignRow
-    from daemon.model.verbs import CampaignSource
 
 LAST_GREEN: Final = "last-green"
 _DEFAULT_WORSE_BY: Final = 0.1
@@ -50,7 +48,7 @@ def compare_with_baseline(
 
     Returns ``None``, and says so, when there is nothing to compare with.
     """
-    from daemon.judging.assessment import JudgedCampaign, compare_campaigns
+    from daemon.judging.assessment import compare_campaigns
 
     gate = results.declared.gate
     name = baseline or (gate.baseline if gate else "")
@@ -59,24 +57,26 @@ def compare_with_baseline(
     # The option, then the gate of the campaign file, then what is usual.
     allowed = gate.worse_by if gate else _DEFAULT_WORSE_BY
     is_last = name == LAST_GREEN
-    before = _last_green(results.row, target) if is_last else _read_judged(name, target)
+    before = _last_green(results.row, target) if is_last else _read(name, target)
     if before is None:
         what = f"no earlier campaign {results.row.name} was as expected"
         target.say(f"{what}: nothing to compare with yet")
         return None
-    after = JudgedCampaign(results.row.id, results.declared, results.rows)
-    return compare_campaigns(before, after, allowed if worse_by is None else worse_by)
+    allowed = allowed if worse_by is None else worse_by
+    return compare_campaigns(before.judged, results.judged, allowed)
 
 
-def _read_judged(name: str, target: DaemonTarget) -> JudgedCampaign:
+def _read(name: str, target: DaemonTarget) -> CampaignResults:
     """Return the campaign, the folder of traces or the file of results of that name."""
+    from daemon.analysis.results import read_results
+
     with open_source(name, target) as source:
-        return _ask_judged(source, find_campaign(source, name))
+        return read_results(source, find_campaign(source, name))
 
 
-def _last_green(row: CampaignRow, target: DaemonTarget) -> JudgedCampaign | None:
+def _last_green(row: CampaignRow, target: DaemonTarget) -> CampaignResults | None:
     """Return the newest campaign of that name, submitted before, with everything as expected."""
-    from daemon.judging.assessment import assess
+    from daemon.analysis.results import read_results
 
     # A campaign that runs here may be the first one ever.
     with suppress(Refused), target.read() as source:
@@ -86,24 +86,10 @@ def _last_green(row: CampaignRow, target: DaemonTarget) -> JudgedCampaign | None
         for candidate in rows[ids.index(row.id) + 1 if row.id in ids else 0 :]:
             if candidate.finished:
                 # Judged anew each time: green is what its rules say, nobody stores it.
-                judged = _ask_judged(source, candidate)
-                if assess(judged.declared, judged.records).exit_code == ExitCode.EXPECTED:
-                    return judged
+                results = read_results(source, candidate)
+                if results.assessment.exit_code == ExitCode.EXPECTED:
+                    return results
     return None
-
-
-def _ask_judged(source: CampaignSource, row: CampaignRow) -> JudgedCampaign:
-    from daemon.judging.assessment import JudgedCampaign
-
-    return JudgedCampaign(row.id, source.declared(row.id), source.all_runs(row.id, results=True))
-
-
-def final_code(results: CampaignResults, between: CampaignDifference | None) -> int:
-    """Return the exit code of results, which is that of a finding when they got worse."""
-    # A regression is a finding also where everything still is as the campaign expects.
-    if between is not None and between.regressed:
-        return ExitCode.UNEXPECTED
-    return results.assessment.exit_code
 
 
 def compare(
@@ -143,8 +129,8 @@ def compare(
     """
     from daemon.judging.assessment import ComparedCampaigns, compare_campaigns
 
-    sides = _read_judged(before, target), _read_judged(after, target)
-    difference = compare_campaigns(*sides, worse_by)
+    sides = _read(before, target), _read(after, target)
+    difference = compare_campaigns(sides[0].judged, sides[1].judged, worse_by)
     return Answer(
         "compare",
         ComparedCampaigns(difference, difference.regressed),

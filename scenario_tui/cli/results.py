@@ -12,7 +12,7 @@ import typer
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
+from scenario_tui.cli.compare import compare_with_baseline, print_comparison
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
@@ -107,12 +107,9 @@ def results(
     print_text = partial(_print_listed, rows)
     if not is_listed:
         print_text = partial(_print_results, whole, between, runs, target)
-    return Answer(
-        "results",
-        ComparedResults.of(replace(whole, rows=rows), between),
-        print_text,
-        final_code(whole, between) if exit_status or baseline else ExitCode.EXPECTED,
-    )
+    value = ComparedResults.of(replace(whole, rows=rows), between)
+    code = value.exit_code if exit_status or baseline else ExitCode.EXPECTED
+    return Answer("results", value, print_text, code)
 
 
 def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed: bool) -> None:
@@ -123,15 +120,18 @@ def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed
         _print_runs(rows)
 
 
-def print_summary(results: CampaignResults, *, took: float | None = None) -> None:
-    """Print the matrix of cells, the comparisons, and what is not as expected."""
+def print_summary(results: CampaignResults, baseline: CampaignDifference | None = None) -> None:
+    """Print the matrix of cells, what is not as expected, and what changed since the baseline."""
     from scenario_tui.text.summary import summary_parts
 
-    console = stdout_console()
+    row, console = results.row, stdout_console()
+    took = None if row.finished_at is None else row.finished_at - row.submitted_at
     for part in summary_parts(results, took=took):
         console.print(part, crop=False)
     for file, problem in results.unread:
         print_line(f"not read: {file}: {problem}")
+    if baseline is not None:
+        print_comparison(baseline)
 
 
 def _print_results(
@@ -141,10 +141,7 @@ def _print_results(
     target: DaemonTarget,
 ) -> None:
     row, rows = results.row, results.rows
-    took = None if row.finished_at is None else row.finished_at - row.submitted_at
-    print_summary(results, took=took)
-    if comparison is not None:
-        print_comparison(comparison)
+    print_summary(results, comparison)
     if listed:
         _print_runs(rows)
     _print_folder(rows)

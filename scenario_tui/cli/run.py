@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -57,11 +56,11 @@ def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:
 
     # The campaigns are part of the package, which may lie in an archive.
     with as_file(files("campaigns")) as folder:
-        results, took = _run(load(folder / "demo" / "campaign.yaml"), out, slots)
+        results = _run(load(folder / "demo" / "campaign.yaml"), out, slots)
     # A demo may well show a failing robot: it succeeds when every run was judged.
     judged = {run_word(row) for row in results.rows} <= {"pass", "fail", "inconclusive"}
     code = ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE
-    return Answer("results", ComparedResults.of(results), partial(_print_demo, results, took), code)
+    return Answer("results", ComparedResults.of(results), partial(_print_demo, results), code)
 
 
 def run(
@@ -96,12 +95,12 @@ def run(
     told otherwise.
     """
     from daemon.analysis.results import ComparedResults
-    from scenario_tui.cli.compare import compare_with_baseline, final_code
+    from scenario_tui.cli.compare import compare_with_baseline
 
     # Before the runs, not after them; a folder that is made for the traces may hold it as well.
     if junit is not None and (out is None or out not in junit.parents):
         check_writable(junit, "--junit")
-    results, took = _run(load_announced(campaign), out, slots, wall, attempts)
+    results = _run(load_announced(campaign), out, slots, wall, attempts)
     if junit is not None:
         from daemon.analysis.report import write_junit
 
@@ -109,9 +108,9 @@ def run(
     between = compare_with_baseline(
         results, baseline, worse_by, DaemonTarget(say=say, progress=show_progress)
     )
-    text = partial(_print_run, results, took, between, campaign)
+    value = ComparedResults.of(results, between)
     return Answer(
-        "results", ComparedResults.of(results, between), text, final_code(results, between)
+        "results", value, partial(_print_run, results, between, campaign), value.exit_code
     )
 
 
@@ -135,14 +134,11 @@ def _run(
     slots: int | None,
     wall: float | None = None,
     attempts: int | None = None,
-) -> tuple[CampaignResults, float]:
-    """Run a campaign; return its results and how long it took [s]."""
+) -> CampaignResults:
     # Being told to end is being interrupted: what has finished is kept, nothing else is left.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    started = time.perf_counter()
     try:
-        results = campaign.run(workers=slots, out=out, wall=wall, attempts=attempts)
-        return results.value, time.perf_counter() - started
+        return campaign.run(workers=slots, out=out, wall=wall, attempts=attempts).value
     except KeyboardInterrupt:
         from scenario_tui.library.execution import traces_folder
 
@@ -155,8 +151,8 @@ def _run(
         signal.signal(signal.SIGTERM, before)
 
 
-def _print_demo(results: CampaignResults, took: float) -> None:
-    _print_results(results, took)
+def _print_demo(results: CampaignResults) -> None:
+    _print_results(results)
     print_line("This is what testing with scenarios looks like. Make it yours:")
     print_commands(
         ("scenario new my-tests", "write a small campaign, every line explained"),
@@ -167,13 +163,9 @@ def _print_demo(results: CampaignResults, took: float) -> None:
 
 
 def _print_run(
-    results: CampaignResults, took: float, between: CampaignDifference | None, campaign: Path
+    results: CampaignResults, between: CampaignDifference | None, campaign: Path
 ) -> None:
-    from scenario_tui.cli.compare import print_comparison
-
-    _print_results(results, took)
-    if between is not None:
-        print_comparison(between)
+    _print_results(results, between)
     report = command_line("report", results.where)
     print_commands(
         *([(report, "one page with figures")] if any(row.trace for row in results.rows) else []),
@@ -182,9 +174,9 @@ def _print_run(
     )
 
 
-def _print_results(results: CampaignResults, took: float) -> None:
+def _print_results(results: CampaignResults, between: CampaignDifference | None = None) -> None:
     from scenario_tui.cli.results import print_summary
 
-    print_summary(results, took=took)
+    print_summary(results, between)
     kept = count_noun(sum(1 for row in results.rows if row.trace), "trace")
     print_line(f"{kept} in {results.where}/\n")

@@ -54,7 +54,7 @@ def submit(
     answers.
     """
     from daemon.analysis.results import ComparedResults
-    from scenario_tui.cli.compare import compare_with_baseline, final_code
+    from scenario_tui.cli.compare import compare_with_baseline
     from scenario_tui.cli.run import load_announced
     from scenario_tui.library.submission import receipt_text
 
@@ -67,18 +67,17 @@ def submit(
     if not watch:
         from daemon.model.status import HandedOver
 
-        value = HandedOver(job.receipt, target.endpoint)
-        return Answer("submit", value, partial(_print_next, job.id, target))
+        handed = HandedOver(job.receipt, target.endpoint)
+        return Answer("submit", handed, partial(_print_next, job.id, target))
     try:
         results = job.wait().value
     except KeyboardInterrupt:
         say(f"\n{job.id} goes on; come back with `{target.command('results', job.id)}`")
         raise
     between = compare_with_baseline(results, baseline, worse_by, target)
+    value = ComparedResults.of(results, between)
     text = partial(_print_end, results, between, target)
-    return Answer(
-        "results", ComparedResults.of(results, between), text, final_code(results, between)
-    )
+    return Answer("results", value, text, value.exit_code)
 
 
 def _print_next(campaign: str, target: DaemonTarget) -> None:
@@ -92,16 +91,12 @@ def _print_next(campaign: str, target: DaemonTarget) -> None:
 def _print_end(
     results: CampaignResults, between: CampaignDifference | None, target: DaemonTarget
 ) -> None:
-    from scenario_tui.cli.compare import print_comparison
     from scenario_tui.cli.results import print_summary
 
-    row = results.row
-    print_summary(results, took=(row.finished_at or row.submitted_at) - row.submitted_at)
-    if between is not None:
-        print_comparison(between)
+    print_summary(results, between)
     print_commands(
         (target.command("tui"), "look at it in the dashboard"),
-        (target.command("results", row.id, "--runs"), "every run and its trace"),
+        (target.command("results", results.row.id, "--runs"), "every run and its trace"),
     )
 
 

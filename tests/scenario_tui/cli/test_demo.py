@@ -18,7 +18,7 @@ def test_the_demo_succeeds_when_every_run_was_judged(monkeypatch, capsys, words,
         campaigns.append(campaign)
         rows = tuple(SimpleNamespace(state=word, outcome=None) for word in words)
         unused = dict.fromkeys(("row", "declared", "assessment", "origin"))
-        return SimpleNamespace(rows=rows, **unused), 1.0
+        return SimpleNamespace(rows=rows, **unused)
 
     monkeypatch.setattr(run, "_run", run_it)
     monkeypatch.setattr(run, "_print_results", lambda *_: None)
