@@ -9,19 +9,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module
-from typing import TYPE_CHECKING
 
 from scenario_tui.interrupts import remember_interrupts, was_interrupted
-
-if TYPE_CHECKING:
-    from scenario_tui.cli.command_line import app, invoke
-
-__all__ = [
-    "app",
-    "invoke",
-    "main",
-]
 
 _INTERRUPTED = 130
 """ExitCode.INTERRUPTED, which takes typer to load."""
@@ -44,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise
 
 
-def __getattr__(name: str) -> object:
-    if name in ("app", "invoke"):
-        return getattr(import_module("scenario_tui.cli.command_line"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def invoke(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code; every error has been reported."""
+    from scenario_tui.cli import command_line
+
+    return command_line.invoke(arguments)

@@ -14,7 +14,7 @@ from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import CommandError, ExitCode
-from scenario_tui.cli.options import refuse_missing_file
+from scenario_tui.cli.options import out_folder, refuse_missing_file
 from scenario_tui.cli.output import open_progress, print_line, say
 from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
 from scenario_tui.text.formatting import verdict_line
@@ -56,11 +56,8 @@ def blame(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            help="Where the smallest failing scenario goes. Default: scenario-results/blame/RUN/.",
+        out_folder(
+            "Where the smallest failing scenario goes. Default: scenario-results/blame/RUN/."
         ),
     ] = None,
     *,

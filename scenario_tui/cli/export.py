@@ -15,7 +15,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import CommandError, ExitCode
 from scenario_tui.cli.export_runs import ExportedFiles, export_recorded, is_recorded
-from scenario_tui.cli.options import Base, check_folder
+from scenario_tui.cli.options import Base, check_folder, refuse_typed
 from scenario_tui.cli.output import print_line, report_findings, say, track_progress
 from scenario_tui.source import DaemonTarget
 
@@ -172,17 +172,17 @@ def export(
     from a daemon or the store they lie in, and each is verified; what was interrupted goes on.
     """
     if is_recorded(source, kinds):
-        _refuse_options(context, _OF_FILES, "are of floor plans and campaign files, not of runs")
+        refuse_typed(context, _OF_FILES, "are of floor plans and campaign files, not of runs")
         if Artefact.PICTURE not in kinds:
-            _refuse_options(context, _OF_PICTURES, "goes with picture only")
+            refuse_typed(context, _OF_PICTURES, "goes with picture only")
         value = export_recorded(source, kinds, out, target, (since, until))
     else:
         from templates.world import ExportSettings
 
-        _refuse_options(context, _OF_PICTURES, "goes with a picture of a run")
+        refuse_typed(context, _OF_PICTURES, "goes with a picture of a run")
         for kind, names in _OF_KINDS.items():
             if kind not in kinds and Artefact.ALL not in kinds:
-                _refuse_options(context, names, f"goes with {kind}")
+                refuse_typed(context, names, f"goes with {kind}")
         settings = ExportSettings(
             laser_height=laser_height,
             resolution=resolution,
@@ -204,18 +204,6 @@ def _print(exported: ExportedFiles) -> None:
         print_line(str(path))
     for reason in exported.missing.values():
         say(reason)
-
-
-def _refuse_options(context: typer.Context, names: Sequence[str], why: str) -> None:
-    """Refuse parameters that were typed although they mean nothing here."""
-    sources = {name: context.get_parameter_source(name) for name in names}
-    typed = [
-        parameter.opts[0]
-        for parameter in context.command.params
-        if (source := sources.get(parameter.name or "")) and source.name == "COMMANDLINE"
-    ]
-    if typed:
-        raise typer.BadParameter(why, param_hint=", ".join(typed))
 
 
 def _worlds(

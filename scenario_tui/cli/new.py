@@ -15,7 +15,7 @@ from grammars.text.diagnostics import InputError, Where
 from grammars.text.words import command_line
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.options import why_no_folder
+from scenario_tui.cli.options import refuse_typed, why_no_folder
 from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ class LayerList:
 
 
 def new(
+    context: typer.Context,
     folder: Annotated[
         Path | None,
         typer.Argument(
@@ -102,9 +103,8 @@ def new(
     overwritten.
     """
     if listing:
-        options = {"--floorplan": floorplan, "--robot": robot, "--nav2": nav2}
-        for option in (option for option, value in options.items() if value):
-            raise typer.BadParameter("begins a campaign: leave it out", param_hint=option)
+        why = "begins a campaign: leave it out"
+        refuse_typed(context, ("floorplan", "robot", "nav2"), why)
         layers = LayerList(str(folder or Path()), tuple(_layers(folder or Path())))
         return Answer("layers", layers, partial(_print_layers, layers))
     if folder is None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 import typer
 
@@ -65,6 +66,18 @@ def check_folder(path: Path, option: str) -> None:
         raise typer.BadParameter(f"{path} is no folder", param_hint=option)
 
 
+def refuse_typed(context: typer.Context, names: Sequence[str], why: str) -> None:
+    """Refuse parameters that were typed although they mean nothing here."""
+    sources = {name: context.get_parameter_source(name) for name in names}
+    typed = [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if (source := sources.get(parameter.name or "")) and source.name == "COMMANDLINE"
+    ]
+    if typed:
+        raise typer.BadParameter(why, param_hint=", ".join(typed))
+
+
 def parse_endpoint(text: str) -> str:
     """Return the endpoint that was typed, a path as that of a socket; raises ``ValueError``."""
     from daemon.batch import paths
@@ -111,6 +124,12 @@ def _campaign_hint(path: Path) -> str:
 
 _COMMON: Final = "Common options"
 """The panel of help for options that many commands have."""
+
+
+def out_folder(about: str) -> Any:
+    """Return the option ``--out DIR``."""
+    return typer.Option("--out", "-o", metavar="DIR", help=about)
+
 
 Connect: TypeAlias = Annotated[
     str,

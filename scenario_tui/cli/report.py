@@ -14,7 +14,13 @@ from daemon.batch.errors import TraceUnavailable
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Processes, TableFile, check_writable, why_no_folder
+from scenario_tui.cli.options import (
+    Processes,
+    TableFile,
+    check_writable,
+    refuse_typed,
+    why_no_folder,
+)
 from scenario_tui.cli.output import print_line, track_progress
 from scenario_tui.source import (
     DaemonTarget,
@@ -35,6 +41,7 @@ _DEFAULT_PAGE: Final = Path("report.html")
 
 
 def report(
+    context: typer.Context,
     target: DaemonTarget,
     campaign: Annotated[
         str,
@@ -87,18 +94,16 @@ def report(
     for option, file in {"output": output, "junit": junit}.items():
         if file is not None:
             check_writable(file, f"--{option}")
-    options = [f"--{kind}" for kind, path in (tables | {"figures": figures}).items() if path]
     if history:
-        if options or exit_status:
-            raise typer.BadParameter("it is a page alone", param_hint="--history")
+        pages = ("figures", "junit", "table", "exit_status")
+        refuse_typed(context, pages, "a history is a page alone")
         return _report_history(campaign, output or _DEFAULT_PAGE, target)
     with open_source(campaign, target, judge=False) as source:
         row = find_campaign(source, campaign)
         if row.search:
-            if options:
-                hint = f"its runs are in `scenario search {row.id} --json`"
-                message = f"tables are of campaigns, {row.id} is a search: {hint}"
-                raise typer.BadParameter(message, param_hint=", ".join(options))
+            hint = f"its runs are in `scenario search {row.id} --json`"
+            why = f"tables are of campaigns, {row.id} is a search: {hint}"
+            refuse_typed(context, ("figures", "junit", "table"), why)
             return _report_search(source, row.id, output or _DEFAULT_PAGE, exit_status, target)
         from daemon.analysis.results import read_results
 

@@ -20,6 +20,7 @@ from scenario_tui.cli.options import (
     Wall,
     WorseBy,
     check_writable,
+    out_folder,
 )
 from scenario_tui.cli.output import (
     print_commands,
@@ -35,12 +36,7 @@ if TYPE_CHECKING:
     from daemon.judging.assessment import CampaignDifference
     from scenario_tui.library.campaign import Campaign
 
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", help="Where traces go. Default: scenario-results/<campaign>/."
-    ),
-]
+Out = Annotated[Path | None, out_folder("Where traces go. Default: scenario-results/<campaign>/.")]
 
 
 def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:

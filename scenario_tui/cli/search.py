@@ -18,7 +18,7 @@ from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code, wrong_usage
-from scenario_tui.cli.options import Slots, check_campaign_file
+from scenario_tui.cli.options import Slots, check_campaign_file, out_folder, refuse_typed
 from scenario_tui.cli.output import (
     plain_table,
     print_commands,
@@ -44,6 +44,7 @@ _LAYERS: Final = "campaign"
 
 
 def search(
+    context: typer.Context,
     campaign: Annotated[
         str,
         typer.Argument(
@@ -104,12 +105,7 @@ def search(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            help="Where the found scenario goes. Default: scenario-results/search/SEARCH/.",
-        ),
+        out_folder("Where the found scenario goes. Default: scenario-results/search/SEARCH/."),
     ] = None,
     slots: Slots = None,
     *,
@@ -128,13 +124,9 @@ def search(
         return Answer("searches", Searches(searches), partial(_print_searches, searches, target))
     file = Path(campaign)
     if not (file.suffix in (".yaml", ".yml") or file.is_file()):
-        changes = {"--budget": budget, "--stop": stop, "--method": method, "--seed": seed,
-                   "--confirm": confirm, "--fresh": fresh or None, "--detach": detach or None,
-                   "NAME": name}  # fmt: skip
-        given = [option for option, value in changes.items() if value not in ("", None)]
-        if given:
-            message = "is for campaign files: a search that is there is shown as it was asked for"
-            raise typer.BadParameter(message, param_hint=given[0])
+        changes = ("budget", "stop", "method", "seed", "confirm", "fresh", "detach", "name")
+        why = "is for campaign files: a search that is there is shown as it was asked for"
+        refuse_typed(context, changes, why)
         return _watch(target, _find_search(target, campaign), out)
     change = _read_changes(budget, stop, method, seed, confirm)
     prepared = _begin(file, name, change, target, slots, fresh=fresh)
@@ -265,10 +257,9 @@ def _read_changes(
         changes["seed"] = seed
 
     def change(task: SearchTask) -> SearchTask:
-        repeats = {} if confirm is None else {"confirm": confirm}
-        if confirm is not None and not task.repeatable:
-            repeats = {"confirm": max(confirm, LEAST_CONFIRMED)}
-        return replace(task, **changes, **repeats)  # type: ignore[arg-type]
+        if confirm is not None:
+            changes["confirm"] = max(confirm, 0 if task.repeatable else LEAST_CONFIRMED)
+        return replace(task, **changes)  # type: ignore[arg-type]
 
     return change
 

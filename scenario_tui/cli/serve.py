@@ -158,7 +158,10 @@ def serve(
             if headless or why_no_screen():
                 _serve_headless(simulation, services, thread)
             else:
-                code = _serve_in_view(simulation, services, thread)
+                from scenario_tui.dashboard.screens.live import LiveScreen, run_live
+
+                to_type = services.bridge.to_type if services.bridge is not None else ""
+                code = run_live(LiveScreen(simulation, thread, services.lines, to_type))
         bridge = services.bridge
         for failure in (thread.failure, bridge.ros.failure if bridge is not None else None):
             if failure is not None:
@@ -295,11 +298,3 @@ def _serve_headless(simulation: LiveSimulation, services: _Servers, thread: Live
     finally:
         for number, handler in zip(endings, before, strict=True):
             signal.signal(number, handler)
-
-
-def _serve_in_view(simulation: LiveSimulation, services: _Servers, thread: LiveThread) -> int:
-    """Show it until somebody leaves; return the code of the screen."""
-    from scenario_tui.dashboard.screens.live import LiveScreen, run_live
-
-    to_type = services.bridge.to_type if services.bridge is not None else ""
-    return run_live(LiveScreen(simulation, thread, services.lines, to_type))

@@ -16,7 +16,7 @@ from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import check_folder
+from scenario_tui.cli.options import check_folder, out_folder
 from scenario_tui.cli.output import print_line, report_findings, say, stderr_console
 from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, printed_lines
 
@@ -56,12 +56,7 @@ def check(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            help="Where all that it prints goes. Default: scenario-results/sut-check/NAME/.",
-        ),
+        out_folder("Where all that it prints goes. Default: scenario-results/sut-check/NAME/."),
     ] = None,
 ) -> Answer[StackCheck]:
     """Start a ROS 2 stack, compare it with the needs of a run, and end it.
