@@ -212,6 +212,8 @@ def find_run(source: CampaignSource, name: str) -> RunDetail:
     if files := trace_files(name):
         _refuse_several(name, [str(file) for file in files])
         return source.run(str(files[0]))
+    if Path(name).is_file():
+        raise Refused(_why_no_campaign(source, name))
     campaign = find_campaign(source, campaign_name if is_numbered else name)
     run = f"{campaign.id}.{number}"
     if is_numbered and run != name:

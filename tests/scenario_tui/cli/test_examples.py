@@ -7,6 +7,7 @@ import shutil
 
 import pytest
 
+from daemon.batch import launch
 from grammars.model.map_files import write_map
 from scenario_tui.cli.commands import load_command
 from scenario_tui.cli.examples import EXAMPLES
@@ -102,6 +103,10 @@ def test_examples_do_what_they_show(word, place, monkeypatch):
     for name in ("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(place / "home"))
     monkeypatch.chdir(place)
+    detached, start = [], launch.start_detached
+    monkeypatch.setattr(
+        launch, "start_detached", lambda *words: detached.append(start(*words)) or detached[-1]
+    )
     # What an example before this one has queued is not what the next one is about.
     assert call_here("wait", "nightly", state=place / "state", cwd=place).returncode == 0
     for words, lines in EXAMPLES.items():
@@ -118,6 +123,8 @@ def test_examples_do_what_they_show(word, place, monkeypatch):
             steps = [] if word == "demo" else _NEXT_STEP.findall(done.stdout)
             for step in steps:
                 _read(shlex.split(step)[1:])
+    for process in detached:
+        process.wait(60)  # otherwise it would wait for the daemon, which is stopped in the end
     if word in WRITTEN:
         assert (place / WRITTEN[word]).is_file()
 
