@@ -118,8 +118,7 @@ def revoke(key: KeyName, keys: Keys = None) -> Answer[KeyList]:
 def bundle(
     key: KeyName,
     output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="FILE.tar", help="The archive to write."),
+        Path, typer.Option("--output", "-o", metavar="FILE.tar", help="The archive to write.")
     ],
     keys: Keys = None,
 ) -> None:

@@ -233,8 +233,7 @@ TableFile: TypeAlias = Annotated[
     ),
 ]
 Processes: TypeAlias = Annotated[
-    int | None,
-    typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+    int | None, typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core.")
 ]
 CampaignFile: TypeAlias = Annotated[
     Path,

@@ -40,8 +40,7 @@ def replay(
         ),
     ] = "",
     speed: Annotated[
-        float,
-        typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds a second."),
+        float, typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds a second.")
     ] = 1.0,
     frame: Annotated[
         str,

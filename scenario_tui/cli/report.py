@@ -22,12 +22,7 @@ from scenario_tui.cli.options import (
     why_no_folder,
 )
 from scenario_tui.cli.output import print_line, track_progress
-from scenario_tui.source import (
-    DaemonTarget,
-    bring_traces,
-    find_campaign,
-    open_source,
-)
+from scenario_tui.source import DaemonTarget, bring_traces, find_campaign, open_source
 
 if TYPE_CHECKING:
     from daemon.analysis.history import WrittenHistory
@@ -219,9 +214,7 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
 
 
 def _print_written(
-    report: WrittenReport | WrittenHistory,
-    subject: str,
-    unread: Sequence[tuple[str, str]] = (),
+    report: WrittenReport | WrittenHistory, subject: str, unread: Sequence[tuple[str, str]] = ()
 ) -> None:
     """Print the outcome and the files that were written."""
     from rich.filesize import decimal

@@ -18,13 +18,7 @@ from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.cli.search import search_answer
 from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
-from scenario_tui.text.formatting import (
-    TERMINAL_STYLES,
-    glyph_word,
-    margin,
-    run_label,
-    run_word,
-)
+from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word, margin, run_label, run_word
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults, ComparedResults

@@ -22,13 +22,7 @@ from scenario_tui.cli.options import (
     check_writable,
     out_folder,
 )
-from scenario_tui.cli.output import (
-    print_commands,
-    print_line,
-    report_findings,
-    say,
-    show_progress,
-)
+from scenario_tui.cli.output import print_commands, print_line, report_findings, say, show_progress
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:

@@ -55,11 +55,7 @@ def search(
         ),
     ] = "",
     name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="Which search of the file. Default: the only one.",
-        ),
+        str, typer.Argument(metavar="NAME", help="Which search of the file. Default: the only one.")
     ] = "",
     budget: Annotated[
         str,

@@ -250,9 +250,7 @@ def _open_bridge(simulation: LiveSimulation, socket: str, folder: Path) -> _Brid
         # Of a port that was free: the next stack finds it where the first one did.
         address = first[0].address
         bridge = RosBridge(
-            simulation,
-            lambda: first.pop() if first else RelayLink.listen(address, nonce),
-            settings,
+            simulation, lambda: first.pop() if first else RelayLink.listen(address, nonce), settings
         )
     except LinkLost as error:
         raise CommandError(str(error), ExitCode.INFRASTRUCTURE) from error

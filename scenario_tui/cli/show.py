@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -79,7 +79,14 @@ def show(
         if wants_log:
             run_log = _read_log(source, detail, standing, target)
             if output and output not in run_log.printed:
-                raise _no_output(output, run_log.printed)
+                names = run_log.printed
+                hint = (
+                    did_you_mean(output, names)
+                    if names
+                    else "its system under test printed nothing"
+                )
+                message = f'no output "{output}" in this run: {hint}'
+                raise typer.BadParameter(message, param_hint="--output")
             text = partial(_print_log, run_log, everything, target)
             if output:
                 text = partial(_print_output, run_log.printed[output])
@@ -171,12 +178,6 @@ def _read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
     files = sorted(matching_paths(paths.spool, f"*/{run}/attempt-*/{OUTPUT}"))
     texts = (read_output(file.parent).decode("utf-8", "replace").strip() for file in files)
     return tuple(filter(None, texts))
-
-
-def _no_output(name: str, printed: Mapping[str, str]) -> typer.BadParameter:
-    """Return wrong usage for an output that the run has not."""
-    hint = did_you_mean(name, printed) if printed else "its system under test printed nothing"
-    return typer.BadParameter(f'no output "{name}" in this run: {hint}', param_hint="--output")
 
 
 def _print_log(log: RunLog, everything: bool, target: DaemonTarget) -> None:

@@ -20,7 +20,7 @@ from scenario_tui.cli.output import (
     stderr_console,
     stdout_console,
 )
-from scenario_tui.cli.sut_check import check, find_sut
+from scenario_tui.cli.sut_check import check, load_sut
 from scenario_tui.text.formatting import NOT_REPEATABLE
 
 if TYPE_CHECKING:
@@ -59,12 +59,11 @@ def show(
     layers of both costmaps and who hears which laser; for a ROS 2 stack the defaults that apply.
     Nothing is started.
     """
-    from daemon.campaign import LayerLibrary, RefusedSutError
+    from daemon.campaign import RefusedSutError
     from scenario_tui.cli.values import ShownSut
 
-    path = find_sut(file, Path())
     try:
-        sut = LayerLibrary(path.parent).sut_file(path)
+        sut = load_sut(file, Path())
     except RefusedSutError as refused:
         _print_settings(stderr_console(), refused.settings, ())
         raise

@@ -68,8 +68,13 @@ def check(
     from daemon.stacks.ros2.checkup import StackCheck, examine
     from daemon.stacks.ros2.settings import read_settings
 
-    loaded = _load(sut, Path() if campaign is None else campaign.parent)
-    settings, name = read_settings(loaded.reference.local_parameters), loaded.reference.name
+    loaded = load_sut(sut, Path() if campaign is None else campaign.parent)
+    report_findings(loaded.warnings)
+    name, kind = loaded.reference.name, loaded.reference.kind
+    if kind != _KIND:
+        only = f"only systems of kind {_KIND} can be started to be looked at"
+        raise typer.BadParameter(f"{name} is of kind {kind}: {only}", param_hint="SUT")
+    settings = read_settings(loaded.reference.local_parameters)
     briefing, first = _first_moment(campaign, loaded.warnings)
     folder = Path("scenario-results", "sut-check", name) if out is None else out
     check_folder(folder, "--out")
@@ -107,36 +112,17 @@ def check(
     return Answer("inspection", value, partial(_print_check, value), code)
 
 
-def find_sut(name: str, folder: Path) -> Path:
-    """Return the file of a system under test: a path, or a name as in campaigns of ``folder``.
+def load_sut(name: str, folder: Path) -> LoadedSut:
+    """Load a SUT file, or one that is found by its name as in a campaign of ``folder``.
 
     Raises :class:`InputError`.
     """
-    from daemon.campaign import SUT, LayerReference, find_layer
+    from daemon.campaign import SUT, LayerLibrary, LayerReference, find_layer
 
     path = Path(name)
-    return (
-        path if path.is_file() else find_layer(folder, LayerReference(name, {}, Where(name)), SUT)
-    )
-
-
-def _load(name: str, folder: Path) -> LoadedSut:
-    """Load a SUT file, or one that is found by its name as in a campaign of ``folder``.
-
-    Raises :class:`InputError` for a bad file, and wrong usage for a system that is not outside.
-    """
-    from daemon.campaign import LayerLibrary
-
-    path = find_sut(name, folder)
-    sut = LayerLibrary(path.parent).sut_file(path)
-    report_findings(sut.warnings)
-    if sut.reference.kind != _KIND:
-        raise typer.BadParameter(
-            f"{sut.reference.name} is of kind {sut.reference.kind}: only systems of kind "
-            f"{_KIND} can be started to be looked at",
-            param_hint="SUT",
-        )
-    return sut
+    if not path.is_file():
+        path = find_layer(folder, LayerReference(name, {}, Where(name)), SUT)
+    return LayerLibrary(path.parent).sut_file(path)
 
 
 def _first_moment(
