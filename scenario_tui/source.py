@@ -391,7 +391,7 @@ def bring_traces(
     far = [row for row in rows if row.trace and (daemon or is_url(row.trace))]
     size = sum(row.result.trace.size for row in far if row.result)
     traces: list[Path | TraceUnavailable] = []
-    with target.progress("bringing traces", size, "bytes") if size else _no_progress() as advance:
+    with target.progress("bringing traces", size, "bytes") as advance:
         for row in rows:
             try:
                 traces.append(trace_file(row, daemon, progress=advance))

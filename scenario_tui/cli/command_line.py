@@ -130,9 +130,7 @@ def _wrong_usage(error: typer.TyperException) -> ErrorValue:
         show()
     else:
         sys.stderr.write(f"{error}\n")
-    message: Callable[[], str] | None = getattr(error, "format_message", None)
-    words = message() if message is not None else str(error)
-    return ErrorValue(" ".join(words.split()), ExitCode.BAD_INPUT)
+    return ErrorValue(" ".join(error.format_message().split()), ExitCode.BAD_INPUT)
 
 
 def _bad_input(error: InputError) -> ErrorValue:

@@ -70,23 +70,19 @@ def _check_settings() -> DoctorFinding:
     from daemon.batch.operation import DoctorFinding, FindingLevel
     from scenario_tui.dashboard.config import config_path, read_config
 
-    level, message, remedy = (
-        FindingLevel.OK,
-        f"{config_path()} is not there: everything as usual",
-        "",
-    )
     try:
         config = read_config()
     except InputError as error:
-        level, message = FindingLevel.PROBLEM, str(error).splitlines()[0]
         remedy = "correct it: the dashboard does not start until then"
-    else:
-        if config.path is not None:
-            parts = [count_noun(len(config.keys), "key")] if config.keys else []
-            parts += [f"theme {config.theme}"] if config.theme else []
-            parts += ["read-only"] if config.read_only else []
-            message = f"{config.path} {', '.join(parts)}".rstrip()
-    return DoctorFinding(level, "config", message, remedy)
+        problem = str(error).splitlines()[0]
+        return DoctorFinding(FindingLevel.PROBLEM, "config", problem, remedy)
+    message = f"{config_path()} is not there: everything as usual"
+    if config.path is not None:
+        parts = [count_noun(len(config.keys), "key")] if config.keys else []
+        parts += [f"theme {config.theme}"] if config.theme else []
+        parts += ["read-only"] if config.read_only else []
+        message = f"{config.path} {', '.join(parts)}".rstrip()
+    return DoctorFinding(FindingLevel.OK, "config", message)
 
 
 def _print_findings(findings: tuple[DoctorFinding, ...]) -> None:

@@ -60,6 +60,7 @@ def show(
     Nothing is started.
     """
     from daemon.campaign import RefusedSutError
+    from daemon.stacks.ros1 import ROS
     from scenario_tui.cli.values import ShownSut
 
     try:
@@ -67,7 +68,7 @@ def show(
     except RefusedSutError as refused:
         _print_settings(stderr_console(), refused.settings, ())
         raise
-    read = _read_ros_parameters(sut)
+    read = ROS.read(sut.reference.parameters) if sut.reference.kind == ROS.name else None
     unused = sut.findings.without_effect
     value = ShownSut(
         sut.reference,
@@ -94,12 +95,6 @@ def relay() -> None:
 
     # As a file and not as a module: it is written for the Python of the stack.
     sys.stdout.write(files("daemon.stacks.ros2").joinpath("relay.py").read_text("utf-8"))
-
-
-def _read_ros_parameters(sut: LoadedSut) -> RosParameters | None:
-    from daemon.stacks.ros1 import ROS
-
-    return ROS.read(sut.reference.parameters) if sut.reference.kind == ROS.name else None
 
 
 def _defaults(sut: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
