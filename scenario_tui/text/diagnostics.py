@@ -15,10 +15,11 @@ from grammars.text.words import count_noun
 
 def render_diagnostic(diagnostic: Finding) -> Text:
     """Return a diagnostic with its source line, when the source can be read."""
-    warning = diagnostic.severity is Severity.WARNING
+    is_warning = diagnostic.severity is Severity.WARNING
     text = Text()
     text.append(spell_out(f"{diagnostic.where}: "), style="bold")
-    text.append("warning: " if warning else "error: ", style="yellow" if warning else "bold red")
+    word, style = ("warning", "yellow") if is_warning else ("error", "bold red")
+    text.append(f"{word}: ", style=style)
     text.append(diagnostic.message)
     excerpt = _source_excerpt(diagnostic.where)
     if excerpt is not None:
@@ -42,13 +43,6 @@ def diagnostic_counts(diagnostics: Iterable[Finding]) -> str:
     return ", ".join(parts) or "no problems"
 
 
-def _source_lines(file: str) -> tuple[str, ...]:
-    try:
-        return _read_source(file, Path(file).stat().st_mtime_ns)
-    except (OSError, ValueError):
-        return ()
-
-
 @lru_cache(maxsize=64)
 def _read_source(file: str, changed: int) -> tuple[str, ...]:
     """Return the lines of a file as it is since ``changed``: who watches sees it being edited."""
@@ -57,7 +51,12 @@ def _read_source(file: str, changed: int) -> tuple[str, ...]:
 
 def _source_excerpt(where: Where) -> tuple[str, int] | None:
     """Return the source line without its indentation and the caret's offset in it (-1: none)."""
-    lines = _source_lines(where.file) if where.line else ()
+    if not where.line:
+        return None
+    try:
+        lines = _read_source(where.file, Path(where.file).stat().st_mtime_ns)
+    except (OSError, ValueError):
+        return None
     if not 0 < where.line <= len(lines):
         return None
     # Columns count characters, so a tab has to stay one, or the caret would point beside.

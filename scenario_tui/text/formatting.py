@@ -131,8 +131,11 @@ def fine_duration(seconds: float) -> str:
 
 def brief_duration(seconds: float) -> str:
     """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
-    # An age counted from now is a span.
-    return age_text(-seconds, 0.0).removesuffix(" ago")
+    seconds = max(0.0, seconds)
+    for unit, size, most in (("s", 1, 60), ("min", 60, 3600), ("h", 3600, 48 * 3600)):
+        if seconds < most:
+            return f"{int(seconds // size)} {unit}"
+    return f"{int(seconds // 86400)} d"
 
 
 def brief_count(number: int) -> str:
@@ -144,11 +147,7 @@ def brief_count(number: int) -> str:
 
 def age_text(then: float, now: float) -> str:
     """Return how long ago something was, in one unit: ``12 s ago``, ``25 h ago``."""
-    seconds = max(0.0, now - then)
-    for unit, size, most in (("s", 1, 60), ("min", 60, 3600), ("h", 3600, 48 * 3600)):
-        if seconds < most:
-            return f"{int(seconds // size)} {unit} ago"
-    return f"{int(seconds // 86400)} d ago"
+    return f"{brief_duration(now - then)} ago"
 
 
 def rate_text(per_minute: float) -> str:
