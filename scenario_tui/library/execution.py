@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import shutil
 import tempfile
 import time
@@ -10,12 +11,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from daemon.analysis.results import CampaignResults, read_results, write_campaign_note
 from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon
-from daemon.batch.paths import StatePaths
+from daemon.batch.paths import StatePaths, is_locked
 from daemon.judging.assessment import assess
 from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
@@ -24,6 +25,11 @@ from scenario_tui.library.watching import ENDURANCE, WatchedRuns, watch
 
 if TYPE_CHECKING:
     from daemon.model.submission import Submission
+
+_STATE: Final = ".scenario-"
+"""Beginning of the name of a temporary state directory beside the traces."""
+_LOCK: Final = "run.lock"
+"""File in it that its run holds locked."""
 
 
 def run_here(
@@ -46,7 +52,7 @@ def run_here(
     # First of all: with it the traces of a run that is interrupted can still be reported.
     write_campaign_note(target, submission, at=time.time(), machine=machine_text())
     with (
-        _temporary_state(target, submission.campaign) as state,
+        _temporary_state(target) as state,
         embedded_daemon(state, slots=workers, wall=wall or 0.0, attempts=attempts) as endpoint,
     ):
         opened = partial(Client.open, endpoint)
@@ -72,16 +78,26 @@ def _moved(run: RunRow, target: Path) -> RunRow:
 
 
 @contextmanager
-def _temporary_state(target: Path, campaign: str) -> Iterator[Path]:
+def _temporary_state(target: Path) -> Iterator[Path]:
     """Lend a state directory beside the traces; at the end its traces move out, it goes away."""
+    # A run that was killed left its own. With its traces there, cells would have runs twice.
+    for earlier in target.glob(f"{_STATE}*"):
+        if not (is_locked(earlier / _LOCK) or is_locked(StatePaths(earlier).lock)):
+            _move_out(earlier, target)
     # On the file system of the traces, so that moving them out renames and never copies.
-    state = Path(tempfile.mkdtemp(prefix=".scenario-", dir=target.absolute()))
-    try:
-        yield state
-    finally:
-        # The daemon inside has ended by now: it is the inner of the two contexts.
+    state = Path(tempfile.mkdtemp(prefix=_STATE, dir=target.absolute()))
+    with (state / _LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         try:
-            for trace in (StatePaths(state).traces / campaign).glob("*.mcap"):
-                trace.replace(target / trace.name)
+            yield state
         finally:
-            shutil.rmtree(state, ignore_errors=True)
+            # The daemon inside has ended by now: it is the inner of the two contexts.
+            _move_out(state, target)
+
+
+def _move_out(state: Path, target: Path) -> None:
+    try:
+        for trace in StatePaths(state).traces.glob("*/*.mcap"):
+            trace.replace(target / trace.name)
+    finally:
+        shutil.rmtree(state, ignore_errors=True)

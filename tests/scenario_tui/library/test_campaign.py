@@ -7,6 +7,7 @@ import pytest
 
 from grammars.text.diagnostics import InputError
 from scenario_tui import check, load
+from scenario_tui.library import execution
 
 CAMPAIGNS = Path("campaigns").absolute()
 DEMO = CAMPAIGNS / "demo" / "campaign.yaml"
@@ -95,3 +96,18 @@ def test_a_scene_is_drawn(demo):
     assert "kitchen" in scene.spaces
     assert "kitchen_door" in scene.objects
     assert "<svg" in scene._repr_svg_()
+
+
+def test_traces_of_a_killed_run_move_out_before_the_next_one(tmp_path):
+    with execution._temporary_state(tmp_path) as state:
+        folder = state / "traces" / "demo-1"
+        folder.mkdir(parents=True)
+        (folder / "a.mcap").touch()
+        with execution._temporary_state(tmp_path):
+            assert (folder / "a.mcap").is_file()  # its run is alive
+        killed = tmp_path / ".scenario-killed"
+        shutil.copytree(state, killed)
+    (tmp_path / "a.mcap").unlink()
+    with execution._temporary_state(tmp_path) as state:
+        assert sorted(tmp_path.iterdir()) == [state, tmp_path / "a.mcap"]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
