@@ -29,7 +29,8 @@ from daemon.model.assessments import CellVerdict, ComparisonVerdict, Expectation
 from daemon.model.run_state import RunState
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
-from grammars.text.diagnostics import InputError, ScenarioError, Severity, Where
+from grammars.text.diagnostics import InputError, ScenarioError, Severity, Where, raise_all
+from scenario_tui.campaign_files import relative_name
 from scenario_tui.library.campaign import load
 from scenario_tui.library.results import Cell, Results, Run
 from scenario_tui.library.watching import ENDURANCE, PATIENCE, CollectedRuns, watch
@@ -124,9 +125,9 @@ class ScenarioPlugin:
         except (ScenarioError, OSError) as error:
             return f"no trace to look at: {error} (pytest --cache-clear runs it anew)"
         # Nobody keeps the ledger when this is typed.
-        local = shlex.join(("scenario", "replay", _typed(trace)))
+        local = shlex.join(("scenario", "replay", relative_name(trace, Path.cwd())))
         command = run.replay_command if self.target.named else local
-        return f"picture: {_typed(picture)}\nreplay:  {command}"
+        return f"picture: {relative_name(picture, Path.cwd())}\nreplay:  {command}"
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
@@ -201,12 +202,6 @@ def _write_picture(picture: str, path: Path) -> None:
     path.write_text(picture, "utf-8")
 
 
-def _typed(path: Path) -> str:
-    """Return a path as it can be typed in the folder that pytest was started in."""
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
 @dataclass
 class WatchedCells(CollectedRuns):
     """The runs of a campaign, until those of ``cells`` have ended.
@@ -275,12 +270,10 @@ class CampaignRuns:
 
 def _load(path: Path, scenario: str = "", sut: str = "") -> loading.Campaign:
     """Return a campaign, or one scenario of it; raises ``InputError`` if it cannot be run."""
-    campaign = load(_typed(path))
+    campaign = load(relative_name(path, Path.cwd()))
     if scenario:
         campaign = campaign.select(scenario, sut)
-    errors = [one for one in campaign.findings if one.severity is Severity.ERROR]
-    if errors:
-        raise InputError(errors)
+    raise_all(one for one in campaign.findings if one.severity is Severity.ERROR)
     return campaign.checked
 
 

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -51,23 +52,29 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class SubmissionPlan:
-    """Runs that would be executed: ``cells`` times ``repeats``, 0 when cells differ in these.
+class Workload:
+    """Runs to execute, for which one worker needs ``seconds``.
 
-    One worker needs ``seconds`` for the runs without a result and ``seconds_anew`` for all. These
-    leave out ``untimed`` and ``untimed_anew`` runs: nothing like them was run. ``has_forecast`` is
-    false when no ledger could be read; the numbers are 0 then.
+    ``untimed`` runs are left out of these: nothing like them was run.
+    """
+
+    runs: int
+    seconds: float
+    untimed: int
+
+
+@dataclass(frozen=True, slots=True)
+class SubmissionPlan:
+    """Runs of a campaign: ``cells`` times ``repeats``, 0 when cells differ in these.
+
+    ``new`` are the runs without a result, ``fresh`` all of them; ``None`` without a ledger.
     """
 
     cells: int
     repeats: int
     runs: int
-    has_forecast: bool = False
-    cached: int = 0
-    seconds: float = 0.0
-    untimed: int = 0
-    seconds_anew: float = 0.0
-    untimed_anew: int = 0
+    new: Workload | None = None
+    fresh: Workload | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +133,14 @@ def _plan(submission: Submission, state: Path | None) -> SubmissionPlan:
     forecast = None if state is None else _forecast(submission, state)
     if forecast is None:
         return plan
-    new = [s for s, cached in zip(forecast.seconds, forecast.cached, strict=True) if not cached]
-    return replace(
-        plan,
-        has_forecast=True,
-        cached=sum(forecast.cached),
-        seconds=sum(s or 0.0 for s in new),
-        untimed=new.count(None),
-        seconds_anew=sum(s or 0.0 for s in forecast.seconds),
-        untimed_anew=sum(s is None for s in forecast.seconds),
-    )
+    pairs = zip(forecast.seconds, forecast.cached, strict=True)
+    new = [seconds for seconds, is_cached in pairs if not is_cached]
+    return replace(plan, new=_workload(new), fresh=_workload(forecast.seconds))
+
+
+def _workload(seconds: Sequence[float | None]) -> Workload:
+    times = [one for one in seconds if one is not None]
+    return Workload(len(seconds), sum(times), len(seconds) - len(times))
 
 
 def _forecast(submission: Submission, state: Path) -> Forecast | None:
@@ -164,22 +169,19 @@ def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     words = f"{cells}, {runs}"
     if plan.repeats:
         words = f"{cells} × {count_noun(plan.repeats, 'repeat')} = {runs}"
-    if not plan.has_forecast:
+    work = plan.fresh if fresh else plan.new
+    if work is None:
         return words
-    cached = 0 if fresh else plan.cached
-    if cached == plan.runs:
+    if not work.runs:
         return f"{words}, all cached: nothing is executed"
-    if cached:
-        words += f", {cached:,} cached"
-    seconds, untimed = plan.seconds, plan.untimed
-    if fresh:
-        seconds, untimed = plan.seconds_anew, plan.untimed_anew
-    if untimed == plan.runs - cached:
+    if work.runs < plan.runs:
+        words += f", {plan.runs - work.runs:,} cached"
+    if work.untimed == work.runs:
         return f"{words}; how long they take is unknown: no run of these yet"
-    at_once = max(1, min(slots, plan.runs - cached))
-    about = "at least" if untimed else "about"
-    more = f", {untimed:,} of them unknown" if untimed else ""
-    span = duration_text(seconds / at_once)
+    at_once = max(1, min(slots, work.runs))
+    about = "at least" if work.untimed else "about"
+    more = f", {work.untimed:,} of them unknown" if work.untimed else ""
+    span = duration_text(work.seconds / at_once)
     return f"{words}; {about} {span} on {count_noun(at_once, 'slot')}{more}"
 
 

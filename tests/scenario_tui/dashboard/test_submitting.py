@@ -11,7 +11,7 @@ from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
-from scenario_tui.library.submission import SubmissionPlan, check_file, plan_text
+from scenario_tui.library.submission import SubmissionPlan, Workload, check_file, plan_text
 from tests.scenario_tui.dashboard import inline
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.dashboard.inline import press, screen_text, settle
@@ -92,19 +92,19 @@ async def test_what_would_be_executed_is_said_before(fake, folder):
 @pytest.mark.parametrize(
     ("plan", "fresh", "said"),
     [
-        ({"has_forecast": False}, False, ""),
-        ({"untimed": 15}, False, "; how long they take is unknown: no run of these yet"),
-        ({"seconds": 480.0}, False, "; about 4 min 00 s on 2 slots"),
-        ({"cached": 12, "seconds": 90.0}, False, ", 12 cached; about 45 s on 2 slots"),
-        ({"cached": 14, "seconds": 90.0}, False, ", 14 cached; about 1 min 30 s on 1 slot"),
-        ({"seconds": 90.0, "untimed": 5}, False, "; at least 45 s on 2 slots, 5 of them unknown"),
-        ({"cached": 15}, False, ", all cached: nothing is executed"),
-        ({"cached": 15, "seconds_anew": 30.0}, True, "; about 15 s on 2 slots"),
+        ((None, None), False, ""),
+        (((15, 0.0, 15), None), False, "; how long they take is unknown: no run of these yet"),
+        (((15, 480.0, 0), None), False, "; about 4 min 00 s on 2 slots"),
+        (((3, 90.0, 0), None), False, ", 12 cached; about 45 s on 2 slots"),
+        (((1, 90.0, 0), None), False, ", 14 cached; about 1 min 30 s on 1 slot"),
+        (((15, 90.0, 5), None), False, "; at least 45 s on 2 slots, 5 of them unknown"),
+        (((0, 0.0, 0), None), False, ", all cached: nothing is executed"),
+        (((0, 0.0, 0), (15, 30.0, 0)), True, "; about 15 s on 2 slots"),
     ],
 )
 def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(plan, fresh, said):
-    found = SubmissionPlan(3, 5, 15, **{"has_forecast": True} | plan)
-    assert plan_text(found, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
+    plan = SubmissionPlan(3, 5, 15, *(work and Workload(*work) for work in plan))
+    assert plan_text(plan, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
 
 
 async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folder):
