@@ -17,7 +17,7 @@ from grammars.text.diagnostics import InputError, Severity
 from grammars.text.terminal_text import printable_streams
 from scenario_tui.cli.commands import CommandGroup
 from scenario_tui.cli.exit_codes import CommandError, ErrorValue, ExitCode
-from scenario_tui.cli.output import print_library_messages, report_findings, say, settle_streams
+from scenario_tui.cli.output import library_messages, report_findings, say, settle_streams
 from scenario_tui.interrupts import was_interrupted
 
 _TYPED: Final = frozenset(
@@ -77,10 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
-    print_library_messages()
     # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
     # tests and the dashboard can call this.
-    with printable_streams():
+    with printable_streams(), library_messages():
         try:
             typed = list(arguments)
             code = app(args=typed, prog_name="scenario", standalone_mode=False, obj=typed)

@@ -39,12 +39,18 @@ class _LibraryMessages(logging.Handler):
         say(record.getMessage())
 
 
-def print_library_messages() -> None:
-    """Print the messages of the library to standard error from now on."""
-    log = logging.getLogger("scenario_tui")
-    if not log.handlers:
-        log.addHandler(_LibraryMessages())
-        log.setLevel(logging.INFO)
+@contextmanager
+def library_messages() -> Iterator[None]:
+    """Print the messages of the library to standard error meanwhile."""
+    log, handler = logging.getLogger("scenario_tui"), _LibraryMessages()
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 def settle_streams() -> None:

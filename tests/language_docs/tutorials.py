@@ -19,6 +19,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 
+from grammars.text import plugins
 from tests.language_docs.examples import KINDS, with_keys
 from tests.language_docs.markdown import blocks
 
@@ -125,6 +126,7 @@ def install(folder):
         lines += [f"[{group}]", *(f"{name} = {where}" for name, where in entries.items())]
     (info / "entry_points.txt").write_text("\n".join([*lines, ""]))
     sys.path.insert(0, str(folder))
+    plugins.installed.cache_clear()  # an earlier page may have looked for plug-ins
 
 
 def words_of(command):

@@ -21,11 +21,12 @@ EXTRAS = {
     "distributed": "dask",
     "ezdxf": "import",
     "foxglove": "foxglove",
+    "pandas": "test",
     "pytest": "test",
 }
 """Libraries that modules import which are loaded only where an extra is asked for.
 
-The plug-in of pytest is loaded by pytest alone.
+The plug-in of pytest is loaded by pytest alone; of pandas there are only types.
 """
 FOREIGN = "raise SystemExit('somebody else')"
 
