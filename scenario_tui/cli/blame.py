@@ -15,7 +15,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import CommandError, ExitCode
 from scenario_tui.cli.options import out_folder, refuse_missing_file
-from scenario_tui.cli.output import open_progress, print_line, say
+from scenario_tui.cli.output import open_progress, print_commands, print_line, say
 from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
 from scenario_tui.text.formatting import verdict_line
 
@@ -188,7 +188,6 @@ def _folder(case: RunCase) -> Path:
 
 def _print(explanation: Explanation, like: str) -> None:
     from daemon.analysis.blame import story_lines
-    from scenario_tui.cli.output import print_commands
 
     story = explanation.blame
     print_line(f"{story.run} fails {verdict_line(story.verdict)}")

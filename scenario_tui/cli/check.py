@@ -13,7 +13,7 @@ from grammars.text.diagnostics import Finding, InputError, Severity
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Base
+from scenario_tui.cli.options import Base, refuse_missing_file
 from scenario_tui.cli.output import report_findings, say
 
 
@@ -53,7 +53,6 @@ def check(
 
 def _check(file: Path, base: str) -> tuple[str, tuple[Finding, ...]]:
     """Return the kind of a file and its findings; of one that does not exist, what is meant."""
-    from scenario_tui.cli.options import refuse_missing_file
     from scenario_tui.library.checking import check_file
 
     try:

@@ -16,7 +16,13 @@ from grammars.text.words import command_line
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import refuse_typed, why_no_folder
-from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
+from scenario_tui.cli.output import (
+    plain_table,
+    print_commands,
+    report_findings,
+    say,
+    stdout_console,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -156,7 +162,6 @@ def _campaign_name(folder: Path) -> str:
 
 
 def _print_next_steps(files: tuple[str, ...]) -> None:
-    from scenario_tui.cli.output import print_commands
     from templates.nav2 import NAV2_FILE
 
     file = files[0]

@@ -24,6 +24,7 @@ from scenario_tui.cli.options import (
 )
 from scenario_tui.cli.output import print_commands, print_line, report_findings, say, show_progress
 from scenario_tui.source import DaemonTarget
+from scenario_tui.text.formatting import run_word
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults, ComparedResults
@@ -42,7 +43,6 @@ def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:
 
     from daemon.analysis.results import ComparedResults
     from scenario_tui.library.campaign import load
-    from scenario_tui.text.formatting import run_word
 
     # The campaigns are part of the package, which may lie in an archive.
     with as_file(files("campaigns")) as folder:

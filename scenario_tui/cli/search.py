@@ -27,6 +27,7 @@ from scenario_tui.cli.output import (
     stdout_console,
 )
 from scenario_tui.source import DaemonTarget, find_campaign
+from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
@@ -178,7 +179,6 @@ def search_answer(
 
 
 def _print_search(value: SearchResult, target: DaemonTarget) -> None:
-    from scenario_tui.text.formatting import TERMINAL_STYLES
     from scenario_tui.text.search_text import answer_lines, search_commands
 
     console = stdout_console()
@@ -192,7 +192,6 @@ def _print_searches(searches: tuple[SearchRow, ...], target: DaemonTarget) -> No
     from rich.text import Text
 
     from daemon.search.answers.sentences import search_word
-    from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
     from scenario_tui.text.search_text import search_line
 
     console = stdout_console()

@@ -20,7 +20,7 @@ from scenario_tui.cli.output import (
     report_findings,
     stdout_console,
 )
-from scenario_tui.source import DaemonTarget
+from scenario_tui.source import DaemonTarget, all_traces
 
 if TYPE_CHECKING:
     from daemon.analysis.verification import Verification, Verifications
@@ -109,7 +109,6 @@ def _runs(name: str, target: DaemonTarget, every: bool) -> list[tuple[RunSpec, S
     """
     from daemon.trace import read_spec
     from scenario_tui.library.campaign import load
-    from scenario_tui.source import all_traces
 
     runs: list[tuple[RunSpec, Scene | Path]]
     if Path(name).suffix in (".yaml", ".yml") and Path(name).is_file():
