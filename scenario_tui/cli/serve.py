@@ -39,21 +39,17 @@ _NO_SDK: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Bridge:
-    """The way to a stack: what to type there, and the map that its map server reads, if any."""
-
-    ros: RosBridge
-    to_type: str
-    map_file: str = ""
-
-
 @dataclass(slots=True)
 class _Servers:
-    """Services by which a world can be reached; ``lacking`` names a missing one, and the reason."""
+    """Services by which a world can be reached; ``lacking`` names a missing one, and the reason.
+
+    ``to_type`` connects a stack to the bridge, ``map_file`` is what its map server reads, if any.
+    """
 
     foxglove: FoxgloveServer | None = None
-    bridge: _Bridge | None = None
+    bridge: RosBridge | None = None
+    to_type: str = ""
+    map_file: str = ""
     lacking: str = ""
 
     def lines(self) -> list[str]:
@@ -64,11 +60,11 @@ class _Servers:
             clients = count_noun(count, "client") if count else "nobody listens"
             lines.append(f"Foxglove {_url(self.foxglove)}  {clients}")
         if self.bridge is not None:
-            lines.append(f"ROS 2 {self.bridge.ros.state}")
-            if self.bridge.map_file:
-                lines.append(f"map for the stack: {self.bridge.map_file}")
-            if not self.bridge.ros.connected:
-                lines += ["type this in a terminal of the stack's ROS 2:", self.bridge.to_type]
+            lines.append(f"ROS 2 {self.bridge.state}")
+            if self.map_file:
+                lines.append(f"map for the stack: {self.map_file}")
+            if not self.bridge.connected:
+                lines += ["type this in a terminal of the stack's ROS 2:", self.to_type]
         return lines
 
 
@@ -152,20 +148,19 @@ def serve(
             stack.enter_context(closing(services.foxglove))
         if ros2:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="scenario-")))
-            services.bridge = _open_bridge(simulation, socket or f"{folder}/relay", folder)
-            stack.enter_context(closing(services.bridge.ros))
+            bridge = _serve_ros(services, simulation, socket or f"{folder}/relay", folder)
+            stack.enter_context(closing(bridge))
         with simulation.running() as thread:
             if headless or why_no_screen():
                 _serve_headless(simulation, services, thread)
             else:
                 from scenario_tui.dashboard.screens.live import LiveScreen, run_live
 
-                to_type = services.bridge.to_type if services.bridge is not None else ""
-                code = run_live(LiveScreen(simulation, thread, services.lines, to_type))
-        bridge = services.bridge
-        for failure in (thread.failure, bridge.ros.failure if bridge is not None else None):
-            if failure is not None:
-                raise failure
+                screen = LiveScreen(simulation, thread, services.lines, services.to_type)
+                code = run_live(screen)
+        for one in (thread, services.bridge):
+            if one is not None and one.failure is not None:
+                raise one.failure
     return ExitCode.BUG if code else None
 
 
@@ -232,7 +227,9 @@ def _serve_foxglove(
         raise CommandError(message, ExitCode.INFRASTRUCTURE) from error
 
 
-def _open_bridge(simulation: LiveSimulation, socket: str, folder: Path) -> _Bridge:
+def _serve_ros(
+    services: _Servers, simulation: LiveSimulation, socket: str, folder: Path
+) -> RosBridge:
     """Listen for the relay of a stack; files for it lie in ``folder``."""
     import secrets
 
@@ -244,18 +241,20 @@ def _open_bridge(simulation: LiveSimulation, socket: str, folder: Path) -> _Brid
     sut, nonce = simulation.spec.sut, secrets.token_hex(8)
     is_ros2 = sut.kind == ROS2.name
     settings = ROS2.read(sut.local_parameters) if is_ros2 else usual_settings()
-    map_file = _write_map(simulation, folder) if settings.map == "file" else ""
+    if settings.map == "file":
+        services.map_file = _write_map(simulation, folder)
     try:
         first = [RelayLink.listen(socket, nonce)]
         # Of a port that was free: the next stack finds it where the first one did.
         address = first[0].address
-        bridge = RosBridge(
+        services.bridge = bridge = RosBridge(
             simulation, lambda: first.pop() if first else RelayLink.listen(address, nonce), settings
         )
     except LinkLost as error:
         raise CommandError(str(error), ExitCode.INFRASTRUCTURE) from error
     variables = f"SCENARIO_SOCKET={shlex.quote(address)} SCENARIO_NONCE={nonce}"
-    return _Bridge(bridge, f"{variables} python3 {shlex.quote(str(relay_path()))}", map_file)
+    services.to_type = f"{variables} python3 {shlex.quote(str(relay_path()))}"
+    return bridge
 
 
 def _write_map(simulation: LiveSimulation, folder: Path) -> str:
