@@ -177,7 +177,9 @@ def _why_no_traces(name: str) -> str:
     if Path(name).is_dir():
         holds = "is a folder of traces" if trace_files(name) else "holds no traces (.mcap files)"
         return f"{name} {holds}"
-    return f"{name} is no trace (MCAP file)" if Path(name).is_file() else ""
+    if Path(name).is_file():
+        return f"{name} is a trace" if trace_files(name) else f"{name} is no trace (MCAP file)"
+    return ""
 
 
 def newest_results() -> Path | None:

@@ -198,6 +198,7 @@ def _print(explanation: Explanation, like: str) -> None:
     if story.stopped:
         print_line(f"stopped before nothing else could go: {story.stopped}")
     took = f"{count_noun(explanation.runs, 'run')}, {duration_text(explanation.seconds)}"
-    print_line(f"{took}; {explanation.cached} more were known already")
+    known = f"; {explanation.cached} more were known already" if explanation.cached else ""
+    print_line(took + known)
     command = command_line("run", explanation.saved)
     print_commands((command, "the smallest failing scenario, on its own"))

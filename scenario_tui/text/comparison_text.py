@@ -188,11 +188,11 @@ def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
     """Return how many runs were judged, and with what they were compared."""
     same = sum(one.outcome is one.outcome_before for one in judged)
     in_ledger = sum(one.origin == "ledger" for one in judged)
-    parts = [f"{count_noun(len(judged), 'trace')} judged, {same} with the verdict they had"]
+    parts = [f"{count_noun(len(judged), 'trace')} judged, {same} as before"]
     if in_ledger:
         parts.append(f"{in_ledger} compared with the ledger")
     if in_ledger < len(judged):
-        parts.append(f"{len(judged) - in_ledger} with what the oracles inside of the trace say")
+        parts.append(f"{len(judged) - in_ledger} compared with the oracles in the trace")
     if unreadable:
         parts.append(f"{unreadable} not readable")
     return ", ".join(parts)

@@ -163,7 +163,8 @@ def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text
         lines.append(Text(search_line(row)))
         return lines
     lines.append(Text(_runs_text(row, answer), style=quiet_style(styles)))
-    lines.append(Text())
+    if answer.sentences[1:]:
+        lines.append(Text())
     lines.extend(Text(f"- {sentence}") for sentence in answer.sentences[1:])
     for title, block in (
         ("findings", finding_lines(answer, styles)),

@@ -36,7 +36,7 @@ def test_verdicts_that_changed_are_listed_with_their_reason(traces, capsys):
     (line,) = [line for line in out.splitlines() if "→" in line]
     assert line.startswith("✓ pass → ✗ fail  S1/pilot/1  slow: −0.03 m/s at 0.0 s")
     assert "1 m to 1.1 m" in out
-    assert "2 traces judged, 1 with the verdict they had" in out
+    assert "2 traces judged, 1 as before" in out
 
 
 def test_scripts_get_everything(traces, capsys):
@@ -75,7 +75,7 @@ def test_what_cannot_be_used_is_said_and_the_rest_is_judged(traces, capsys):
     assert invoke(["judge", str(traces)]) == 3
     out = capsys.readouterr().out.replace("\n", "")
     assert f"{traces / 'c.mcap'}: error: is empty" in out
-    assert "2 traces judged, 2 with the verdict they had" in out
+    assert "2 traces judged, 2 as before" in out
     assert "1 not readable" in out
 
 
