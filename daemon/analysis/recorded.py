@@ -189,10 +189,10 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
         try:
             spec = read_spec(trace)
         except TraceError as error:
-            # Said with the results: who silently leaves a run out lies.
+            # Reported with the results: no run is left out silently.
             unread.append((str(trace), error.findings[0].message))
             continue
-        # A single trace is called as it was typed.
+        # The id of a single trace is its path as typed.
         run = str(trace) if path.is_dir() else name
         specs[run] = spec
         rows.append(

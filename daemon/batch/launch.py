@@ -135,7 +135,7 @@ def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
             if is_first:
                 # One whose users were killed is about to leave.
                 _wait_until_gone(paths)
-            # Open at both ends, so that opening it waits for nobody.
+            # Open at both ends, so that opening it does not block.
             tether = os.open(pipe, os.O_RDWR)
             cleanup.callback(_leave, paths, users, tether)
             endpoint = None if is_first else running_daemon(paths.state)
@@ -188,7 +188,7 @@ def _tidy(paths: StatePaths, endpoint: str, trace_bytes: int) -> None:
                 client.cancel(row.id)
         for row in rows[_CAMPAIGNS_KEPT:]:
             client.delete((row.id,))
-    # Who only submits does not load what reads the ledger.
+    # A mere submission does not load the reader of ledgers.
     from daemon.batch.ledger import RetentionPolicy, sweep_traces
 
     sweep_traces(paths, RetentionPolicy(size=trace_bytes), time.time())
@@ -235,7 +235,7 @@ def _wait_until_up(
         if endpoint is not None:
             return endpoint
         code = process.poll()
-        # Somebody else may have been faster: then theirs is the daemon we want.
+        # Another process may have been faster: then its daemon is used.
         if code is not None and (code != EXIT_ALREADY_RUNNING or output is not None):
             raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(paths, output)}")
         time.sleep(0.05)

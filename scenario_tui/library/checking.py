@@ -53,7 +53,7 @@ def _checker(path: Path) -> Checker:
     return _yaml
 
 
-# Each imports its language itself: one file needs one of them, and all take a while to load.
+# Each imports its own language: one file needs one of them, and all load slowly.
 def _floorplan(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.floorplan import load_floorplan
 
@@ -122,7 +122,7 @@ def _oracles(path: Path) -> tuple[str, tuple[Finding, ...]]:
 
 
 def _yaml(path: Path) -> tuple[str, tuple[Finding, ...]]:
-    """Tell missions, robots, systems under test and campaigns apart by keys they must have."""
+    """Check a YAML file as the kind that its keys name: mission, robot, system or campaign."""
     from grammars.text.documents import load_yaml
 
     data = load_yaml(path).data

@@ -49,7 +49,7 @@ def run_here(
     stop_if_interrupted()
     target = traces_folder(submission, folder)
     target.mkdir(parents=True, exist_ok=True)
-    # First of all: with it the traces of a run that is interrupted can still be reported.
+    # First of all: the traces of an interrupted run can be reported with it.
     write_campaign_note(target, submission, at=time.time(), machine=machine_text())
     with (
         _temporary_state(target) as state,
@@ -79,7 +79,7 @@ def _moved(run: RunRow, target: Path) -> RunRow:
 
 @contextmanager
 def _temporary_state(target: Path) -> Iterator[Path]:
-    """Lend a state directory beside the traces; at the end its traces move out, it goes away."""
+    """Yield a state directory beside the traces; at the end move its traces out and remove it."""
     # A run that was killed left its own. With its traces there, cells would have runs twice.
     for earlier in target.glob(f"{_STATE}*"):
         if not (is_locked(earlier / _LOCK) or is_locked(StatePaths(earlier).lock)):

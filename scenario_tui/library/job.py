@@ -74,7 +74,7 @@ def wait_for(
 
     A daemon that is away is waited for, ``patience`` seconds.
     """
-    # Reading ledgers comes with it: for whoever only submits, a seventh of the time.
+    # It loads the reader of ledgers, a seventh of the time of a mere submission.
     from daemon.analysis.results import read_results
 
     work = WatchedRuns(campaign, target.command)
@@ -88,12 +88,12 @@ def submit_to(target: DaemonTarget, submission: Submission, workers: int | None 
     # A library that loaded may have lost an interrupt.
     stop_if_interrupted()
     start_daemon_if_needed(target, workers)
-    # Again, it is the same campaign: the daemon knows it by its id.
+    # A repeated request submits nothing twice: the daemon knows the campaign by its id.
     return Job(ask_patiently(target, lambda d: d.submit(submission), SUBMIT_PATIENCE), target)
 
 
 def start_daemon_if_needed(target: DaemonTarget, workers: int | None = None) -> None:
-    """See to it that the daemon answers; one is started unless people named it themselves."""
+    """Start the daemon of this machine unless it answers or people named another."""
     started = "" if target.named else launch_daemon(target, workers)
     if started:
         LOG.info("%s", started)

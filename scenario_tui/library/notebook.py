@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
     from daemon.campaign import Campaign
 
-# Readable on white and on black alike; text without a colour has that of the notebook.
+# Readable on white and on black. Text without a colour gets that of the notebook.
 _GREY: Final = (128, 128, 128)
 _COLOURS: Final = [
     _GREY, (217, 72, 72), (46, 150, 80), (176, 126, 18), (64, 124, 214), (168, 92, 200),

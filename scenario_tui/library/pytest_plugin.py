@@ -94,8 +94,8 @@ class ScenarioPlugin:
         """Private state directory; pictures of failed runs lie there, too."""
         if getattr(self._config, "cache", None) is not None:
             return Path(self._config.cache.mkdir("scenario"))
-        # Without a cache: with the temporary files that pytest keeps of its last sessions. Those of
-        # processes of pytest-xdist lie below one folder.
+        # Without a cache it lies with pytest's temporary files. Processes of pytest-xdist have
+        # theirs below one folder.
         base = self._config._tmp_path_factory.getbasetemp()  # type: ignore[attr-defined]
         return Path(base.parent if hasattr(self._config, "workerinput") else base) / "scenario"
 
@@ -124,7 +124,7 @@ class ScenarioPlugin:
             _write_picture(run.picture(), picture)
         except (ScenarioError, OSError) as error:
             return f"no trace to look at: {error} (pytest --cache-clear runs it anew)"
-        # Nobody keeps the ledger when this is typed.
+        # The daemon has ended when people type this.
         local = shlex.join(("scenario", "replay", relative_name(trace, Path.cwd())))
         command = run.replay_command if self.target.named else local
         return f"picture: {relative_name(picture, Path.cwd())}\nreplay:  {command}"
@@ -143,7 +143,7 @@ class ScenarioPlugin:
 
     def _cell_words(self, cell: Cell) -> str:
         judged = by_severity(one for one in cell.verdicts if one.outcome is not Outcome.MEASURE)
-        # Where all pass, the test asked for more than the oracles do.
+        # If all pass, the test itself is stricter than the oracles.
         listed = [one for one in judged if one.outcome is not Outcome.PASS] or judged
         lines = [
             f"{glyph_word(one.outcome)}  {one.oracle}  {', '.join(evidence_parts(one))}"
@@ -242,7 +242,7 @@ class CampaignRuns:
         origin = campaign_origin(self.campaign, self.path)
         with self.plugin.target.open() as daemon:
             receipt = daemon.submit(replace(submission, origin=origin))
-            if receipt.known:  # a session that was interrupted may have left it
+            if receipt.known:  # an interrupted session may have left it
                 daemon.retry(receipt.campaign)
         policy = self.campaign.declared.policy
         self._watched = WatchedCells(receipt.campaign, whole=policy.until_decided)
@@ -389,7 +389,7 @@ class CampaignItem(pytest.Item):
         rules = file.runs.campaign.declared.expectations
         expected, why = expected_verdict(rules, judged.scenario, self.name, judged.system)
         if expected != "pass":
-            # What may come out either way fails nobody.
+            # A verdict that may be either way never fails.
             strict = expected != "any"
             self.add_marker(pytest.mark.xfail(raises=KnownFailureError, strict=strict, reason=why))
         self._verdict: CellVerdict | ComparisonVerdict | None = None
@@ -430,7 +430,7 @@ class CampaignItem(pytest.Item):
                 return
             raise KnownFailureError(_words(verdict), pytrace=False)
         if expected != "pass" and passes:
-            return  # which the strict mark makes a failure
+            return  # the strict mark makes this a failure
         words, plugin = _words(verdict), self.file.runs.plugin
         if self._worst is not None:
             words += f"\n{plugin.evidence(Run(self._worst, plugin.target))}"

@@ -160,7 +160,7 @@ def _forecast(submission: Submission, state: Path) -> Forecast | None:
                 ]
             )
     except DaemonError:
-        return None  # of another version: the plan does without it
+        return None  # the ledger is of another version
 
 
 def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:

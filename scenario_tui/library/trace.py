@@ -132,8 +132,8 @@ def _parse_signal(name: str) -> tuple[language.Oracle, language.Signal]:
     """Return an oracle about a signal, and the signal."""
     from grammars.oracle import Signal, Statistic, Temporal, parse_oracle
 
-    # Signals have no grammar of their own: a quantity has a maximum, what is true or false may
-    # never be. What is wrong is said of the first try: most signals are quantities.
+    # Signals have no grammar of their own, so an oracle about one is parsed: "max" takes
+    # quantities, "never" the others. The first error is raised: most signals are quantities.
     where = Where(f"signal {name}")
     errors: list[InputError] = []
     for function in ("max", "never"):

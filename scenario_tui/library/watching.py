@@ -59,13 +59,13 @@ LOG: Final = logging.getLogger("scenario_tui")
 INTERVAL: Final = 0.25
 """Seconds between two looks at a campaign that changes."""
 _POLL: Final = 2.0
-"""Seconds between two looks at one that is not known to have changed: events may get lost."""
+"""Seconds between two looks without an event: events may get lost."""
 PATIENCE: Final = 120.0
 """Seconds a watcher waits for a daemon that went away."""
 ENDURANCE: Final = 20.0
-"""Seconds a private daemon may be without a worker, or its disk full: nobody is going to help."""
+"""Seconds that a private daemon may lack a worker or space on its disk before the run fails."""
 SUBMIT_PATIENCE: Final = 10.0
-"""Seconds a daemon that is away is waited for with a submission: one that restarts needs a few."""
+"""Seconds that a submission waits for a daemon: one that restarts needs a few."""
 _LOOK: Final = 2.0
 """Seconds between two questions whether the daemon is in trouble."""
 _SHOWN_RUNS: Final = 8
@@ -74,7 +74,7 @@ _WAITING: Final = "waiting for a free slot"
 _SAY_AGAIN: Final = 5.0
 """Seconds between two lines about what a worker prepares, where there is no terminal."""
 _LIVE_PATIENCE: Final = 0.5
-"""Seconds for a run to say how far it is: it does so several times a second while it is watched."""
+"""Seconds to wait for news of a run: a watched run sends several a second."""
 _NO_WORKER: Final = "waiting for a worker: none is connected"
 _AWAY: Final = "the daemon does not answer, waiting for it (Ctrl-C to leave)"
 
@@ -115,8 +115,8 @@ def open_display() -> Iterator[ProgressDisplay]:
     if not (console.is_terminal or in_notebook):
         yield ProgressDisplay(None)
         return
-    # Drawn where the watcher looks, four times a second: no thread of rich's is needed for it.
-    # What is printed meanwhile passes through rich, which would take over its colours.
+    # The watcher draws four times a second, so rich needs no thread. Other output passes through
+    # rich, which would interpret its colours.
     with Screen(console=console, auto_refresh=False, transient=True) as screen, printable_streams():
         yield ProgressDisplay(screen)
 
@@ -252,11 +252,11 @@ class WatchedRuns:
         row = self.row = daemon.campaign(self.campaign)
         if row is None:
             raise Refused(f"the daemon does not know the campaign {self.campaign} (any more)")
-        # One more than is shown tells whether there are more.
+        # One more than is drawn shows that there are more.
         most = _SHOWN_RUNS + 1
         if display.on_screen:
             self.running = daemon.runs(row.id, state="running", limit=most).rows
-        # Runs that were over before somebody looked say nothing about the rate: they may be cached.
+        # Runs that had ended before the first look do not count for the rate: they may be cached.
         self.began = self.began or (time.monotonic(), _over(row))
         return row
 
@@ -284,7 +284,7 @@ class WatchedRuns:
         )
 
 
-@dataclass  # with slots it would be a class anew, which super() does not know
+@dataclass  # slots would replace the class, and super() would miss it
 class CollectedRuns(WatchedRuns):
     """The runs of a campaign with their results: ``rows`` are all of them, in order."""
 

@@ -82,7 +82,7 @@ def _without_steering(segment: Segment) -> Segment:
 
 
 def _one_line(text: str) -> str:
-    # Within a line of a screen also tabs and line ends would move what stands behind them.
+    # Tabs and line ends would move the rest of a line on the screen.
     return printable(text).translate(_LINE_ENDS)
 
 
@@ -107,12 +107,12 @@ def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
     """Return a style with the terminal's own colours; without ``colours`` attributes only."""
     over, colour = (one and Color.from_rich_color(one) for one in (style.bgcolor, style.color))
     lit = over is not None and (over.brightness > _LIT if dark else over.brightness < 0.73)
-    # What stands on a bright background is shown in reverse, in the terminal's own two colours.
+    # Text on a bright background is reversed, in the terminal's own two colours.
     colour = None if lit else colour
     faint = colour is not None and (colour.brightness < _FAINT if dark else colour.brightness > 0.9)
     return Style(
         color=_named(colour) if colour is not None and colours and not faint else None,
-        # None and not False: what is not set is not sent.
+        # None and not False: attributes that are not set are not sent.
         bold=style.bold or None,
         dim=faint or style.dim or None,
         italic=style.italic or None,

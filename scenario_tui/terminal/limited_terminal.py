@@ -34,7 +34,7 @@ _TOKEN: Final = re.compile(
     r"|(?P<newline>\r?\n)"
 )
 _FRAME: Final = re.compile(r"\x1b\[\d+;\d+H")
-# After these nobody knows what the terminal shows: reset, the other screen, cleared.
+# After these the cells of the terminal are unknown: reset, other screen, cleared.
 _LOST: Final = re.compile(r"\x1b(c|\[\?(1049|47|1047)[hl]|\[\d*J)")
 # Begin and end of a frame that is to be shown at once (DEC mode 2026).
 _SYNC: Final = ("\x1b[?2026h", "\x1b[?2026l")
@@ -86,15 +86,15 @@ class TerminalDiff:
             return data
         tokens = list(_TOKEN.finditer(data))
         if sum(token.end() - token.start() for token in tokens) != len(data):
-            self.forget()  # something else is in it: it must arrive, and nothing is known then
+            self.forget()  # other sequences must arrive, and may change any cell
             return self._opening() + data
         changes = "".join(self._changes(tokens))
         return self._opening() + changes if changes else ""
 
     def _synchronise(self, *, begins: bool) -> str:
         """Announce frames to terminals that show them at once, unless they are empty."""
-        # Textual brackets every frame, ten a second; those in which nothing is left are not sent at
-        # all, brackets included (measured: 38 bytes a second when nothing happens).
+        # Textual brackets every frame, ten a second. Empty ones are not sent, brackets included
+        # (measured: 38 bytes a second when nothing happens).
         opened, self._held, self._opened = self._opened, begins, False
         return _SYNC[1] if opened and not begins else ""
 
@@ -118,7 +118,7 @@ class TerminalDiff:
                 row, column = row + 1, 0
             else:
                 row, column = int(token["row"]) - 1, int(token["column"]) - 1
-        # Textual takes the cursor to stand where its frame ended, without a style.
+        # Textual expects the cursor at the end of its frame, without a style.
         if self._place != (row, column):
             yield from self._restyle("")
             yield self._move(row, column)
@@ -129,8 +129,8 @@ class TerminalDiff:
         end = column + cell_len(text)
         here.reach(end)
         if not (text.isascii() or _single(text)):
-            # Half of a wide character cannot be written over, and terminals do not agree on how
-            # wide some are: such a run is always sent, and its cells are not known then.
+            # Half of a wide character cannot be overwritten, and terminals disagree on some widths:
+            # such a run is always sent, and its cells are unknown then.
             yield self._move(row, column) + "".join(self._restyle(style)) + text
             self._place = None
             here.cells[column:end] = [_UNKNOWN] * (end - column)
@@ -197,12 +197,12 @@ class LimitedTerminalApp(App[None]):
 
     def __init__(self, limits: TerminalLimits | None = None) -> None:
         super().__init__()
-        # What Textual says after the dashboard has ended, of a bug say, quotes what it showed.
+        # Textual's messages after the end, a traceback say, quote text of others.
         self.error_console = PrintableConsole(file=unfiltered(sys.stderr))
         self._printable = PrintableText()
         self._limit_filters: tuple[LineFilter, ...] = ()
         self._drawn = False
-        # Every step of an animation would be a frame over the line; who wants them says so.
+        # Every step of an animation would be a frame over the line.
         if "TEXTUAL_ANIMATIONS" not in os.environ:
             self.animation_level = "none"
         self.apply_limits(limits or TerminalLimits())
@@ -244,14 +244,14 @@ class LimitedTerminalApp(App[None]):
         """Draw everything again: terminals differ in what they keep when their size changes."""
         if self._drawn:
             self._forget()
-            # Once more when it has its size: frames sent while it is dragged are for another one.
+            # Once more when it has its size: frames sent while it is dragged are for other sizes.
             self.set_timer(_SETTLED, self.action_redraw)
         self._drawn = True
 
     def action_redraw(self) -> None:
         """Draw everything again, over whatever stands on the screen."""
         self._forget()
-        # The timer may still fire while the screens are being taken down.
+        # The timer may still fire while the screens close.
         if self.screen_stack:
             self.screen.refresh()
 
@@ -264,7 +264,7 @@ class LimitedTerminalApp(App[None]):
 def _diffing_driver(base: type[Driver]) -> type[Driver]:
     """Return a driver like ``base`` that sends only what changed on the screen."""
 
-    # Made at run time: which driver there is depends on the platform and on the test harness.
+    # Made at run time: the driver depends on the platform and on the test harness.
     class DiffingDriver(base):  # type: ignore[misc, valid-type]
         """Sends the changes of frames; everything else goes through."""
 

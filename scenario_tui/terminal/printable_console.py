@@ -27,7 +27,7 @@ class PrintableConsole(Console):
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
         """Render an object to segments, whose text is printable."""
-        # Texts before they are laid out: so that what is shown for a sign of no width has a cell.
+        # Before the layout: the replacement of a sign without width needs a cell.
         if isinstance(renderable, Text):
             renderable = printable_text(renderable)
         elif isinstance(renderable, str):
@@ -52,7 +52,7 @@ def open_console(*, stderr: bool) -> PrintableConsole:
     stream = sys.stderr if stderr else sys.stdout
     # A pipe has no width; 80 columns would cut identifiers that scripts look for.
     width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
-    # The console filters what it prints, and its styles must pass; while it draws progress, rich
-    # has a stream of its own in front.
+    # The console itself filters, and its styles must pass. While it draws progress, rich puts a
+    # stream of its own in front.
     file = unfiltered(getattr(stream, "rich_proxied_file", stream))
     return PrintableConsole(file=file, soft_wrap=False, width=width)

@@ -12,7 +12,7 @@ from rich.text import Text
 _BRAILLE: Final = range(0x2800, 0x2900)
 _DENSITY: Final = " ..::::##"
 """A sign for each number of dots in a braille cell."""
-# One character for each: a sign that took another number of cells would shift all behind it.
+# One character for each: more would shift the rest of the line.
 _SIGNS: Final = str.maketrans(
     "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪╱",
     "+xE~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#/",

@@ -77,7 +77,7 @@ def spec_differences(first: RunSpec, second: RunSpec) -> list[tuple[str, str, st
         for path in ours | theirs
         if ours.get(path) != theirs.get(path) and path not in _IDENTITY
     ]
-    # One line of many that are about the same part, the behaviour of a door, say.
+    # Many differences in one part, the behaviour of a door say, become one line.
     lines: list[tuple[str, str, str]] = []
     for part, group in itertools.groupby(parts, key=lambda one: one[0].partition("]")[0]):
         listed = list(group)
@@ -100,7 +100,7 @@ def _short(text: str) -> str:
         number = float(text)
     except ValueError:
         return keep_start(text, _LONGEST)
-    # Whole numbers with so many digits are seeds.
+    # Long whole numbers are seeds.
     return f"{number:.6g}" if "." in text else brief_seed(int(text)) if text.isdigit() else text
 
 
@@ -108,8 +108,8 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
     if isinstance(value, Mapping) and value:
         for key, part in value.items():
             yield from _flat(f"{path}.{key}" if path else str(key), part)
-    # Lists of numbers, a pose say, are one value; lists of things are told apart by their names,
-    # or one that is new would make all behind it different.
+    # A list of numbers, a pose say, is one value. Items of other lists are matched by name: by
+    # index a new item would make all later ones different.
     elif isinstance(value, list) and any(isinstance(part, Mapping | list) for part in value):
         for index, part in enumerate(value):
             name = str(index + 1)
@@ -225,7 +225,7 @@ def _oracle_table(
 
 def _labels(judged: Sequence[RejudgedTrace]) -> dict[str, str]:
     """Name each trace by its run, or by its file where runs of one name are judged together."""
-    # Copies of a campaign, or traces of other state directories, have runs of the same names.
+    # Copies of a campaign have runs of the same names.
     runs = Counter(one.run for one in judged)
     return {one.trace: one.run if runs[one.run] == 1 else one.trace for one in judged}
 

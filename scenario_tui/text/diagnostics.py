@@ -45,7 +45,7 @@ def diagnostic_counts(diagnostics: Iterable[Finding]) -> str:
 
 @lru_cache(maxsize=64)
 def _read_source(file: str, changed: int) -> tuple[str, ...]:
-    """Return the lines of a file as it is since ``changed``: who watches sees it being edited."""
+    """Return the lines of a file that last changed at ``changed`` [ns]: edits are read anew."""
     return tuple(Path(file).read_text(encoding="utf-8-sig").split("\n"))
 
 
@@ -59,7 +59,7 @@ def _source_excerpt(where: Where) -> tuple[str, int] | None:
         return None
     if not 0 < where.line <= len(lines):
         return None
-    # Columns count characters, so a tab has to stay one, or the caret would point beside.
+    # Columns count characters: a tab stays one, or the caret would be off.
     line = printable(lines[where.line - 1].expandtabs(1).rstrip())
     indent = len(line) - len(line.lstrip())
     caret = where.column - 1 - indent

@@ -66,7 +66,7 @@ def quiet_style(styles: Styles) -> str:
 
 def run_word(row: RunRow) -> str:
     """Return the verdict of a run, otherwise its state."""
-    # RunState.DONE, whose module loads four times as long as this one.
+    # The module of RunState.DONE loads four times as long as this one.
     if row.state == "done":
         return str(row.outcome or Outcome.ERROR)
     return str(row.state)

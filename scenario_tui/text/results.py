@@ -49,7 +49,7 @@ def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
     if code == 4 and not finished:
         if any(cell.oracles for cell in assessment.cells):
             return SO_FAR_FINE
-        # A search that runs has no run between two proposals.
+        # A running search has no run between two proposals.
         has_begun = "queued" not in states or "running" in states
         return Conclusion("running" if has_begun else "queued", NONE_JUDGED)
     if code == 4 and "cancelled" in states:

@@ -98,7 +98,7 @@ def _share(verdict: Verdict) -> float:
     """Return a margin as a share of the larger of value and limit, of 1 SI unit without those."""
     evidence, size = verdict.evidence, verdict.margin or 0.0
     sizes = [abs(one) for one in (evidence.value, evidence.limit) if one is not None]
-    # With a limit of zero the value is the margin: compared with that it would always be all.
+    # With a limit of zero the value is the margin: the share would always be 1.
     scale = max(sizes) if evidence.limit and len(sizes) == 2 else 1.0
     return math.copysign(1.0, size) if math.isinf(scale) or math.isinf(size) else size / scale
 
@@ -125,7 +125,7 @@ def evidence_parts(verdict: Verdict) -> list[str]:
 
 
 def _first_line(note: str) -> str:
-    # Below it may stand what a stack printed, which is shown once, with the run.
+    # The other lines may be output of a stack, which is printed once, with the run.
     return note.partition("\n")[0]
 
 
@@ -138,7 +138,7 @@ def verdict_lines(
     """
     judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
     ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
-    # A line for each that did not pass; those that passed share one, which needs room, too.
+    # Each failure has a line. All passes share one, which needs room, too.
     bad = [v for v in ordered if v.outcome is not Outcome.PASS]
     passed = len(ordered) - len(bad)
     room = most - (1 if passed or len(bad) > most else 0)
@@ -254,7 +254,7 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
         timing = result.timing
         facts.append(("ended", result.ended))
         took = f"{timing.simulated:.1f} s simulated"
-        # A trace alone does not say how long that took.
+        # A trace alone has no wall time.
         if timing.wall > 0:
             speed = timing.simulated / timing.wall
             took += f" in {fine_duration(timing.wall)}, {speed:.0f}x"

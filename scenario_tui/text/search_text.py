@@ -132,7 +132,7 @@ def search_state(row: SearchRow) -> str:
         if answer.best is not None and answer.best.value is not None:
             value = answer.best.value
             parts.append(f"smallest margin {margin(value.margin, value.unit)}")
-    # While it explores the note has the same numbers, as they were when it was written.
+    # While it explores, the note has older values of the same numbers.
     if row.note and not exploring:
         parts.append(row.note.strip().splitlines()[-1])
     return ", ".join(parts)
@@ -156,7 +156,7 @@ def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text
     answer = row.answer
     lines = list(headline_text(row, styles).split("\n"))
     notes = row.note.strip().splitlines()
-    # Of a search that failed, the last line is the headline.
+    # The last line of a failed search is in the headline.
     style = styles[_STATES.get(row.state, "inconclusive")]
     lines.extend(Text(note, style=style) for note in notes[: -1 if row.state == "failed" else None])
     if answer is None:
@@ -180,7 +180,7 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     if answer.reused:
         verb = "was" if answer.reused == 1 else "were"
         words += f", {answer.reused:,} of them {verb} there already"
-    # Why it ended is the last of the sentences.
+    # The last sentence of an answer gives the reason of its end.
     has_ending = answer.sentences and answer.ended and row.state != "failed"
     return words if has_ending else f"{words}; {phase_words(row)}"
 
