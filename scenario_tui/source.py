@@ -9,8 +9,8 @@ from __future__ import annotations
 import itertools
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -102,13 +102,11 @@ class DaemonTarget:
         """True for a daemon that is only away: one that was named, or has left a ledger."""
         return self.named or self.paths.ledger.exists()
 
-    @contextmanager
-    def open(self) -> Iterator[DaemonClient]:
+    def open(self) -> AbstractContextManager[DaemonClient]:
         """Open a client; raises :class:`Unreachable`."""
         from daemon.batch.client import Client
 
-        with Client.open(self.endpoint) as client:
-            yield client
+        return Client.open(self.endpoint)
 
     def read(self) -> AbstractContextManager[CampaignSource]:
         """Open the daemon that people named, otherwise the ledger here, which needs no daemon.

@@ -6,6 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -278,11 +279,9 @@ def _begin(
     check_campaign_file(path)
 
     def find(id_: str) -> SearchRow | None:
-        try:
-            with target.open() as daemon:
-                return daemon.search_row(id_)
-        except Unreachable:
-            return None
+        with suppress(Unreachable), target.open() as daemon:
+            return daemon.search_row(id_)
+        return None
 
     prepared = prepare_search(
         path, name, client=client_name(), change=change, find=find, fresh=fresh
