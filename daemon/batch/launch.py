@@ -81,12 +81,12 @@ def embedded_daemon(
     state: Path,
     *,
     slots: int | None = None,
-    wall: float = 0.0,
+    wall: float | None = None,
     attempts: int | None = None,
 ) -> Iterator[str]:
     """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
 
-    ``wall`` is the limit of a run [s]; 0 and ``None`` stand for the defaults.
+    ``wall`` is the limit of a run [s]; ``None`` stands for the defaults.
 
     Afterwards no process is left, also when this process is killed: the daemon, its worker and
     their children hang on a pipe that we hold.
@@ -96,7 +96,7 @@ def embedded_daemon(
     paths = StatePaths.find(state)
     paths.make_folders()
     settings = {"attempts": attempts} if attempts else {}
-    command = _command(paths, slots, settings, tether=True, limits={"wall": wall})
+    command = _command(paths, slots, settings, tether=True, limits={"wall": wall or 0.0})
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,

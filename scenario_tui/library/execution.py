@@ -53,7 +53,7 @@ def run_here(
     write_campaign_note(target, submission, at=time.time(), machine=machine_text())
     with (
         _temporary_state(target) as state,
-        embedded_daemon(state, slots=workers, wall=wall or 0.0, attempts=attempts) as endpoint,
+        embedded_daemon(state, slots=workers, wall=wall, attempts=attempts) as endpoint,
     ):
         opened = partial(Client.open, endpoint)
         with opened() as daemon:

@@ -10,10 +10,10 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
@@ -91,21 +91,17 @@ class CheckedFile:
     searches: tuple[str, ...] = ()
 
 
-class FileChecker(Protocol):
-    """Function that examines a file; with ``submit`` it returns the submission, too.
-
-    ``state`` is the state directory of a daemon of this machine, whose ledger knows earlier runs.
-    """
-
-    def __call__(  # noqa: D102
-        self, path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
-    ) -> CheckedFile: ...
+FileChecker: TypeAlias = Callable[..., CheckedFile]
+""":func:`check_file`, here or in another process."""
 
 
 def check_file(
     path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
 ) -> CheckedFile:
-    """Examine a file in this process."""
+    """Examine a file; with ``submit`` return the submission, ``fresh`` under a new id.
+
+    ``state`` is the state directory of a daemon of this machine, whose ledger knows earlier runs.
+    """
     from scenario_tui.library import checking
     from scenario_tui.library.campaign import load
 
@@ -188,7 +184,7 @@ def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
 def check_file_in_child(
     path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
 ) -> CheckedFile:
-    """Examine a file in another process.
+    """Examine a file in another process, as :func:`check_file` does.
 
     Raises :class:`daemon.batch.errors.DaemonError` with its last words when it answers nothing.
     """
