@@ -1,5 +1,6 @@
 """A folder of traces as a source: it answers what a daemon answers of its campaigns."""
 
+import shutil
 from contextlib import nullcontext
 
 import pytest
@@ -53,6 +54,14 @@ def test_pages_of_runs_are_filtered_and_sorted(source):
     assert [row.id for row in source.runs("", sort="id", descending=True).rows] == ids[::-1]
     failed = {row.id for row in source.runs("", outcome="fail").rows}
     assert failed == {row.id for row in source.all_runs("") if row.outcome is Outcome.FAIL} != set()
+
+
+def test_traces_of_a_run_that_goes_on_do_not_count_beside_earlier_ones(folder, tmp_path):
+    going_on = tmp_path / ".scenario-1" / "traces"
+    shutil.copytree(folder, going_on)
+    assert len(read_traces(str(tmp_path)).rows) == 3
+    shutil.copy(going_on / "0.mcap", tmp_path)
+    assert [row.id for row in read_traces(str(tmp_path)).rows] == [str(tmp_path / "0.mcap")]
 
 
 def test_runs_are_judged_once_and_only_when_they_are_asked_for(source, works, folder):
