@@ -196,7 +196,11 @@ def trace_files(name: str) -> Sequence[Path]:
     if path.is_file():
         with path.open("rb") as file:
             return [path] if file.read(len(_MCAP)) == _MCAP else []
-    return sorted(path.rglob("*.mcap")) if name and path.is_dir() else []
+    if not (name and path.is_dir()):
+        return []
+    from daemon.analysis.results import traces_below
+
+    return traces_below(path)
 
 
 def find_run(source: CampaignSource, name: str) -> RunDetail:

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, TypeVar, cast
 
-from daemon.analysis.results import CampaignNote, read_campaign_note
+from daemon.analysis.results import CampaignNote, read_campaign_note, traces_below
 from daemon.batch.errors import Refused
 from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import CampaignQuery, IdRequest, RunQuery
@@ -185,7 +185,7 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
     rows: list[RunRow] = []
     specs: dict[str, RunSpec] = {}
     unread: list[tuple[str, str]] = []
-    for trace in _traces_below(path) if path.is_dir() else (path,):
+    for trace in traces_below(path) if path.is_dir() else (path,):
         try:
             spec = read_spec(trace)
         except TraceError as error:
@@ -228,15 +228,6 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
     return RecordedCampaign(
         row, tuple(rows), note, str(folder), specs, tuple(unread), note.machine, progress
     )
-
-
-def _traces_below(folder: Path) -> list[Path]:
-    """Return the traces below a folder, those in hidden folders if there are no others."""
-    # A run that goes on has its traces in a hidden folder: beside those of an earlier run of the
-    # campaign they would be counted twice.
-    traces = sorted(folder.rglob("*.mcap"))
-    visible = [one for one in traces if "/." not in f"/{one.relative_to(folder).as_posix()}"]
-    return visible or traces
 
 
 def read_results_file(name: str) -> RecordedCampaign:

@@ -131,6 +131,15 @@ def read_results(source: CampaignSource, row: CampaignRow) -> CampaignResults:
     )
 
 
+def traces_below(folder: Path) -> list[Path]:
+    """Return the traces below a folder, those in hidden folders if there are no others."""
+    # A run that goes on has its traces in a hidden folder: beside those of an earlier run of the
+    # campaign they would be counted twice.
+    traces = sorted(folder.rglob("*.mcap"))
+    visible = [one for one in traces if "/." not in f"/{one.relative_to(folder).as_posix()}"]
+    return visible or traces
+
+
 @dataclass(frozen=True, slots=True)
 class CampaignNote:
     """A campaign beside its traces: its name, what it declares, where it was written.
