@@ -89,6 +89,8 @@ def report(
     for option, file in {"output": output, "junit": junit}.items():
         if file is not None:
             check_writable(file, f"--{option}")
+    if output is not None and output.suffix not in ("", ".html", ".htm"):
+        raise typer.BadParameter(f"{output} is a page: end it in .html", param_hint="--output")
     if history:
         pages = ("figures", "junit", "table", "exit_status")
         refuse_typed(context, pages, "a history is a page alone")

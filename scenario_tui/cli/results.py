@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from daemon.model.status import RunRow
     from scenario_tui.cli.values import SearchResult
 
+_OUTCOMES: Final = ("pass", "fail", "inconclusive", "error")
 _WIDE: Final = 120
 """Columns from which on a table has room for paths."""
 
@@ -47,9 +49,7 @@ def results(
         typer.Option(
             "--outcome",
             help="List only runs with this verdict, pass, fail ...",
-            autocompletion=completion.offers(
-                completion.words("pass", "fail", "inconclusive", "error")
-            ),
+            autocompletion=completion.offers(completion.words(*_OUTCOMES)),
         ),
     ] = "",
     text: Annotated[
@@ -74,6 +74,9 @@ def results(
     """Show what came out of a campaign: every cell, what is not as expected and why."""
     from daemon.analysis.results import ComparedResults, read_results
 
+    if outcome and outcome not in _OUTCOMES:
+        message = f'"{outcome}" is no verdict: {did_you_mean(outcome, _OUTCOMES)}'
+        raise typer.BadParameter(message, param_hint="--outcome")
     is_listed = bool(outcome or text)
     with open_source(campaign, target) as source:
         row = find_campaign(source, campaign)
@@ -160,6 +163,9 @@ def _print_folder(rows: tuple[RunRow, ...]) -> None:
 
 
 def _print_listed(rows: tuple[RunRow, ...]) -> None:
+    if not rows:
+        print_line("no run matches")
+        return
     _print_runs(rows)
     _print_folder(rows)
 

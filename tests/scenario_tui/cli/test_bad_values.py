@@ -100,6 +100,8 @@ CASES = (
     ("new mine --floorplan none.fpm", "no such file"),
     ("new none --layers", "none is not there"),
     ("results nope", 'no campaign "nope"'),
+    ("results --outcome passed", '"passed" is no verdict: did you mean "pass"?'),
+    ("report -o page.pdf", "page.pdf is a page: end it in .html"),
     ("show nope.1", 'no campaign "nope"'),
     ("show raw.mcap --log", "raw.mcap"),
     ("show none.mcap --log", "none.mcap"),
