@@ -21,12 +21,12 @@ _PASSED: Final = frozenset(
 
 
 def is_campaign(path: Path) -> bool:
-    """Whether a YAML file describes a campaign."""
+    """Return True if a YAML file describes a campaign."""
     return has_key(path, "campaign")
 
 
 def has_key(path: Path, key: str) -> bool:
-    """Whether a YAML file has ``key`` at its outermost level."""
+    """Return True if a YAML file has ``key`` at its outermost level."""
     if path.suffix not in (".yaml", ".yml"):
         return False
     try:
