@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
+from grammars.text.words import count_noun
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -87,6 +88,10 @@ class Campaign:
     path: Path
     _loaded: loading.Campaign = field(repr=False)
     _selected: bool = False
+
+    def __repr__(self) -> str:
+        scenarios = count_noun(len(self.scenarios), "scenario")
+        return f"Campaign({self.name!r}, {scenarios}, {count_noun(self.runs, 'run')})"
 
     @property
     def name(self) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from daemon.batch.launch import ensure_daemon, running_daemon
 from daemon.batch.paths import endpoint_text
+from grammars.text.words import count_noun
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.library.results import Results, Run
 from scenario_tui.library.watching import (
@@ -35,7 +36,10 @@ class Job:
 
     receipt: SubmissionReceipt
     """The answer of the daemon: how many runs there are, how many of them had a result."""
-    _target: DaemonTarget = field(repr=False)
+    _target: DaemonTarget
+
+    def __repr__(self) -> str:
+        return f"Job({self.id!r}, {count_noun(self.receipt.runs, 'run')})"
 
     @property
     def id(self) -> str:

@@ -159,9 +159,10 @@ class Cell:
 
         Raises ``KeyError`` for an oracle that judged no run of the cell.
         """
+        __tracebackhide__ = True
         verdicts = {verdict.oracle: verdict for verdict in self.verdicts}
         if oracle not in verdicts:
-            raise KeyError(f"no verdict of {oracle!r}: {did_you_mean(oracle, verdicts)}")
+            raise KeyError(f"no verdict of {oracle}: {did_you_mean(oracle, verdicts)}")
         return verdicts[oracle]
 
 
@@ -208,10 +209,11 @@ class Results:
 
         Raises ``KeyError`` when there is none.
         """
+        __tracebackhide__ = True
         cells = {(one.scenario, one.system): one for one in self.cells}
         if cell not in cells:
-            words = [", ".join(map(repr, names)) for names in cells]
-            wrong = repr(cell).strip("()")
+            words = [", ".join(names) for names in cells]
+            wrong = ", ".join(map(str, cell)) if isinstance(cell, tuple) else str(cell)
             raise KeyError(f"no cell {wrong}: {did_you_mean(wrong, words)}")
         return cells[cell]
 

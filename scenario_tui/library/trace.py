@@ -134,7 +134,10 @@ def _parse_signal(name: str) -> tuple[language.Oracle, language.Signal]:
 
     # Signals have no grammar of their own, so an oracle about one is parsed: "max" takes
     # quantities, "never" the others. The first error is raised: most signals are quantities.
-    where = Where(f"signal {name}")
+    where = Where(f"signal {name}".strip())
+    hint = "name one, such as clearance or loc.error"
+    if not name.strip():
+        raise InputError.at(where, "a name is missing", hint)
     errors: list[InputError] = []
     for function in ("max", "never"):
         try:
@@ -145,6 +148,5 @@ def _parse_signal(name: str) -> tuple[language.Oracle, language.Signal]:
         match oracle.judgement:
             case Statistic(signal=Signal() as signal) | Temporal(predicate=Signal() as signal):
                 return oracle, signal
-        hint = "name one, such as clearance or loc.error"
         raise InputError.at(where, f'"{name}" is no signal', hint)
     raise errors[0]

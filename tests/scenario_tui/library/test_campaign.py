@@ -91,6 +91,16 @@ def test_a_file_that_is_no_campaign_is_checked_all_the_same(tmp_path):
         load(tmp_path / "nothing.yaml")
 
 
+def test_a_campaign_is_shown_by_its_name(demo):
+    assert repr(demo) == "Campaign('demo', 3 scenarios, 15 runs)"
+
+
+def test_an_error_of_a_file_has_no_chain_of_internals(tmp_path):
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / "nothing.yaml")
+    assert caught.value.__cause__ is None
+
+
 def test_a_scene_is_drawn(demo):
     scene = demo.scene("busy-house")
     assert "kitchen" in scene.spaces
