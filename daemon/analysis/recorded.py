@@ -247,9 +247,9 @@ def read_results_file(name: str) -> RecordedCampaign:
         origin = codec.from_plain(CampaignOrigin, body.get("origin") or {})
     except OSError as error:
         message = f"cannot be read: {error.strerror}"
-        raise InputError(Finding(where, message)) from error
-    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(Finding(where, message)) from None
+    except (ValueError, KeyError, TypeError):
         hint = "write one with: scenario results CAMPAIGN --json"
-        raise InputError(Finding(where, "is no file of results", hint)) from error
+        raise InputError(Finding(where, "is no file of results", hint)) from None
     note = CampaignNote(row.name, row.about, declared, origin, row.submitted_at)
     return RecordedCampaign(replace(row, id=name), rows, note, name)

@@ -101,8 +101,8 @@ def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.
         settings["transport/link/tls"] = credentials.connecting
     try:
         return zenoh.open(_config("client", settings))
-    except zenoh.ZError as error:
-        raise unreachable_error(endpoint, credentials) from error
+    except zenoh.ZError:
+        raise unreachable_error(endpoint, credentials) from None
 
 
 def unreachable_error(endpoint: str, credentials: Credentials | None = None) -> Unreachable:

@@ -128,7 +128,7 @@ def read_mcap(
             raise TraceError(path, f"the file is larger than {FILE_LIMIT >> 20} MiB")
         data = path.read_bytes()
     except OSError as error:
-        raise TraceError(path, f"cannot be read: {error.strerror}") from error
+        raise TraceError(path, f"cannot be read: {error.strerror}") from None
     if not data.startswith(MAGIC):
         raise TraceError(
             path,

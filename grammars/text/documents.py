@@ -185,7 +185,7 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
         if len(findings) > len(told):
             more = f"and {len(findings) - len(told)} more of the kind"
             told.append(Finding(Where(document.file), more))
-        raise InputError(told) from error
+        raise InputError(told) from None
 
 
 def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Finding:

@@ -120,8 +120,8 @@ def refuse_unreadable(path: str | Path, what: str = "the file", most: int = MAX_
     note_read(file)
     try:
         status = file.stat()
-    except FileNotFoundError as error:
-        raise InputError.at(where, "no such file", _neighbours(file)) from error
+    except FileNotFoundError:
+        raise InputError.at(where, "no such file", _neighbours(file)) from None
     except (OSError, ValueError) as error:
         raise InputError.at(where, f"{what} cannot be read: {reason_of(error)}") from error
     if stat.S_ISDIR(status.st_mode):
@@ -147,7 +147,7 @@ def read_text(path: str | Path, what: str = "the file", *, keep_line_ends: bool 
     except UnicodeDecodeError as error:
         raise InputError.at(
             Where(str(path)), f"{what} is not UTF-8 text (byte {error.start})", "save it as UTF-8"
-        ) from error
+        ) from None
     except OSError as error:
         raise InputError.at(
             Where(str(path)), f"{what} cannot be read: {reason_of(error)}"

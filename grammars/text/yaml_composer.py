@@ -50,11 +50,11 @@ def compose(text: str, file: str) -> tuple[Any, Places]:
     try:
         return composer.read(yaml.parse(text, Loader=yaml_loader()))
     except yaml.YAMLError as error:
-        raise InputError(_explain(source, error)) from error
+        raise InputError(_explain(source, error)) from None
     except (ValueError, OverflowError) as error:
         # Its scanner has no words of its own for the escape of a sign there is none of.
         message = f"is not valid YAML: {error}"
-        raise InputError.at(composer.last_place, message) from error
+        raise InputError.at(composer.last_place, message) from None
 
 
 def yaml_loader() -> Any:
