@@ -50,8 +50,9 @@ class Signal:
 class Trace:
     """A recorded run, an MCAP file at ``path``, which is read when it is first needed.
 
-    Every method raises :class:`InputError` when the file is no complete trace, or one whose
-    signals leap and are not to be trusted.
+    A file that was cut off is read as far as it goes: oracles that need the rest are inconclusive.
+    Every method raises :class:`InputError` when the file is no trace, or one whose signals leap and
+    are not to be trusted.
     """
 
     def __init__(self, path: str | Path) -> None:
