@@ -121,3 +121,9 @@ def test_traces_of_a_killed_run_move_out_before_the_next_one(tmp_path):
     with execution._temporary_state(tmp_path) as state:
         assert sorted(tmp_path.iterdir()) == [state, tmp_path / "a.mcap"]
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_no_worker_at_all_is_refused(demo, tmp_path):
+    with pytest.raises(InputError, match="workers: 0 run nothing"):
+        demo.run(workers=0, out=tmp_path)
+    assert not list(tmp_path.glob(".scenario-*"))
