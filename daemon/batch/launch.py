@@ -20,7 +20,6 @@ from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.batch.paths import StatePaths, is_locked, is_same_folder
 from daemon.batch.permissions import open_private_log
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
-from grammars.text.diagnostics import InputError, Where
 
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
@@ -207,9 +206,6 @@ def _command(
     settings: Mapping[str, object] = {},
     **more: object,
 ) -> list[str]:
-    if slots is not None and slots < 1:
-        # Without slots every run would wait for ever.
-        raise InputError.at(Where("workers"), f"{slots} run nothing", "write 1 or more")
     try:
         quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
     except ValueError as error:

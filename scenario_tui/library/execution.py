@@ -20,6 +20,7 @@ from daemon.batch.paths import StatePaths, is_locked
 from daemon.judging.assessment import assess
 from daemon.model.execution import machine_text
 from daemon.model.status import RunRow
+from grammars.text.diagnostics import InputError, Where
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.library.watching import ENDURANCE, WatchedRuns, watch
 
@@ -45,6 +46,9 @@ def run_here(
     ``wall`` [s] and ``attempts`` are those of the daemon, whose defaults hold without. Traces end
     up in ``folder``; everything else the daemon needed is removed, also after an interrupt.
     """
+    if workers is not None and workers < 1:
+        # Every run would wait for ever.
+        raise InputError.at(Where("workers"), f"{workers} run nothing", "write 1 or more")
     # A library that loaded may have lost an interrupt.
     stop_if_interrupted()
     target = traces_folder(submission, folder)
