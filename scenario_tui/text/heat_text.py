@@ -1,0 +1,182 @@
+"""The matrix of a campaign as a heat map of margins: a mark for each repeat.
+
+The glyph of a mark says the verdict, also without colours. A pass is a bar: the lower it is, the
+nearer the run came to failing. Failures are red, known ones amber, and shown in reverse where they
+are far beyond the limit.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from rich.cells import cell_len
+from rich.text import Text
+
+from daemon.model.verdicts import Outcome
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    GLYPHS,
+    SEVERITY,
+    Styles,
+    brief_count,
+    quiet_style,
+    run_word,
+)
+from scenario_tui.text.run_text import margin_share
+
+if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
+    from daemon.model.assessments import CellAssessment
+    from daemon.model.status import RunRow
+
+_BARS: Final = "▁▂▃▄▅▆▇█"
+_TIGHT: Final = 0.15
+"""Share of the scale below which a pass is tight: amber instead of green."""
+_DEEP: Final = -0.25
+"""Share of the scale below which a failure is shown in reverse."""
+_NARROWEST: Final = 9
+"""Columns of a system under test at least."""
+_GAP: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Heat:
+    """A run in the map: the word of its verdict or state, its least margin as a share of its scale
+    in [-1, 1], ``None`` without one, and whether its failure was expected.
+    """
+
+    word: str
+    share: float | None
+    known: bool = False
+
+    def mark(self, styles: Styles = DASHBOARD_STYLES) -> tuple[str, str]:
+        """Return its glyph and the style of it."""
+        glyph, style, share = GLYPHS[self.word], styles[self.word], self.share
+        if self.word == "pass" and share is not None:
+            glyph = _BARS[min(int(max(share, 0.0) * len(_BARS)), len(_BARS) - 1)]
+            style = styles["inconclusive"] if share < _TIGHT else style
+        if self.word == "fail":
+            style = styles["inconclusive"] if self.known else style
+            style += " reverse" if share is not None and share < _DEEP else ""
+        return glyph, style
+
+
+def heats(cell: CellAssessment, results: CampaignResults) -> tuple[Heat, ...]:
+    """Return the runs of a cell, in order."""
+    known = {oracle.oracle for oracle in cell.oracles if oracle.expected != "pass"}
+    return tuple(_heat(row, known) for row in results.runs_of(cell))
+
+
+def _heat(row: RunRow, known: set[str]) -> Heat:
+    judged = [one for one in row.verdicts if one.outcome is not Outcome.MEASURE]
+    shares = [margin_share(one) for one in judged if one.margin is not None]
+    failing = {one.oracle for one in judged if one.outcome is Outcome.FAIL}
+    return Heat(run_word(row), min(shares, default=None), bool(failing) and failing <= known)
+
+
+def heat_marks(runs: Sequence[Heat], width: int, styles: Styles = DASHBOARD_STYLES) -> Text:
+    """Return a mark for each run.
+
+    More than fit into ``width`` columns are summed: the number of runs for each verdict, with the
+    mark of the worst of them.
+    """
+    if len(runs) <= width:
+        return Text.assemble(*(one.mark(styles) for one in runs))
+    counts = Counter(one.word for one in runs)
+    parts = []
+    for word in sorted(counts, key=SEVERITY.index):
+        worst = min((one for one in runs if one.word == word), key=_worst_first)
+        glyph, style = worst.mark(styles)
+        # The bar of a pass has no verdict of its own beside a number.
+        sign = f"{GLYPHS[word]}{glyph}" if word == "pass" and glyph != GLYPHS[word] else glyph
+        parts.append(Text.assemble((sign, style), brief_count(counts[word])))
+    text = Text(" ").join(parts)
+    text.truncate(width, overflow="ellipsis")
+    return text
+
+
+def _worst_first(one: Heat) -> tuple[bool, float]:
+    return one.known, 1.0 if one.share is None else one.share
+
+
+def heat_lines(
+    results: CampaignResults, width: int, height: int, styles: Styles = DASHBOARD_STYLES
+) -> list[Text]:
+    """Return the matrix in at most ``height`` lines of ``width`` columns.
+
+    It has a line for each scenario and a column for each system under test; ``!`` marks cells that
+    are not as expected. Scenarios and systems that do not fit share the last line and column, those
+    as expected first. The last line explains the marks, where there is room for it.
+
+    It looks at every verdict of the campaign: make the lines anew when the results are others only.
+    """
+    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
+    news = {place for place, cell in cells.items() if cell.needs_attention}
+    names = tuple(dict.fromkeys(scenario for scenario, _ in cells))
+    rows = _grouped(names, height - 1, {scenario for scenario, _ in news})
+    label = min(max(map(cell_len, rows), default=0), width // 3)
+    columns = _grouped(
+        tuple(dict.fromkeys(sut for _, sut in cells)),
+        max((width - label) // (_NARROWEST + _GAP), 1),
+        {sut for _, sut in news},
+    )
+    places = {
+        (row, column): [(s, u) for s in scenarios for u in suts if (s, u) in cells]
+        for row, scenarios in rows.items()
+        for column, suts in columns.items()
+    }
+    runs = {
+        place: tuple(one for cell in group for one in heats(cells[cell], results))
+        for place, group in places.items()
+    }
+    # As narrow as the marks are: what belongs together is read together.
+    room = (width - label) // max(len(columns), 1) - _GAP
+    longest = max(map(len, runs.values()), default=0) + 2
+    room = max(min(room, max(longest, *map(cell_len, columns), _NARROWEST)), 1)
+    lines = [_line("", [Text(one, quiet_style(styles)) for one in columns], label, room)]
+    for row in rows:
+        texts = []
+        for column in columns:
+            text = heat_marks(runs[row, column], room - 2, styles)
+            if news.intersection(places[row, column]):
+                text.append(" !", style=styles["fail"])
+            texts.append(text)
+        lines.append(_line(row, texts, label, room))
+    if len(lines) < height:
+        lines.append(heat_legend((one for group in runs.values() for one in group), styles))
+    return lines[:height]
+
+
+def _grouped(names: Sequence[str], most: int, first: set[str]) -> dict[str, tuple[str, ...]]:
+    """Return at most ``most`` groups of names by title: one of each, the last of all others."""
+    if len(names) <= most:
+        return {name: (name,) for name in names}
+    shown = set(sorted(names, key=lambda name: name not in first)[: max(most - 1, 0)])
+    rest = tuple(name for name in names if name not in shown)
+    title = f"{len(rest)} more" if shown else f"all {len(rest)}"
+    return {name: (name,) for name in names if name in shown} | {title: rest}
+
+
+def _line(label: str, cells: Sequence[Text], width: int, room: int) -> Text:
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for cell, columns in ((Text(label), width), *((cell, room) for cell in cells)):
+        cell.truncate(columns, overflow="ellipsis", pad=True)
+        text.append_text(cell).append(" " * _GAP)
+    text.rstrip()
+    return text
+
+
+def heat_legend(runs: Iterable[Heat], styles: Styles = DASHBOARD_STYLES) -> Text:
+    """Return the meaning of the marks of these runs."""
+    quiet = quiet_style(styles)
+    words = {one.word for one in runs}
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for word in (word for word in SEVERITY if word in words and word != "pass"):
+        text.append(GLYPHS[word], style=styles[word]).append(f" {word}  ", style=quiet)
+    if "pass" in words:
+        text.append(_BARS[0], style=styles["inconclusive"]).append(" tight ", style=quiet)
+        text.append(_BARS[-1], style=styles["pass"]).append(" clear pass  ", style=quiet)
+    return text.append("! beside them: unexpected", style=quiet)
