@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from daemon.model.status import CampaignRow
 
 _COLUMNS: Final = (
-    Column("campaign", 16, share=1, whole=True),
-    Column("judged", 15, share=2),
+    Column("campaign", 0),
+    Column("judged", 24),
     Column("done", 7, right=True),
     Column("✗ fail", 6, right=True),
     Column("‼ err", 5, from_width=100, right=True),

@@ -49,14 +49,14 @@ FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("pass", {"outcome": "pass"}),
 )
 _COLUMNS: Final = (
-    Column("run", 12, share=3, ends=True),
-    Column("verdict", 14, yields=True),
-    Column("margin", 11, right=True, yields=True),
-    Column("decided by", 12, share=2),
-    Column("progress", 13, right=True, yields=True),
-    Column("worker", 14, from_width=100, share=1),
+    Column("run", 0),
+    Column("verdict", 14),
+    Column("margin", 9, right=True),
+    Column("decided by", 14),
+    Column("progress", 13, right=True),
+    Column("worker", 14, from_width=100),
 )
-_CAMPAIGN: Final = Column("campaign", 12, share=1, whole=True)
+_CAMPAIGN: Final = Column("campaign", 14)
 """Stands behind the run where runs of all campaigns are shown."""
 
 

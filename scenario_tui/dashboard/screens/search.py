@@ -33,7 +33,7 @@ from scenario_tui.text.search_text import answer_lines, parameters_text
 _COLUMNS: Final = (
     Column("what to look at", 15),
     Column("margin", 11, right=True),
-    Column("decided by", 9, share=1),
+    Column("decided by", 0),
     Column("run", 6, right=True),
 )
 _TABS: Final = 66

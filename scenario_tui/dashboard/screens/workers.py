@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from daemon.model.status import WorkerRow
 
 _COLUMNS: Final = (
-    Column("worker", 16, share=1, whole=True),
-    Column("host", 12, share=1),
+    Column("worker", 0),
+    Column("host", 16),
     Column("busy", 9, right=True),
     Column("here for", 12, right=True),
-    Column("last heard", 16, share=1, right=True),
-    Column("process", 8, from_width=90, share=1, right=True),
+    Column("last heard", 16, right=True),
+    Column("process", 8, from_width=90, right=True),
     Column("version", 9, from_width=100),
 )
 _NOBODY: Final = (

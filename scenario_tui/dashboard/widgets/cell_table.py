@@ -15,7 +15,7 @@ from textual.geometry import Size
 from textual.widgets import DataTable
 
 from scenario_tui.dashboard.widgets.static_text import same_text
-from scenario_tui.dashboard.widgets.tables import Row, widest_line
+from scenario_tui.dashboard.widgets.tables import Row
 
 _NARROWEST: Final = 12
 """Cells of a column of a matrix at least; one with more of these than fit is scrolled."""
@@ -23,6 +23,11 @@ _JOIN: Final = "\ue000"
 """Stands for a space at which no line is broken: U+00A0 is one to who breaks lines."""
 _UNIT: Final = re.compile(r"(?<=\d) (?=[^\W\d_]{1,3}\b)")
 """The space between a number and its unit, or its footnote."""
+
+
+def widest_line(cell: Text) -> int:
+    """Return the width of the widest line of a cell."""
+    return max((cell_len(line) for line in cell.plain.split("\n")), default=0)
 
 
 class CellTable(DataTable[Text]):

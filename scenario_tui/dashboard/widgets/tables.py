@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
-from rich.cells import cell_len
 from rich.text import Text
 from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widgets import DataTable, OptionList
+from textual.widgets.data_table import ColumnKey
 from textual.widgets.option_list import Option
 
 from daemon.model.verdicts import Outcome, Verdict
@@ -21,38 +21,33 @@ Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""
 
 
+_LEAST: Final = 12
+"""Cells that the column of width 0 gets at least; the last columns give way to it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of ``width`` cells at least, shown from ``from_width`` cells of the table on.
+    """A column of ``width`` cells, shown from ``from_width`` cells of the table on.
 
-    What the columns leave of the table goes to those with a ``share``, in proportion to it: first
-    as far as their cells need it, then all of it. A ``whole`` column is as wide as its keys are,
-    which are typed, and the last columns give way to it. Where it is too narrow, one with ``ends``
-    keeps the ends of its cells, and those with ``yields`` leave it what they do not need.
+    Exactly one column of a table has the width 0 and takes the rest. A cell that is too long loses
+    its middle: names and ids often differ at their end only.
     """
 
     title: str
     width: int
-    from_width: int = 0
     right: bool = False
-    share: int = 0
-    whole: bool = False
-    ends: bool = False
-    yields: bool = False
+    from_width: int = 0
 
 
-def widest_line(cell: Text) -> int:
-    """Return the width of the widest line of a cell."""
-    return max((cell_len(line) for line in cell.plain.split("\n")), default=0)
-
-
-def _keep_end(cell: Text, width: int) -> None:
-    """Leave out the beginning of a text that is wider than ``width`` cells."""
-    if cell.cell_len > width:
-        end = cell.plain
-        while cell_len(end) > max(width - 1, 0):
-            end = end[1:]
-        cell.plain = f"…{end}"
+def keep_ends(text: Text, width: int) -> Text:
+    """Return a text of at most ``width`` cells, without its middle if it is longer."""
+    if text.cell_len <= width:
+        return text
+    start, end = text.copy(), text[-max(width // 2, 1) :]
+    while end.cell_len > max(width // 2, 1):
+        end = end[1:]
+    start.truncate(max(width - 1 - end.cell_len, 0), overflow="crop")
+    return start.append("…").append_text(end)
 
 
 class KeyedTable(DataTable[Text]):
@@ -83,10 +78,9 @@ class KeyedTable(DataTable[Text]):
     def __init__(self, columns: Sequence[Column], *, id: str | None = None) -> None:
         super().__init__(cursor_type="row", id=id)
         self._all = tuple(columns)
-        self._shown: tuple[int, ...] = ()
-        self._widths: tuple[int, ...] = ()
+        self._widths: dict[int, int] = {}
+        self._order = ("", False)
         self._rows: tuple[Row, ...] = ()
-        self._needs: tuple[int, ...] = (0,) * len(self._all)
         self._from: Literal["", "top", "bottom"] = ""
         self._begin = ""
 
@@ -106,6 +100,17 @@ class KeyedTable(DataTable[Text]):
     def from_bottom(self) -> None:
         """Begin at the last row with what is filled in next."""
         self._from = "bottom"
+
+    def show_order(self, title: str, *, descending: bool) -> None:
+        """Mark the column by which the rows are sorted; without a ``title`` none is marked."""
+        if (title, descending) == self._order:
+            return
+        self._order = (title, descending)
+        for index in self._widths:
+            self.columns[ColumnKey(str(index))].label = self._label(index)
+        # Textual has no call for a label that changes, and rows made anew cost much more.
+        self._clear_caches()
+        self.refresh()
 
     def action_cursor_down(self) -> None:
         """Go down, also beyond the last row."""
@@ -144,7 +149,6 @@ class KeyedTable(DataTable[Text]):
     def fill(self, rows: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
         rows, before, key = tuple(rows), self._rows, self.key
-        self._measure(rows)
         # Columns that come or go, after a resize, leave no cell where it was.
         if self._layout():
             self._refill(rows)
@@ -160,14 +164,14 @@ class KeyedTable(DataTable[Text]):
         self._settle(key)
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
-        for index in self._shown:
+        for index in self._widths:
             if not same_text(before[index], cells[index]):
                 self.update_cell(str(place), str(index), self._cell(index, cells))
 
     def _append(self, place: int, cells: tuple[Text, ...]) -> None:
         # Named by their place: another page is then other words in the same rows, and drawing it
         # costs a tenth of making rows anew.
-        self.add_row(*(self._cell(i, cells) for i in self._shown), key=str(place))
+        self.add_row(*(self._cell(i, cells) for i in self._widths), key=str(place))
 
     def _settle(self, key: str) -> None:
         """Put the cursor on the row of a key, on the first one if there is none."""
@@ -187,73 +191,27 @@ class KeyedTable(DataTable[Text]):
         if self._layout():
             self._refill(self._rows)
 
-    def _measure(self, rows: Sequence[Row]) -> None:
-        """Note how wide the cells of columns are that may grow; about the same rows, only more."""
-        before = (0,) * len(self._all) if self._from else self._needs
-        self._needs = tuple(
-            max((least, *(widest_line(cells[index]) for _, cells in rows)))
-            if column.share or column.whole or column.yields
-            else 0
-            for index, (column, least) in enumerate(zip(self._all, before, strict=True))
-        )
-
     def _layout(self) -> bool:
         """Choose columns and widths; return whether they are others than before."""
-        width = self.size.width or self.app.size.width
-        shown = tuple(i for i, c in enumerate(self._all) if c.from_width <= width)
-        while len(shown) > 1 and self._left(shown, width) < 0:
-            shown = shown[:-1]
-        widths = self._spread(shown, self._left(shown, width))
-        if (shown, widths) == (self._shown, self._widths):
-            return False
-        self._shown, self._widths = shown, widths
-        return True
+        # Besides the columns there is the scroll bar.
+        room = (self.size.width or self.app.size.width) - 1
+        shown = [i for i, column in enumerate(self._all) if column.from_width <= room + 1]
+        while len(shown) > 1 and self._rest(shown, room) < _LEAST:
+            shown.pop()
+        rest = max(self._rest(shown, room), 1)
+        widths = {i: self._all[i].width or rest for i in shown}
+        changed, self._widths = widths != self._widths, widths
+        return changed
 
-    def _least(self, index: int) -> int:
-        column = self._all[index]
-        return max(column.width, self._needs[index] if column.whole else 0)
-
-    def _left(self, shown: tuple[int, ...], width: int) -> int:
-        """Return the cells that columns leave when they are as narrow as they may be."""
-        return width - 1 - sum(self._least(i) + 2 * self.cell_padding for i in shown)
-
-    def _spread(self, shown: tuple[int, ...], left: int) -> tuple[int, ...]:
-        """Return widths: what is left goes where cells need it, then in proportion to shares."""
-        widths = {i: self._least(i) for i in shown}
-        widths[shown[0]] += min(left, 0)
-        needs = [i for i in shown if self._all[i].share and self._needs[i] > widths[i]]
-        for index in needs:
-            more = max(0, min(self._needs[index] - widths[index], left))
-            widths[index] += more
-            left -= more
-        for index in needs:
-            if self._all[index].ends:
-                self._take_over(index, widths)
-        shares = sum(self._all[i].share for i in shown)
-        for index in shown:
-            share = self._all[index].share
-            if share and left > 0:
-                more = left * share // shares
-                widths[index] += more
-                left, shares = left - more, shares - share
-        return tuple(widths.values())
-
-    def _take_over(self, index: int, widths: dict[int, int]) -> None:
-        """Widen a column, as far as it needs it, by what others do not need."""
-        for other, width in widths.items():
-            if self._all[other].yields:
-                needed = max(self._needs[other], cell_len(self._all[other].title))
-                more = max(0, min(width - needed, self._needs[index] - widths[index]))
-                widths[other] -= more
-                widths[index] += more
+    def _rest(self, shown: Sequence[int], room: int) -> int:
+        """Return the cells of ``room`` that columns of a fixed width leave."""
+        return room - sum(self._all[i].width + 2 * self.cell_padding for i in shown)
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
         key, scroll, anew = self.key, self.scroll_y, bool(self._from)
         self.clear(columns=True)
-        for index, width in zip(self._shown, self._widths, strict=True):
-            column = self._all[index]
-            title = Text(column.title, justify="right" if column.right else "left")
-            self.add_column(title, width=width, key=str(index))
+        for index, width in self._widths.items():
+            self.add_column(self._label(index), width=width, key=str(index))
         self._rows = rows
         for place, (_, cells) in enumerate(rows):
             self._append(place, cells)
@@ -261,13 +219,19 @@ class KeyedTable(DataTable[Text]):
         if not anew:
             self.scroll_to(y=scroll, animate=False, immediate=True)
 
+    def _label(self, index: int) -> Text:
+        column, (sorted_by, descending) = self._all[index], self._order
+        sign = ("▼" if descending else "▲") if column.title == sorted_by else ""
+        return self._fitted(index, Text(sign + column.title))
+
     def _cell(self, index: int, cells: tuple[Text, ...]) -> Text:
-        cell = cells[index].copy()
-        if self._all[index].ends:
-            _keep_end(cell, self._widths[self._shown.index(index)])
-        cell.no_wrap, cell.overflow = True, "ellipsis"
-        cell.justify = "right" if self._all[index].right else "left"
-        return cell
+        return self._fitted(index, cells[index])
+
+    def _fitted(self, index: int, text: Text) -> Text:
+        text = keep_ends(text, self._widths[index]).copy()
+        text.no_wrap, text.overflow = True, "ellipsis"
+        text.justify = "right" if self._all[index].right else "left"
+        return text
 
 
 class VerdictList(OptionList, inherit_bindings=False):

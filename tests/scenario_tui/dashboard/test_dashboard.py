@@ -419,18 +419,6 @@ async def test_repeats_are_told_apart_however_long_names_are(opened, fake, width
             assert rest[1:3] == ["✓", "pass"]
 
 
-async def test_run_names_are_whole_where_other_columns_need_less(opened, fake):
-    fake.rows = tuple(
-        make_row(i, scenario="busy-house", sut="pilot", repeat=i, outcome=Outcome.PASS)
-        for i in range(4)
-    )
-    async with opened(92, 24) as pilot:
-        await settle(pilot)
-        await press(pilot, "2")
-        assert "busy-house/pilot/3" in screen_text(pilot)[3]
-        assert "✓ pass" in screen_text(pilot)[3]
-
-
 async def test_filter_and_order_are_still_there_when_one_comes_back(opened):
     async with opened() as pilot:
         await settle(pilot)
