@@ -11,7 +11,13 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.judging.assessment import CampaignDifference, JudgedCampaign, assess
+from daemon.judging.assessment import (
+    CampaignDifference,
+    Expectations,
+    JudgedCampaign,
+    assess,
+    find_marks,
+)
 from daemon.model.assessments import (
     Assessment,
     AssessmentRules,
@@ -36,7 +42,7 @@ class CampaignResults:
 
     ``where`` is the folder, the state directory or the endpoint of the daemon that has them.
     ``unread`` are files that are no usable traces, with the reason. ``machine`` executed the runs
-    that have no result yet.
+    that have no result yet. ``expectations`` mark news and known failures.
     """
 
     row: CampaignRow
@@ -47,10 +53,12 @@ class CampaignResults:
     where: str = ""
     unread: tuple[tuple[str, str], ...] = ()
     machine: str = ""
+    expectations: Expectations = field(init=False, repr=False, compare=False)
     _by_id: Mapping[str, RunRow] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_by_id", {row.id: row for row in self.rows})
+        object.__setattr__(self, "expectations", find_marks(self.assessment, self.rows))
 
     @property
     def judged(self) -> JudgedCampaign:

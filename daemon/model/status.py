@@ -116,6 +116,7 @@ class CampaignRow(RunCounts):
     priority: int = 0
     search: str = ""
     seconds_left: float | None = None
+    acknowledged: bool = False
 
     @property
     def ended(self) -> int:

@@ -138,7 +138,7 @@ def wait(
         say(f"\n{name} goes on; come back with `{target.command('wait', name)}`")
         raise
     row, code = results.row, results.assessment.exit_code
-    words = conclude(results.assessment, finished=row.finished).glyph_text
+    words = conclude(results).glyph_text
     if not row.finished:
         # The conclusion so far is printed, but a campaign that goes on has no verdict yet.
         runs = count_noun(row.queued + row.running, "run")

@@ -64,7 +64,7 @@ class CampaignAssessor:
 
         state = self._state(row)
         results = read_results(daemon, row)
-        conclusion = conclude(results.assessment, finished=row.finished)
+        conclusion = conclude(results)
         if row.id == wanted:
             self.results = results
         self.conclusions = {**self.conclusions, row.id: conclusion}

@@ -112,6 +112,21 @@ def margin_bar(share: float, half: int = 4) -> str:
     return f"{'':{half}}│{'█' * full + '▌' * rest:<{half}}"
 
 
+def margin_share(verdict: Verdict) -> float | None:
+    """Return a margin as a share in [-1, 1] of the larger of value and limit, ``None`` without one.
+
+    Without these, or with a limit of 0, it is a share of 1 SI unit.
+    """
+    evidence, size = verdict.evidence, verdict.margin
+    if size is None:
+        return None
+    sizes = [abs(one) for one in (evidence.value, evidence.limit) if one is not None]
+    # With a limit of zero the value is the margin: the share would always be 1.
+    scale = max(sizes) if evidence.limit and len(sizes) == 2 else 1.0
+    is_unbounded = math.isinf(scale) or math.isinf(size)
+    return math.copysign(1.0, size) if is_unbounded else max(-1.0, min(1.0, size / scale))
+
+
 def time_text(seconds: float | None) -> str:
     """Return a moment of simulated time: ``312.4 s``."""
     return NOTHING if seconds is None else f"{seconds:.1f} s"

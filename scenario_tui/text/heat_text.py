@@ -22,10 +22,10 @@ from scenario_tui.text.formatting import (
     SEVERITY,
     Styles,
     brief_count,
+    margin_share,
     quiet_style,
     run_word,
 )
-from scenario_tui.text.run_text import margin_share
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
@@ -66,15 +66,14 @@ class Heat:
 
 def heats(cell: CellAssessment, results: CampaignResults) -> tuple[Heat, ...]:
     """Return the runs of a cell, in order."""
-    known = {oracle.oracle for oracle in cell.oracles if oracle.expected != "pass"}
-    return tuple(_heat(row, known) for row in results.runs_of(cell))
+    marks = results.expectations
+    return tuple(_heat(row, marks.mark(row).kind == "known") for row in results.runs_of(cell))
 
 
-def _heat(row: RunRow, known: set[str]) -> Heat:
+def _heat(row: RunRow, known: bool) -> Heat:
     judged = [one for one in row.verdicts if one.outcome is not Outcome.MEASURE]
-    shares = [margin_share(one) for one in judged if one.margin is not None]
-    failing = {one.oracle for one in judged if one.outcome is Outcome.FAIL}
-    return Heat(run_word(row), min(shares, default=None), bool(failing) and failing <= known)
+    shares = [share for one in judged if (share := margin_share(one)) is not None]
+    return Heat(run_word(row), min(shares, default=None), known)
 
 
 def heat_marks(runs: Sequence[Heat], width: int, styles: Styles = DASHBOARD_STYLES) -> Text:

@@ -1,84 +1,140 @@
-"""Campaigns in two words: as expected, undecided, so far fine; one of them, or several."""
+"""Campaigns in two words: as expected, undecided, so far fine; one of them, or the worst of all."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from scenario_tui.text.formatting import GLYPHS, SEVERITY
+from scenario_tui.text.formatting import GLYPHS, SEVERITY, margin_share
 
 if TYPE_CHECKING:
-    from daemon.model.assessments import Assessment
+    from daemon.analysis.results import CampaignResults
+    from daemon.judging.assessment import Expectations
+    from daemon.model.assessments import Assessment, CellAssessment
     from daemon.model.status import CampaignRow
+
+
+def _no_expectations() -> Expectations:
+    # The first screen is drawn before the first campaign is judged, and does without this.
+    from daemon.judging.assessment import Expectations
+
+    return Expectations()
 
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """Agreement of a campaign with its expectations: ``word`` names its glyph, ``text`` says it."""
+    """Agreement of a campaign with its expectations: ``word`` names its glyph, ``text`` says it.
+
+    ``unexpected`` and ``known`` count oracles of cells and comparisons: those that contradict an
+    expectation, and those that fail as expected. ``verdicts`` of the ``runs`` have been judged.
+    ``margins`` are the worst of each cell in the order of the matrix, as a share of their scale in
+    [-1, 1] (below 0: broken; ``None``: unknown). ``expectations`` mark the runs.
+    """
 
     word: str
     text: str
     unexpected: int = 0
+    known: int = 0
+    verdicts: int = 0
+    runs: int = 0
+    margins: tuple[float | None, ...] = ()
+    expectations: Expectations = field(default_factory=_no_expectations, repr=False)
 
     @property
     def glyph_text(self) -> str:
         """The text behind its glyph: ``✓ as expected``."""
         return f"{GLYPHS[self.word]} {self.text}"
 
+    @property
+    def is_judged(self) -> bool:
+        """Whether its runs say anything about its expectations; cancelled ones say nothing."""
+        return self.text != NONE_JUDGED and self.word != "cancelled"
+
 
 NONE_JUDGED: Final = "none judged"
 """Words for a campaign of which no oracle has judged a run yet."""
-
-SO_FAR_FINE: Final = Conclusion("running", "so far fine")
-"""All verdicts are as expected, and some are missing."""
-_CONCLUSIONS: Final = {
-    0: Conclusion("pass", "as expected"),
-    3: Conclusion("lost", "not all judged"),
-    4: Conclusion("inconclusive", "undecided"),
+SO_FAR_FINE: Final = "so far fine"
+"""Words while all verdicts are as expected, and some are missing."""
+_BY_EXIT_CODE: Final = {
+    0: ("pass", "as expected"),
+    3: ("lost", "not all judged"),
+    4: ("inconclusive", "undecided"),
 }
-"""Conclusions by the exit code of `scenario results`: scripts and people learn the same."""
+"""Word and text by the exit code of `scenario results`: scripts and people learn the same."""
 
 
-def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
-    """Return an assessment in two words; so far, if the campaign is unfinished."""
+def conclude(results: CampaignResults) -> Conclusion:
+    """Return the conclusion of a campaign; so far, if it is unfinished."""
+    assessment, marks = results.assessment, results.expectations
+    word, text = _standing(assessment, finished=results.row.finished)
+    judged = [marks.mark_verdict(one) for cell in assessment.cells for one in cell.oracles]
+    judged += map(marks.mark_verdict, assessment.comparisons)
+    return Conclusion(
+        word,
+        text,
+        unexpected=len(assessment.surprises),
+        known=sum(mark.kind == "known" for mark in judged),
+        verdicts=sum(run.outcome is not None for run in results.rows),
+        runs=len(results.rows),
+        margins=tuple(map(cell_margin, matrix_order(assessment.cells))),
+        expectations=marks,
+    )
+
+
+def _standing(assessment: Assessment, *, finished: bool) -> tuple[str, str]:
+    """Return an assessment in two words, behind the word of its glyph."""
     code = assessment.exit_code
     if code == 1:
-        return unexpected_conclusion(len(assessment.surprises))
+        return "fail", f"{len(assessment.surprises):,} unexpected"
     states = {cell.state for cell in assessment.cells}
     if code == 4 and not finished:
         if any(cell.oracles for cell in assessment.cells):
-            return SO_FAR_FINE
+            return "running", SO_FAR_FINE
         # A running search has no run between two proposals.
         has_begun = "queued" not in states or "running" in states
-        return Conclusion("running" if has_begun else "queued", NONE_JUDGED)
+        return "running" if has_begun else "queued", NONE_JUDGED
     if code == 4 and "cancelled" in states:
-        return Conclusion("cancelled", "cancelled")
-    return _CONCLUSIONS[code]
+        return "cancelled", "cancelled"
+    return _BY_EXIT_CODE[code]
 
 
-def unexpected_conclusion(count: int) -> Conclusion:
-    """Return the conclusion for ``count`` oracles or comparisons that are not as expected."""
-    return Conclusion("fail", f"{count:,} unexpected", count)
+def matrix_order(cells: Sequence[CellAssessment]) -> list[CellAssessment]:
+    """Return cells row by row: scenarios, then systems under test, each as they appear first."""
+    suts = {sut: place for place, sut in enumerate(dict.fromkeys(cell.sut for cell in cells))}
+    rows: dict[str, list[CellAssessment]] = {}
+    for cell in cells:
+        rows.setdefault(cell.scenario, []).append(cell)
+    return [cell for row in rows.values() for cell in sorted(row, key=lambda one: suts[one.sut])]
 
 
-def overall_conclusion(
-    campaigns: Sequence[CampaignRow], conclusions: Mapping[str, Conclusion]
-) -> Conclusion | None:
-    """Return one conclusion for the newest campaign of each name.
+def cell_margin(cell: CellAssessment) -> float | None:
+    """Return the worst margin of a cell as a share of its scale in [-1, 1], ``None`` if unknown."""
+    verdicts = (oracle.worst.verdict for oracle in cell.oracles if oracle.worst is not None)
+    shares = (margin_share(verdict) for verdict in verdicts)
+    return min((share for share in shares if share is not None), default=None)
 
-    ``campaigns`` begin with the newest. Earlier ones of a name were superseded, by a repair say.
-    ``None`` while no campaign was judged.
+
+def worst_conclusion(
+    campaigns: Iterable[CampaignRow], conclusions: Mapping[str, Conclusion]
+) -> tuple[CampaignRow, Conclusion] | None:
+    """Return the campaign in the worst state of those that nobody has acknowledged.
+
+    A newer run of the same campaign improves nothing: people acknowledge what they have seen. Of
+    equal states the first campaign counts. Searches have no expectations. ``None`` while nothing
+    is judged, or everything is acknowledged.
     """
-    newest: dict[str, CampaignRow] = {}
-    for row in campaigns:
-        newest.setdefault(row.name, row)
-    judgements = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
-    if count := sum(one.unexpected for one in judgements):
-        return unexpected_conclusion(count)
-    # Cancelled campaigns must not hide the conclusions of the others.
-    judgements = [one for one in judgements if one.word != "cancelled"] or judgements
-    judged = [one for one in judgements if one.text != NONE_JUDGED]
-    if judged and len(judged) < len(judgements) and all(one.word == "pass" for one in judged):
-        return SO_FAR_FINE
-    return min(judgements, key=lambda one: SEVERITY.index(one.word), default=None)
+    judged = [
+        (row, conclusions[row.id])
+        for row in campaigns
+        if row.id in conclusions and not row.acknowledged and not row.search
+    ]
+    # Campaigns without a verdict say nothing about the others, and are said if there are no others.
+    telling = [pair for pair in judged if pair[1].is_judged] or judged
+    if not telling:
+        return None
+    row, worst = min(telling, key=lambda pair: (SEVERITY.index(pair[1].word), -pair[1].unexpected))
+    waiting = next((one for one in judged if one[1].text == NONE_JUDGED), None)
+    if worst.word == "pass" and waiting is not None:
+        return waiting[0], replace(waiting[1], word="running", text=SO_FAR_FINE)
+    return row, worst

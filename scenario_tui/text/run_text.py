@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -23,6 +22,7 @@ from scenario_tui.text.formatting import (
     glyph_word,
     margin,
     margin_bar,
+    margin_share,
     moment_text,
     quiet_style,
     run_label,
@@ -64,8 +64,8 @@ def verdict_text(
     text.append(verdict.oracle, style="bold")
     text.append(f"  {_value(verdict)}")
     first, *rest = (*_evidence_lines(verdict), "")
-    if verdict.margin is not None:
-        bar = margin_bar(margin_share(verdict))
+    if (share := margin_share(verdict)) is not None:
+        bar = margin_bar(share)
         text.append("\n    ").append(f"{bar}  ", style=style)
         nearest = "nearest " if so_far and verdict.evidence.time is not None else ""
         text.append(f"{nearest}{first}", style=quiet_style(styles))
@@ -92,19 +92,6 @@ def _value(verdict: Verdict) -> str:
     if verdict.outcome is Outcome.INCONCLUSIVE and verdict.upper is not None:
         return f"{least} to {margin(verdict.upper, verdict.unit)}"
     return least
-
-
-def margin_share(verdict: Verdict) -> float:
-    """Return a margin as a share of the larger of value and limit, of 1 SI unit without those.
-
-    Shares lie in [-1, 1]; an unknown margin is 0.
-    """
-    evidence, size = verdict.evidence, verdict.margin or 0.0
-    sizes = [abs(one) for one in (evidence.value, evidence.limit) if one is not None]
-    # With a limit of zero the value is the margin: the share would always be 1.
-    scale = max(sizes) if evidence.limit and len(sizes) == 2 else 1.0
-    share = math.copysign(1.0, size) if math.isinf(scale) or math.isinf(size) else size / scale
-    return min(max(share, -1.0), 1.0)
 
 
 def _evidence_lines(verdict: Verdict) -> list[str]:

@@ -117,7 +117,7 @@ def _conclusion_line(results: CampaignResults) -> str:
     if code == 4 and row.cancelled:
         words = f"not everything is decided: {count_noun(row.cancelled, 'run')} cancelled"
     if not row.finished:
-        standing = conclude(results.assessment, finished=False).text
+        standing = conclude(results).text
         if code == 1:
             standing = "not as expected already"
         return f"{standing}; {unfinished_text(row)}"

@@ -21,12 +21,15 @@ from daemon.judging.assessment._cell_verdicts import (
     measured_value,
     severity,
 )
+from daemon.judging.assessment._marks import Expectations, Mark, find_marks
 from daemon.judging.assessment._references import reference_comparisons
 
 __all__ = [
     "CampaignDifference",
     "ComparedCampaigns",
+    "Expectations",
     "JudgedCampaign",
+    "Mark",
     "QuantityChange",
     "VerdictChange",
     "assess",
@@ -35,6 +38,7 @@ __all__ = [
     "evidence_text",
     "expectation_matches",
     "expected_verdict",
+    "find_marks",
     "measured_value",
     "mission_completed",
     "reference_comparisons",

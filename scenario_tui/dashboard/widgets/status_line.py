@@ -22,7 +22,7 @@ from scenario_tui.text.formatting import (
     rate_text,
     run_counts,
 )
-from scenario_tui.text.results import NONE_JUDGED, overall_conclusion
+from scenario_tui.text.results import worst_conclusion
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, DaemonOverview, Preparation
@@ -127,9 +127,10 @@ def _standing(state: DashboardState) -> Iterator[_Part]:
         return
     yield _Part(("✓ connected", "✓ up", "✓ up", "✓"), GOOD, 9)
     yield from _troubles(overview)
-    said = overall_conclusion(state.campaigns, state.conclusions)
-    # Where nothing is judged the counts say all; others may have passed long ago.
-    if said is not None and said.text != NONE_JUDGED and said.word != "cancelled":
+    worst = worst_conclusion(state.campaigns, state.conclusions)
+    # Where nothing is judged the counts say all.
+    if worst is not None and worst[1].is_judged:
+        said = worst[1]
         keep = 8 if said.unexpected else 3
         yield _Part((said.glyph_text,), DASHBOARD_STYLES[said.word], keep)
     counts = run_counts(overview)

@@ -5,20 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.assessments import Assessment
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.widgets.cell_table import CellTable
-from scenario_tui.text.results import (
-    NONE_JUDGED,
-    Conclusion,
-    conclude,
-    overall_conclusion,
-    unexpected_conclusion,
-)
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.fake import CAMPAIGN, OLD
@@ -49,7 +41,7 @@ async def test_m_shows_the_campaign_judged(judged):
         "✗ fail 2/3 !",  # a surprise
         "no-contact −0.0312 m at 512.2 s",
         "a  known: violated at the closed door",
-        "▶ running 2/3 b",
+        "▶ running 2/3",
         "1 not executed",
         "! lost  S3/a2s/2  worker bench-1 went away",
         "a2s detour  ✓ pass +0 s",
@@ -192,45 +184,3 @@ def test_conclusions_of_deleted_campaigns_are_forgotten(judged):
     judge.step(judged, [row for row in rows if row.id == OLD], "")
     assert set(judge.conclusions) == {OLD}
     assert judge.results is None
-
-
-@pytest.mark.parametrize(
-    ("code", "finished", "said"),
-    [
-        (0, True, "✓ as expected"),
-        (3, True, "! not all judged"),
-        (4, True, "? undecided"),
-        (4, False, "▶ none judged"),
-    ],
-)
-def test_a_campaign_is_told_in_two_words(code, finished, said):
-    assert conclude(Assessment((), (), (), code), finished=finished).glyph_text == said
-
-
-def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged):
-    rows = judged._campaign_rows()
-    fixed = replace(rows[0], id="first-later")
-    said = {
-        rows[0].id: unexpected_conclusion(2),
-        rows[1].id: unexpected_conclusion(1),
-        fixed.id: conclude(Assessment((), (), (), 0), finished=True),
-    }
-    assert overall_conclusion(rows, said) == unexpected_conclusion(3)
-    assert overall_conclusion((fixed, *rows), said) == unexpected_conclusion(1)
-    assert overall_conclusion((fixed,), said) == said[fixed.id]
-    assert overall_conclusion(rows, {}) is None
-
-
-def test_what_is_as_expected_is_said_while_another_campaign_has_not_been_judged(judged):
-    rows = judged._campaign_rows()
-    new = replace(rows[0], id="new-1", name="new")
-    waiting = Conclusion("queued", NONE_JUDGED)
-    fine = conclude(Assessment((), (), (), 0), finished=True)
-    said = {new.id: waiting, rows[0].id: fine}
-    assert overall_conclusion((new, rows[0]), said).glyph_text == "▶ so far fine"
-    assert overall_conclusion((new,), said) == waiting
-    said[new.id] = Conclusion("cancelled", "cancelled")
-    assert overall_conclusion((new, rows[0]), said) == fine
-    said[new.id] = waiting
-    said[rows[0].id] = unexpected_conclusion(2)
-    assert overall_conclusion((new, rows[0]), said).unexpected == 2

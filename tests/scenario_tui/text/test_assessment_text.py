@@ -5,6 +5,7 @@ from typing import get_args
 
 import pytest
 
+from daemon.analysis.results import CampaignResults
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
     AssessmentRules,
@@ -18,10 +19,16 @@ from daemon.model.status import RunDetail
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.text.assessment_text import cell_notes, undecided_text
 from scenario_tui.text.formatting import TERMINAL_STYLES
-from scenario_tui.text.results import conclude
+from scenario_tui.text.results import (
+    NONE_JUDGED,
+    SO_FAR_FINE,
+    Conclusion,
+    conclude,
+    worst_conclusion,
+)
 from scenario_tui.text.run_text import run_text
 from tests.run_rows import run_result, run_row
-from tests.scenario_tui.fake import make_row, make_spec
+from tests.scenario_tui.fake import campaign_row, make_row, make_spec
 
 UNFINISHED = ("queued", "running")
 
@@ -100,7 +107,47 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
     ],
 )
 def test_the_conclusion_is_about_what_was_judged(records, finished, words):
-    assert conclude(judged(*records), finished=finished).glyph_text == words
+    assert concluded(records, finished=finished).glyph_text == words
+
+
+def concluded(records, *, finished=True, **more):
+    row = replace(campaign_row("first", "first-1", (), 0.0), queued=0 if finished else 1)
+    return conclude(CampaignResults(row, records, AssessmentRules(), judged(*records, **more)))
+
+
+def test_a_conclusion_counts_verdicts_runs_and_known_failures():
+    runs = (record(0, "done", Outcome.FAIL), record(1, "lost"))
+    known = concluded(runs, expected="mixed")
+    assert (known.verdicts, known.runs, known.known, known.unexpected) == (1, 2, 1, 0)
+    assert (known.margins, known.expectations.mark(runs[0]).letter) == ((0.1,), "a")
+
+
+NEWS, FINE = Conclusion("fail", "2 unexpected", 2), Conclusion("pass", "as expected")
+CANCELLED, WAITING = Conclusion("cancelled", "cancelled"), Conclusion("queued", NONE_JUDGED)
+
+
+@pytest.mark.parametrize(
+    ("conclusions", "worst"),
+    [
+        ((CANCELLED, NEWS), NEWS),
+        ((FINE, NEWS, Conclusion("fail", "1 unexpected", 1)), NEWS),
+        ((CANCELLED, FINE), FINE),
+        ((CANCELLED,), CANCELLED),
+        ((WAITING, FINE), Conclusion("running", SO_FAR_FINE)),
+        ((WAITING,), WAITING),
+        ((), None),
+    ],
+)
+def test_the_worst_state_is_that_of_any_campaign(conclusions, worst):
+    rows = [campaign_row("doors", f"doors-{i}", (), 0.0) for i in range(len(conclusions))]
+    told = worst_conclusion(rows, {f"doors-{i}": one for i, one in enumerate(conclusions)})
+    assert (told and told[1]) == worst
+
+
+def test_neither_acknowledged_campaigns_nor_searches_are_told():
+    row = campaign_row("doors", "doors-1", (), 0.0)
+    for quiet in (replace(row, acknowledged=True), replace(row, search="finished")):
+        assert worst_conclusion([quiet], {"doors-1": NEWS}) is None
 
 
 def test_an_error_is_told_once_and_not_for_each_oracle():
