@@ -36,7 +36,7 @@ LONG = (
     "daemon/batch/test_quota.py",
     "scenario_tui/cli/test_real_runs.py",
     "scenario_tui/cli/test_real_parts.py",
-    "scenario_tui/dashboard/test_playback_process.py",
+    "scenario_tui/dashboard/test_children.py",
     "scenario_tui/dashboard/test_driving_for_real.py",
     "scenario_tui/dashboard/test_poisoned.py",
     "scenario_tui/cli/test_real_search.py",

@@ -81,10 +81,20 @@ class InputError(ScenarioError):
         self.findings = (findings,) if isinstance(findings, Finding) else tuple(findings)
         super().__init__("\n".join(map(str, self.findings)))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Subclasses take other arguments, and processes hand errors to each other.
+        return _restore_error, (type(self), self.findings)
+
     @classmethod
     def at(cls, where: Where, message: str, hint: str = "") -> InputError:
         """Return the error of one finding."""
         return cls(Finding(where, message, hint))
+
+
+def _restore_error(kind: type[InputError], findings: tuple[Finding, ...]) -> InputError:
+    error = kind.__new__(kind)
+    InputError.__init__(error, findings)
+    return error
 
 
 def raise_all(problems: Iterable[Finding]) -> None:

@@ -102,8 +102,9 @@ class Dashboard(BaseDashboard):
         self._update_front_screen()
 
     def on_unmount(self) -> None:
-        """Stop asking."""
+        """Stop asking, and what is done for nobody any more."""
         self.feed.close()
+        self.child_processes.close()
 
     def update_state(self) -> None:
         """Take over what is new and bring the screen in front up to date."""

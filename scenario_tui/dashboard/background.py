@@ -24,7 +24,7 @@ from grammars.text.words import command_line
 from scenario_tui.campaign_files import newest_change
 
 if TYPE_CHECKING:
-    from scenario_tui.library.submission import CheckedFile, FileChecker
+    from scenario_tui.library.submission import CheckedFile
 
 T = TypeVar("T")
 
@@ -164,7 +164,10 @@ class CheckQueue:
     """
 
     def __init__(
-        self, tasks: BackgroundTasks, check_file: FileChecker, on_checked: Callable[[], None]
+        self,
+        tasks: BackgroundTasks,
+        check_file: Callable[..., CheckedFile],
+        on_checked: Callable[[], None],
     ) -> None:
         self._tasks, self._check_file, self._on_checked = tasks, check_file, on_checked
         self.state: Path | None = None

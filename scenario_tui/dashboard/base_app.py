@@ -6,11 +6,12 @@ Screens see this class; :class:`scenario_tui.dashboard.app.Dashboard` sees the s
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from daemon.batch.errors import DaemonError
 from grammars.text.terminal_text import printable
 from scenario_tui.dashboard.background import (
     BackgroundTasks,
@@ -18,16 +19,25 @@ from scenario_tui.dashboard.background import (
     CommandRunner,
     run_command,
 )
+from scenario_tui.dashboard.children import Children, load_modules
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
 from scenario_tui.dashboard.live_tracks import Tracks
-from scenario_tui.dashboard.playback_process import PlaybackProcess, PlaybackReader
 from scenario_tui.dashboard.state import DashboardState, RunsView
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.terminal.capabilities import copy_to_tmux
 
 if TYPE_CHECKING:
-    from scenario_tui.library.submission import FileChecker
+    from daemon.model.verdicts import Verdict
+    from scenario_tui.dashboard.playback import Playback
+    from scenario_tui.library.submission import CheckedFile
+
+_READING: Final = (
+    "scenario_tui.dashboard.playback",
+    "daemon.judging.oracles",
+    "daemon.judging.live",
+)
+"""What reads traces and samples their signals."""
 
 
 class BaseDashboard(ThemedApp):
@@ -41,18 +51,14 @@ class BaseDashboard(ThemedApp):
         config: Config | None = None,
         command_lines: CommandLines | None = None,
         run_command: CommandRunner = run_command,
-        check_file: FileChecker | None = None,
         launch_daemon: Callable[[], str] | None = None,
-        read_playback: PlaybackReader | None = None,
+        child_processes: Children | None = None,
     ) -> None:
         super().__init__()
         self.feed = feed
         self.background_tasks = BackgroundTasks()
         self.run_command = run_command
-        self._check_file = check_file
-        process = PlaybackProcess()
-        self.read_playback = read_playback or process.read
-        self._begin_playback = process.begin if read_playback is None else None
+        self.child_processes = child_processes or Children()
         self.command_lines = command_lines or CommandLines()
         self.config = config or Config()
         self.read_only = self.config.read_only
@@ -68,20 +74,32 @@ class BaseDashboard(ThemedApp):
         self.tracks = Tracks()
         self._said = 0.0
 
-    @property
-    def check_file(self) -> FileChecker:
-        """What examines campaign files."""
-        if self._check_file is None:
-            # It knows the daemon's records, which load longer than the first screen.
-            from scenario_tui.library.submission import check_file_in_child
+    def check_file(
+        self, path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
+    ) -> CheckedFile:
+        """Examine a campaign file in the child process; not for the thread that draws."""
+        # It knows the daemon's records, which load longer than the first screen.
+        from scenario_tui.library.submission import check_file
 
-            self._check_file = check_file_in_child
-        return self._check_file
+        return self.child_processes.run(check_file, path, submit=submit, fresh=fresh, state=state)
+
+    def read_playback(self, path: Path, verdicts: Sequence[Verdict]) -> Playback:
+        """Read a trace in the child process; not for the thread that draws.
+
+        Raises :class:`daemon.trace.TraceError` for what cannot be shown.
+        """
+        from daemon.trace import TraceError
+        from scenario_tui.dashboard.playback import read_playback
+
+        try:
+            return self.child_processes.run(read_playback, path, verdicts)
+        except DaemonError as error:
+            raise TraceError(path, str(error), "open the run again") from error
 
     def prepare_playback(self) -> None:
         """Have what reads traces there: somebody is about to open a run."""
-        if self._begin_playback is not None:
-            self.background_tasks.start(self._begin_playback, _nothing, self.problem)
+        load = partial(self.child_processes.run, load_modules, *_READING)
+        self.background_tasks.start(load, _nothing, self.problem)
 
     def open_matrix(self, campaign: str) -> None:
         """Show a campaign judged."""

@@ -52,7 +52,7 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
 
     A trace that cannot be trusted has no signals, only doors and mission.
     """
-    # What judges takes 70 MB to load: see playback_process.
+    # What judges takes 70 MB to load: see children.
     from daemon.judging.live import door_motions, reached_moments, sample_run_signals
     from daemon.judging.oracles import SignalSampler, trace_problems
 
@@ -317,6 +317,22 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     if verdicts is None:
         verdicts = judge(trace, trace.spec.oracles)
     return Playback(trace, verdicts, outputs=read_outputs(path))
+
+
+def read_playback(path: Path, verdicts: Sequence[Verdict]) -> Playback:
+    """Read a trace and sample its signals; for the child process of the dashboard.
+
+    Raises :class:`daemon.trace.TraceError` for what is no usable trace, and for what an oracle that
+    plugs in makes of one.
+    """
+    try:
+        playback = open_playback(path, verdicts)
+        playback.timeline  # noqa: B018  sampled here and not where it would be waited for
+    except TraceError:
+        raise
+    except Exception as error:
+        raise TraceError(path, f"cannot be shown: {type(error).__name__}: {error}") from error
+    return playback
 
 
 def headline(playback: Playback, time: float) -> str:

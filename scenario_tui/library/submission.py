@@ -1,35 +1,25 @@
-"""From a campaign file to a submission: load, check and expand it, here or in a child process.
+"""From a campaign file to a submission: load, check and expand it.
 
-The languages take 100 MB and keep a core busy. The dashboard stays small and quick because a child
-process loads them: ``python -m scenario_tui.library.submission FILE [--submit]``.
+The languages take 100 MB and keep a core busy: the dashboard has its child process do it.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING
 
 from daemon.batch.errors import DaemonError
-from daemon.model.execution import python_command
 from daemon.model.status import SubmissionReceipt
 from daemon.model.submission import Submission
-from grammars.text import codec
 from grammars.text.diagnostics import Finding, InputError, Severity
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.campaign_files import is_campaign
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import Forecast
-
-_SUBMIT: Final = "--submit"
-_FRESH: Final = "--fresh"
-_STATE: Final = "--state"
 
 
 def searches_text(path: Path, names: tuple[str, ...]) -> str:
@@ -89,10 +79,6 @@ class CheckedFile:
     submission: Submission | None = None
     plan: SubmissionPlan | None = None
     searches: tuple[str, ...] = ()
-
-
-FileChecker: TypeAlias = Callable[..., CheckedFile]
-""":func:`check_file`, here or in another process."""
 
 
 def check_file(
@@ -179,46 +165,3 @@ def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     more = f", {work.untimed:,} of them unknown" if work.untimed else ""
     span = duration_text(work.seconds / at_once)
     return f"{words}; {about} {span} on {count_noun(at_once, 'slot')}{more}"
-
-
-def check_file_in_child(
-    path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
-) -> CheckedFile:
-    """Examine a file in another process, as :func:`check_file` does.
-
-    Raises :class:`daemon.batch.errors.DaemonError` with its last words when it answers nothing.
-    """
-    options = [*([_SUBMIT] if submit else []), *([_FRESH] if fresh else [])]
-    options += [] if state is None else [_STATE, str(state)]
-    done = subprocess.run(
-        python_command("-m", "scenario_tui.library.submission", str(path), *options),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        check=False,
-        start_new_session=True,  # Ctrl-C is for the dashboard
-    )
-    try:
-        return codec.from_json(CheckedFile, done.stdout)
-    except ValueError as error:
-        lines = done.stderr.decode(errors="replace").strip().splitlines()
-        last = lines[-1] if lines else f"it left with code {done.returncode}"
-        raise DaemonError(f"{path} could not be checked: {last}") from error
-
-
-def main(arguments: list[str]) -> None:
-    """Write the checked file, and no more, to standard output as JSON."""
-    # Systems under test of plug-ins may print: their output goes to standard error, the answer
-    # alone to the former standard output.
-    answer = os.dup(sys.stdout.fileno())
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    path, *options = arguments
-    state = Path(options[options.index(_STATE) + 1]) if _STATE in options else None
-    checked = check_file(
-        Path(path), submit=_SUBMIT in options, fresh=_FRESH in options, state=state
-    )
-    with os.fdopen(answer, "wb") as output:
-        output.write(codec.to_json(checked))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -12,7 +12,6 @@ from scenario_tui.dashboard.background import BackgroundTasks
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.live_tracks import Tracks
-from scenario_tui.dashboard.playback_process import read_playback
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.idle import until_idle
 
@@ -65,9 +64,18 @@ class CountedTasks(BackgroundTasks):
         take(found)
 
 
+class InlineChildren:
+    """Does in this process what the dashboard has a child do: that takes a second to start."""
+
+    def run(self, function, *arguments, **options):
+        return function(*arguments, **options)
+
+    def close(self):
+        """There is none."""
+
+
 def make_dashboard(fake, **settings):
-    # A process for each trace that is looked at would take most of the time of these tests.
-    settings.setdefault("read_playback", read_playback)
+    settings.setdefault("child_processes", InlineChildren())
     dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
     dashboard.background_tasks = CountedTasks(dashboard.run_command)
     # What was told once would have been heard of long ago on a busy machine.

@@ -12,7 +12,6 @@ from scenario_tui.dashboard.key_bindings import (
     list_key_bindings,
 )
 from scenario_tui.dashboard.screens.help import key_groups, own_bindings
-from scenario_tui.library.submission import check_file
 from scenario_tui.terminal.filters import darken
 from scenario_tui.text import formatting
 from tests.scenario_tui.dashboard.driven import SteeredDaemon
@@ -153,7 +152,7 @@ def test_shared_meanings_are_those_of_keys_there_are():
 
 
 async def test_footers_fit_and_help_tells_the_rest():
-    app = make_dashboard(SteeredDaemon(), check_file=check_file)
+    app = make_dashboard(SteeredDaemon())
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         for key in ("1", "m", "1", "enter", "3", "s"):

@@ -23,7 +23,6 @@ from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
-from scenario_tui.library.submission import check_file
 from scenario_tui.terminal.filters import PrintableText
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.searching import (
@@ -80,7 +79,7 @@ async def walk_through_the_dashboard(trace, folder):
     (folder / f"bad{NAME}.yaml").write_text(
         f"campaign: x\nabout: {yaml_text(POISON)}\nscenarios: {{{yaml_text(NAME)}: 1}}\n"
     )
-    dashboard = make_dashboard(daemon(trace), check_file=check_file)
+    dashboard = make_dashboard(daemon(trace))
     async with dashboard.run_test(size=WIDE) as pilot:
         await settle(pilot)
         look(pilot)

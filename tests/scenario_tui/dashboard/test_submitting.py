@@ -11,10 +11,9 @@ from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
-from scenario_tui.library.submission import SubmissionPlan, Workload, check_file, plan_text
-from tests.scenario_tui.dashboard import inline
+from scenario_tui.library.submission import SubmissionPlan, Workload, plan_text
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
-from tests.scenario_tui.dashboard.inline import press, screen_text, settle
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 
 DEMO = Path(__file__).parents[3] / "campaigns"
 
@@ -36,11 +35,6 @@ def folder(tmp_path, monkeypatch):
     os.utime(tmp_path / "broken.yaml", (1.0, 1.0))
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def make_dashboard(fake):
-    """Files are examined in this process, which has loaded what that takes."""
-    return inline.make_dashboard(fake, check_file=check_file)
 
 
 def about(pilot):

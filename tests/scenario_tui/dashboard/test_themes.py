@@ -7,6 +7,7 @@ from textual.css.stylesheet import Stylesheet
 from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.themes import DARK, LIGHT
+from scenario_tui.library import submission
 from scenario_tui.library.submission import CheckedFile
 from scenario_tui.terminal.capabilities import TerminalLimits
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
@@ -74,7 +75,8 @@ async def test_every_text_can_be_read(theme, tmp_path, monkeypatch):
     (tmp_path / "first.yaml").write_text("campaign: first\n")
     monkeypatch.chdir(tmp_path)
     config = Config(theme=theme)
-    app = make_dashboard(judged_campaign(), config=config, check_file=lambda *_, **__: CHECKED)
+    monkeypatch.setattr(submission, "check_file", lambda *_, **__: CHECKED)
+    app = make_dashboard(judged_campaign(), config=config)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(pilot)
         home = pilot.app.screen
