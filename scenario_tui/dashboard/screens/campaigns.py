@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -13,6 +14,7 @@ from textual.widgets import Static
 
 from grammars.text.words import NOTHING, count_noun, duration_text
 from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Query
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
@@ -22,6 +24,7 @@ from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
     QUIET,
+    SEVERITY,
     UNSURE,
     age_text,
     brief_duration,
@@ -45,6 +48,12 @@ _COLUMNS: Final = (
     Column("✓ pass", 6, from_width=90, right=True),
     Column("submitted", 10, right=True),
 )
+_KEYS: Final[dict[str, Callable[[CampaignRow], Any]]] = {
+    "submitted": lambda row: row.submitted_at,
+    "campaign": lambda row: row.name,
+    "done": lambda row: row.ended / max(row.total, 1),
+    "✗ fail": lambda row: row.failed,
+}
 _SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended", "queued": "waiting"}
 """What became of a search that is over, shortly."""
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
@@ -69,10 +78,13 @@ _OTHERS: Final = (
 )
 
 
-class CampaignsScreen(SteeringScreen):
+class CampaignsScreen(FilteredScreen, SteeringScreen):
     """All campaigns; wide terminals show the one under the cursor beside the table."""
 
     IN_FOOTER = ("open", "matrix", "submit", "pause", "cancel", "retry", "palette", "help", "quit")
+    SORTS: ClassVar = {
+        "submitted": True, "campaign": False, "judged": False, "done": False, "✗ fail": True,
+    }  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
         Binding("tab,v", "part", "Under way", show=False, id="view",
@@ -81,6 +93,7 @@ class CampaignsScreen(SteeringScreen):
 
     def body(self) -> ComposeResult:
         """Table, and details beside it."""
+        yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
             yield KeyedTable(_COLUMNS, id="campaigns")
@@ -108,21 +121,33 @@ class CampaignsScreen(SteeringScreen):
     def show(self, state: DashboardState) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
-        message = "" if state.campaigns else self._nothing(state)
-        show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         said, found = state.conclusions, state.searches
-        rows = state.campaigns[:CAMPAIGNS_SHOWN]
-        table.fill([campaign_cells(row, said.get(row.id), now, found.get(row.id)) for row in rows])
-        places = {row.id: place for place, row in enumerate(rows)}
-        if self.dashboard.submitted_campaign in places:
-            table.move_cursor(row=places[self.dashboard.submitted_campaign], animate=False)
+        cells = [
+            (row, campaign_cells(row, said.get(row.id), now, found.get(row.id)))
+            for row in state.campaigns[:CAMPAIGNS_SHOWN]
+        ]
+        rows = self.arrangement.apply(cells, {**_KEYS, "judged": self._severity})
+        message = "" if rows else self.no_match() if cells else self._nothing(state)
+        show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
+        if self.dashboard.submitted_campaign in (key for key, _ in rows):
+            table.begin_at(self.dashboard.submitted_campaign)
             self.dashboard.submitted_campaign = ""
+        table.fill(rows)
         # A table that was hidden, because there was no campaign, could not take the keys.
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
         self._show_running(state)
+
+    def rearranged(self) -> None:
+        """Show the campaigns as they are arranged now."""
+        self.show(self.dashboard.daemon_state)
+
+    def _severity(self, row: CampaignRow) -> int:
+        """Return how soon a campaign must be looked at."""
+        conclusion = self.dashboard.daemon_state.conclusions.get(row.id)
+        return SEVERITY.index(conclusion.word) if conclusion else len(SEVERITY)
 
     def _show_running(self, state: DashboardState) -> None:
         """Show what is under way below the campaigns, which leave most of the screen empty."""

@@ -1,0 +1,147 @@
+"""Filter and order of a table screen: a line to type in, and columns to sort by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final, TypeVar
+
+from textual.binding import Binding, BindingType
+from textual.widgets import Input
+
+from scenario_tui.dashboard.screens.base import BaseScreen
+from scenario_tui.dashboard.widgets.tables import KeyedTable, Row
+
+_LONGEST: Final = 200
+"""Characters of a filter that count."""
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class Arrangement:
+    """Rows that mention ``text``, sorted by the column with the title ``sort``."""
+
+    sort: str
+    descending: bool = False
+    text: str = ""
+
+    def apply(
+        self, rows: Iterable[tuple[R, Row]], keys: Mapping[str, Callable[[R], Any]]
+    ) -> list[Row]:
+        """Return the rows to show; equal ones keep their order.
+
+        ``rows`` are values with their cells, ``keys`` give the value to sort by for each title.
+        """
+        text = self.text.casefold()
+        matching = [
+            (value, row)
+            for value, row in rows
+            if text in " ".join(cell.plain for cell in row[1]).casefold()
+        ]
+        key = keys[self.sort]
+        matching.sort(key=lambda pair: key(pair[0]), reverse=self.descending)
+        return [row for _, row in matching]
+
+
+class FilteredScreen(BaseScreen):
+    """A screen with a table whose rows are filtered while one types, and sorted by its columns.
+
+    Subclasses yield :meth:`filter_line` above their table.
+    """
+
+    SORTS: ClassVar[Mapping[str, bool]]
+    """Titles of the columns to sort by, the first one to begin with; whether descending."""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        # At once, or what is typed right behind it would still be taken for keys of the table.
+        Binding("slash", "filter", "Filter", id="filter", priority=True,
+                tooltip="Only rows that mention a text"),
+        Binding("greater_than_sign", "sort(1)", "Sort", show=False, id="sort-next",
+                tooltip="By the next column"),
+        Binding("less_than_sign", "sort(-1)", "Sort back", show=False, id="sort-previous",
+                tooltip="By the column before"),
+        Binding("i", "reverse", "Invert", show=False, id="sort-invert",
+                tooltip="Sort the other way round"),
+    ]  # fmt: skip
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.arrangement = Arrangement(*next(iter(self.SORTS.items())))
+
+    def rearranged(self) -> None:
+        """Show the rows as they are arranged now."""
+        raise NotImplementedError
+
+    def filter_line(self) -> Input:
+        """Return the line to type in, hidden while it is empty."""
+        # With its text from the start: an empty line would tell that it changed, and be obeyed.
+        line = Input(self.arrangement.text, placeholder="text in a row", id="filter", compact=True)
+        line.display = bool(line.value)
+        return line
+
+    def no_match(self) -> str:
+        """Return the message for a filter that no row matches."""
+        return f"No row matches.\n\n    {self.key('filter')}  change the text      esc  clear it"
+
+    def on_mount(self) -> None:
+        """Mark the column by which the rows are sorted."""
+        self._mark_order()
+        super().on_mount()
+
+    def _mark_order(self) -> None:
+        order = self.arrangement
+        self.query_one(KeyedTable).show_order(order.sort, descending=order.descending)
+
+    def rearrange(self, **changes: Any) -> None:
+        """Change the arrangement and begin at the first row."""
+        self.arrangement = replace(self.arrangement, **changes)
+        self.query_one(KeyedTable).from_top()
+        self._mark_order()
+        self.rearranged()
+
+    def action_filter(self) -> None:
+        """Open the filter line."""
+        line = self.query_one("#filter", Input)
+        line.display = True
+        self.set_focus(line)
+
+    def action_sort(self, step: int) -> None:
+        """Sort by the next column, or the one before."""
+        titles = list(self.SORTS)
+        title = titles[(titles.index(self.arrangement.sort) + step) % len(titles)]
+        self.rearrange(sort=title, descending=self.SORTS[title])
+
+    def action_reverse(self) -> None:
+        """Sort the other way round."""
+        self.rearrange(descending=not self.arrangement.descending)
+
+    def action_back(self) -> None:
+        """Clear the filter first, then leave the screen."""
+        line = self.query_one("#filter", Input)
+        if not line.display:
+            super().action_back()
+            return
+        line.value = ""
+        self._leave_line()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Let a slash be a slash in the filter line; where there is a filter, one can go back."""
+        if action == "filter" and isinstance(self.focused, Input):
+            return False
+        if action == "back" and self.query("#filter") and self.query_one("#filter").display:
+            return True
+        return super().check_action(action, parameters)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Filter while one types."""
+        if event.value != self.arrangement.text:
+            self.rearrange(text=event.value[:_LONGEST])
+
+    def on_input_submitted(self) -> None:
+        """Give the keys back to the table; the filter stays."""
+        self._leave_line()
+
+    def _leave_line(self) -> None:
+        line = self.query_one("#filter", Input)
+        line.display = bool(line.value)
+        self.query_one(KeyedTable).focus(scroll_visible=False)
