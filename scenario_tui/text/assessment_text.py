@@ -113,7 +113,7 @@ def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str
 
 
 def _worst(cell: CellAssessment) -> str:
-    oracle = _leading_oracle(cell)
+    oracle = leading_oracle(cell)
     if oracle is None or oracle.worst is None:
         return ""
     verdict = oracle.worst.verdict
@@ -125,7 +125,7 @@ def _worst(cell: CellAssessment) -> str:
     return text
 
 
-def _leading_oracle(cell: CellAssessment) -> CellVerdict | None:
+def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
     """Return the most telling oracle of a cell.
 
     Of those with the cell's verdict one that is not as expected comes first, then the smallest

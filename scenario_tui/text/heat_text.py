@@ -16,12 +16,17 @@ from rich.cells import cell_len
 from rich.text import Text
 
 from daemon.model.verdicts import Outcome
+from grammars.text.words import NOTHING
+from scenario_tui.text.assessment_text import leading_oracle
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
     SEVERITY,
     Styles,
     brief_count,
+    glyph_word,
+    keep_start,
+    margin,
     margin_share,
     quiet_style,
     run_word,
@@ -40,6 +45,10 @@ _DEEP: Final = -0.25
 _NARROWEST: Final = 9
 """Columns of a system under test at least."""
 _GAP: Final = 2
+_FEWEST: Final = 6
+"""Columns of the marks of a cell at least, where there is no room for its verdict as well."""
+CELL_LINES: Final = 2
+"""Lines of a cell: its marks with the verdict, and the margin that is most telling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +122,8 @@ def heat_lines(
     It looks at every verdict of the campaign: make the lines anew when the results are others only.
     """
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
-    news = {place for place, cell in cells.items() if cell.needs_attention}
+    marks = results.expectations
+    news = {place for place, cell in cells.items() if marks.mark_cell(cell).kind == "news"}
     names = tuple(dict.fromkeys(scenario for scenario, _ in cells))
     rows = _grouped(names, height - 1, {scenario for scenario, _ in news})
     label = min(max(map(cell_len, rows), default=0), width // 3)
@@ -147,6 +157,41 @@ def heat_lines(
     if len(lines) < height:
         lines.append(heat_legend((one for group in runs.values() for one in group), styles))
     return lines[:height]
+
+
+def heat_cell(
+    cell: CellAssessment | None,
+    results: CampaignResults,
+    width: int,
+    styles: Styles = DASHBOARD_STYLES,
+) -> Text:
+    """Return a cell of the matrix in two lines of at most ``width`` columns.
+
+    The first line has the marks, ``!`` for news, the letters of known failures, the verdict and how
+    many repeats pass; the second one the most telling margin. Without a ``cell`` there are no runs.
+    """
+    if cell is None:
+        return Text(NOTHING, style=quiet_style(styles))
+    runs, word, mark = (
+        heats(cell, results),
+        glyph_word(cell.word),
+        results.expectations.mark_cell(cell),
+    )
+    letters = f" {mark.letter}" if mark.letter else ""
+    is_known = mark.kind == "known"
+    style = styles["inconclusive" if is_known and cell.word == "fail" else cell.word]
+    text = heat_marks(runs, max(width - len(letters) - 1 - len(word), _FEWEST), styles)
+    text.append(letters, style=styles["inconclusive" if is_known else "fail"])
+    text.append(f" {word}", style=style)
+    share = f" {sum(one.word == 'pass' for one in runs)}/{len(runs)}"
+    text.append(share if text.cell_len + len(share) <= width else "")
+    text.truncate(width, overflow="ellipsis")
+    oracle = leading_oracle(cell)
+    if oracle is not None and oracle.worst is not None:
+        least = margin(oracle.worst.verdict.margin, oracle.worst.verdict.unit)
+        name = keep_start(oracle.oracle, max(width - len(least) - 1, 1))
+        text.append(f"\n{least} {name}", style=quiet_style(styles))
+    return text
 
 
 def _grouped(names: Sequence[str], most: int, first: set[str]) -> dict[str, tuple[str, ...]]:

@@ -8,16 +8,16 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
-from textual.widgets import DataTable, Static
+from textual.widgets import Static
 
-from daemon.model.assessments import CellAssessment, ExpectationStatus
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import DashboardState, Query
-from scenario_tui.dashboard.widgets.cell_table import CellTable
+from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
-from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
+from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes
+from scenario_tui.text.heat_text import heat_legend, heats
 from scenario_tui.text.results import NONE_JUDGED
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class MatrixScreen(SteeringScreen):
             notes.border_title = "cell "
             with notes:
                 yield StaticText(id="about")
+        yield StaticText(id="legend")
 
     def state_query(self) -> Query:
         """The campaign judged."""
@@ -63,7 +64,7 @@ class MatrixScreen(SteeringScreen):
 
     def cursor_command(self) -> str:
         """Return what to type for the runs of the cell."""
-        cell = self._cell()
+        cell = self.query_one(CellTable).cell
         if cell is None:
             return self.command()
         runs = f"{cell.scenario}/{cell.sut}/"
@@ -97,13 +98,14 @@ class MatrixScreen(SteeringScreen):
         if results is None or results is self._shown:
             return
         self._shown = results
-        notes, table = Footnotes(), self.query_one(CellTable)
-        table.fill(*matrix_rows(results, notes))
         self._arrange()
-        self._rest = campaign_notes(results, notes)
+        self.query_one(CellTable).show(results)
+        runs = (run for cell in results.assessment.cells for run in heats(cell, results))
+        self.query_one("#legend", Static).update(heat_legend(runs))
+        self._rest = campaign_notes(results, Footnotes(dict(results.expectations.letters)))
         self._describe()
         if self.focused is None:
-            table.focus()
+            self.query_one(CellTable).focus()
 
     def on_resize(self) -> None:
         """Put the words below the matrix, or beside it, as there is room."""
@@ -111,21 +113,16 @@ class MatrixScreen(SteeringScreen):
 
     def _arrange(self) -> None:
         # Beside it they take two fifths; only from -wide on is there room for that at all.
-        needed = self.query_one(CellTable).needed()
-        self.set_class(needed > self.size.width * 3 // 5, "-stacked")
+        suts = {cell.sut for cell in self._shown.assessment.cells} if self._shown else ()
+        self.set_class(len(suts) * COMFORTABLE > self.size.width * 3 // 5, "-stacked")
 
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:
             return "This campaign has no runs."
         return "… judging" if self.dashboard.daemon_state.connected else ""
 
-    def _cell(self) -> CellAssessment | None:
-        place = self.query_one(CellTable).cell
-        cells = self._shown.assessment.cells if self._shown else ()
-        return next((cell for cell in cells if (cell.scenario, cell.sut) == place), None)
-
     def _describe(self) -> None:
-        cell = self._cell()
+        cell = self.query_one(CellTable).cell
         about = Text() if cell is None else cell_notes(cell)
         self.query_one("#about", Static).update(about + self._rest)
 
@@ -133,9 +130,9 @@ class MatrixScreen(SteeringScreen):
         """Describe the cell the cursor came to."""
         self._describe()
 
-    def on_data_table_cell_selected(self, event: DataTable.CellSelected) -> None:
+    def on_data_table_cell_selected(self) -> None:
         """Open the runs of the cell."""
-        cell = self._cell()
+        cell = self.query_one(CellTable).cell
         if cell is not None:
             self.dashboard.open_runs(self._campaign, cell.scenario, cell.sut)
 
@@ -145,16 +142,5 @@ class MatrixScreen(SteeringScreen):
 
     def action_next(self, step: int) -> None:
         """Go to the next cell that is not as expected, or the one before; round at the end."""
-        table = self.query_one(CellTable)
-        places = [(cell.scenario, cell.sut) for cell in self._unexpected_cells()]
-        if not places:
+        if not self.query_one(CellTable).go_to_news(step):
             self.notify("no cell is unexpected")
-            return
-        order = [(label, sut) for label, sut in table.places if (label, sut) in places]
-        here = table.places.index(table.cell) if table.cell else -1
-        ahead = [place for place in order if (table.places.index(place) - here) * step > 0]
-        table.go_to(*(ahead or order)[0 if step > 0 else -1])
-
-    def _unexpected_cells(self) -> list[CellAssessment]:
-        cells = self._shown.assessment.cells if self._shown else ()
-        return [cell for cell in cells if cell.status is ExpectationStatus.CONTRADICTED]

@@ -1,13 +1,10 @@
-"""A table with labelled rows and a cursor on one cell: what does not fit is folded, never cut."""
+"""The matrix of a campaign as a table with a cursor on one cell: a heat map of margins."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.cells import cell_len
-from rich.console import Console
 from rich.text import Text
 from textual.binding import Binding, BindingType
 from textual.coordinate import Coordinate
@@ -15,23 +12,20 @@ from textual.geometry import Size
 from textual.widgets import DataTable
 
 from scenario_tui.dashboard.widgets.static_text import same_text
-from scenario_tui.dashboard.widgets.tables import Row
+from scenario_tui.text.heat_text import CELL_LINES, heat_cell
 
-_NARROWEST: Final = 12
-"""Cells of a column of a matrix at least; one with more of these than fit is scrolled."""
-_JOIN: Final = "\ue000"
-"""Stands for a space at which no line is broken: U+00A0 is one to who breaks lines."""
-_UNIT: Final = re.compile(r"(?<=\d) (?=[^\W\d_]{1,3}\b)")
-"""The space between a number and its unit, or its footnote."""
+if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
+    from daemon.model.assessments import CellAssessment
 
-
-def widest_line(cell: Text) -> int:
-    """Return the width of the widest line of a cell."""
-    return max((cell_len(line) for line in cell.plain.split("\n")), default=0)
+_NARROWEST: Final = 16
+"""Columns of a cell at least: a verdict and its margin. More cells than fit are scrolled."""
+COMFORTABLE: Final = 36
+"""Columns of a cell at most: cells far from each other are not seen as one picture."""
 
 
 class CellTable(DataTable[Text]):
-    """A :class:`DataTable` with labelled rows and a cursor on one cell."""
+    """Scenarios by systems under test, with a cursor on one cell."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("h", "cursor_left", "Left", show=False, id="left", tooltip="Also the arrow"),
@@ -43,126 +37,96 @@ class CellTable(DataTable[Text]):
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(cursor_type="cell", id=id)
+        self._results: CampaignResults | None = None
+        self._cells: dict[tuple[str, str], CellAssessment] = {}
+        self._news: set[tuple[str, str]] = set()
+        self._labels: tuple[str, ...] = ()
         self._titles: tuple[str, ...] = ()
-        self._widths: tuple[int, ...] = ()
-        self._all: tuple[Row, ...] = ()
-        self._drawn: tuple[tuple[str, int], ...] = ()
+        self._width = 0
 
     @property
-    def cell(self) -> tuple[str, str] | None:
-        """Row and column under the cursor, ``None`` in an empty table."""
+    def cell(self) -> CellAssessment | None:
+        """The cell under the cursor, ``None`` where there is none."""
         row, column = self.cursor_coordinate
-        if row < len(self._drawn) and column < len(self._titles):
-            return self._drawn[row][0], self._titles[column]
+        if row < len(self._labels) and column < len(self._titles):
+            return self._cells.get((self._labels[row], self._titles[column]))
         return None
 
-    @property
-    def places(self) -> tuple[tuple[str, str], ...]:
-        """Row and column of every cell, row by row."""
-        return tuple((label, title) for label, _ in self._drawn for title in self._titles)
+    def show(self, results: CampaignResults) -> None:
+        """Show the matrix; the cursor stays on its cell, cells that look the same are not drawn."""
+        before = self.cell
+        self._results = results
+        self._cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
+        marks = results.expectations
+        self._news = {
+            place for place, cell in self._cells.items() if marks.mark_cell(cell).kind == "news"
+        }
+        labels = tuple(dict.fromkeys(scenario for scenario, _ in self._cells))
+        titles = tuple(dict.fromkeys(sut for _, sut in self._cells))
+        if (labels, titles) != (self._labels, self._titles):
+            self._labels, self._titles, self._width = labels, titles, 0
+        self._fill()
+        if before is not None and before != self.cell:
+            self.go_to(before.scenario, before.sut)
 
-    def go_to(self, row: str, column: str) -> None:
-        """Move the cursor to a cell, to the first one when it is not there."""
-        labels = [label for label, _ in self._drawn]
-        found = row in labels and column in self._titles
-        place = (labels.index(row), self._titles.index(column)) if found else (0, 0)
+    def go_to(self, scenario: str, sut: str) -> None:
+        """Move the cursor to a cell, to the first one if there is no such cell."""
+        found = scenario in self._labels and sut in self._titles
+        place = (self._labels.index(scenario), self._titles.index(sut)) if found else (0, 0)
         self.move_cursor(row=place[0], column=place[1], animate=False)
 
-    def fill(self, titles: Sequence[str], lines: Sequence[Row]) -> None:
-        """Show these rows; unchanged cells are not touched."""
-        # Every cell that is set has its row drawn and its column measured again: over a slow line a
-        # matrix in which nothing changes shall cost nothing.
-        before, self._all = self._all, tuple(lines)
-        widths = self._fitting(titles, lines)
-        shown = tuple((label, self._folded(cells, widths)) for label, cells in lines)
-        if (tuple(titles), widths, _shape(shown)) != (self._titles, self._widths, self._drawn):
-            self._refill(tuple(titles), widths, shown)
-            return
-        for row, ((_, old), (_, new), (_, cells)) in enumerate(
-            zip(before, lines, shown, strict=True)
-        ):
-            for column, cell in enumerate(cells):
-                if not same_text(old[column], new[column]):
-                    self.update_cell_at(Coordinate(row, column), cell)
+    def go_to_news(self, step: int) -> bool:
+        """Move the cursor to the next cell that is not as expected, or with -1 to the one before.
+
+        The first one follows the last. Return whether there is one.
+        """
+        places = [(label, title) for label in self._labels for title in self._titles]
+        row, column = self.cursor_coordinate
+        here = row * len(self._titles) + column
+        ahead = [places[(here + step * i) % len(places)] for i in range(1, len(places) + 1)]
+        found = [place for place in ahead if place in self._news]
+        if found:
+            self.go_to(*found[0])
+        return bool(found)
 
     def on_resize(self) -> None:
-        """Fold the cells to the new width."""
-        if self._all and self._fitting(self._titles, self._all) != self._widths:
-            self.fill(self._titles, self._all)
+        """Make the cells as wide as there is room."""
+        self._fill()
 
-    def needed(self) -> int:
-        """Return the cells it takes to show everything without folding anything."""
-        return sum(_needs(self._titles, self._all)) + self._around(self._titles, self._all)
+    def _around(self) -> int:
+        """Return the columns that labels, gaps and scroll bar take."""
+        labels = max(map(cell_len, self._labels), default=0)
+        return labels + 2 * self.cell_padding * (len(self._titles) + 1) + 1
 
-    def _around(self, titles: Sequence[str], lines: Sequence[Row]) -> int:
-        """Return the cells that labels, gaps and scroll bar take."""
-        labels = max((cell_len(label) for label, _ in lines), default=0)
-        return labels + 2 * self.cell_padding * (len(titles) + 1) + 1
+    def _fill(self) -> None:
+        if self._results is None or not self._titles:
+            return
+        room = (self.size.width or self.app.size.width) - self._around()
+        width = min(max(room // len(self._titles), _NARROWEST), COMFORTABLE)
+        if width != self._width:
+            self._begin(width)
+        for row, label in enumerate(self._labels):
+            for column, title in enumerate(self._titles):
+                cell = heat_cell(self._cells.get((label, title)), self._results, width)
+                # A cell that is set has its row drawn and its column measured again: over a slow
+                # line a matrix in which nothing changes shall cost nothing.
+                place = Coordinate(row, column)
+                if not same_text(cell, self.get_cell_at(place)):
+                    self.update_cell_at(place, cell)
 
-    def _fitting(self, titles: Sequence[str], lines: Sequence[Row]) -> tuple[int, ...]:
-        """Return a width for each column: what it needs, or a fair share of what there is."""
-        needs = _needs(titles, lines)
-        left = (self.size.width or self.app.size.width) - self._around(titles, lines)
-        widths = dict.fromkeys(range(len(needs)), 0)
-        # The narrow ones first: what they do not take is for those that need more.
-        for rank, index in enumerate(sorted(widths, key=needs.__getitem__)):
-            share = max(left // (len(needs) - rank), min(_NARROWEST, needs[index]))
-            widths[index] = min(needs[index], share)
-            left -= widths[index]
-        return self._steady(tuple(widths.values()), titles, left)
-
-    def _steady(self, widths: tuple[int, ...], titles: Sequence[str], left: int) -> tuple[int, ...]:
-        """Keep columns as wide as they were, where there is room: margins come and go."""
-        if tuple(titles) != self._titles:
-            return widths
-        kept = tuple(map(max, widths, self._widths))
-        return kept if sum(kept) - sum(widths) <= left else widths
+    def _begin(self, width: int) -> None:
+        """Make empty cells anew."""
+        cursor = self.cursor_coordinate
+        self.clear(columns=True)
+        self._width = width
+        for title in self._titles:
+            self.add_column(Text(title, no_wrap=True, overflow="ellipsis"), key=title, width=width)
+        for label in self._labels:
+            empty = (Text(),) * len(self._titles)
+            name = Text(label, style="bold")
+            self.add_row(*empty, key=label, label=name, height=CELL_LINES)
+        self.move_cursor(row=cursor.row, column=cursor.column, animate=False)
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
         """Return the height of titles and rows, also while rows that are new wait to be drawn."""
-        return 1 + sum(lines + 1 for _, lines in self._drawn)
-
-    def _folded(self, cells: Sequence[Text], widths: Sequence[int]) -> tuple[Text, ...]:
-        """Return cells with lines that fit; a number is never cut or parted from its unit."""
-        return tuple(_folded(c, w, self.app.console) for c, w in zip(cells, widths, strict=True))
-
-    def _refill(
-        self, titles: tuple[str, ...], widths: tuple[int, ...], lines: tuple[Row, ...]
-    ) -> None:
-        before = self.cell
-        self.clear(columns=True)
-        self._titles, self._widths, self._drawn = titles, widths, _shape(lines)
-        for title, width in zip(titles, widths, strict=True):
-            self.add_column(Text(title, no_wrap=True, overflow="ellipsis"), key=title, width=width)
-        for label, cells in lines:
-            height = max((cell.plain.count("\n") + 1 for cell in cells), default=1)
-            self.add_row(*cells, key=label, label=Text(label, style="bold"), height=height)
-        if before is not None:
-            self.go_to(*before)
-
-
-def _needs(titles: Sequence[str], lines: Sequence[Row]) -> tuple[int, ...]:
-    """Return the widest line of each column, its title included."""
-    return tuple(
-        max((cell_len(title), *(widest_line(cells[index]) for _, cells in lines)))
-        for index, title in enumerate(titles)
-    )
-
-
-def _folded(cell: Text, width: int, console: Console) -> Text:
-    if widest_line(cell) <= width:
-        return cell
-    joined = Text(_UNIT.sub(_JOIN, cell.plain), spans=list(cell.spans), style=cell.style)
-    lines = joined.wrap(console, width)
-    for line in lines:
-        line.rstrip()
-    folded = Text("\n").join(lines)
-    return Text(folded.plain.replace(_JOIN, " "), spans=list(folded.spans))
-
-
-def _shape(lines: Sequence[Row]) -> tuple[tuple[str, int], ...]:
-    """Return what a table has to be made anew for: other rows, or rows of other heights."""
-    return tuple(
-        (label, max((cell.plain.count("\n") for cell in cells), default=0))
-        for label, cells in lines
-    )
+        return 1 + CELL_LINES * len(self._labels)

@@ -3,10 +3,12 @@
 from rich.text import Text
 from textual.app import App
 
+from daemon.analysis.results import read_results
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from scenario_tui.dashboard.widgets import tables
+from scenario_tui.dashboard.widgets import cell_table, tables
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, VerdictList
+from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 
 VERDICT = Verdict("calm", "speed <= 1 m/s", Outcome.PASS, 1.0, 1.0, "m/s", Evidence(1.0))
 
@@ -26,11 +28,15 @@ async def test_a_cell_of_a_table_changes_its_colour():
             assert str(table.get_row_at(0)[0].style) == colour
 
 
-async def test_a_cell_of_a_matrix_changes_its_colour():
+async def test_a_cell_of_a_matrix_changes_its_colour(monkeypatch):
+    fake = judged_campaign()
+    results = read_results(fake, fake._campaign_rows()[0])
     async with Tables().run_test(size=(40, 20)) as pilot:
         table = pilot.app.query_one(CellTable)
         for colour in ("red", "blue"):
-            table.fill(["pilot"], [("S1", (Text("5 of 5", colour),))])
+            text = Text("5 of 5", colour)
+            monkeypatch.setattr(cell_table, "heat_cell", lambda *_, text=text: text)
+            table.show(results)
             assert str(table.get_row_at(0)[0].style) == colour
 
 

@@ -12,7 +12,7 @@ from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
-from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
+from tests.scenario_tui.dashboard.judged_campaign import judged_campaign, judged_rows
 from tests.scenario_tui.fake import CAMPAIGN, OLD
 
 
@@ -23,6 +23,11 @@ def judged():
 
 def opened(fake, width=80, height=24):
     return make_dashboard(fake).run_test(size=(width, height))
+
+
+def runs_of(scenario, sut):
+    found = (row for row in judged_rows() if (row.scenario, row.sut) == (scenario, sut))
+    return tuple(row.id for row in found)
 
 
 def shown(pilot):
@@ -37,11 +42,12 @@ async def test_m_shows_the_campaign_judged(judged):
         text = shown(pilot)
     for words in (
         "✗ 1 unexpected  17/18 runs",
-        "✗ fail 0/3 a",  # an expected failure
-        "✗ fail 2/3 !",  # a surprise
-        "no-contact −0.0312 m at 512.2 s",
+        "✗✗✗ a ✗ fail 0/3",  # an expected failure
+        "▃✗▃ ! ✗ fail 2/3",  # a surprise
+        "−0.0312 m no-contact",
+        "▃▃▶ ▶ running 2/3",
         "a  known: violated at the closed door",
-        "▶ running 2/3",
+        "▁ tight █ clear pass",
         "1 not executed",
         "! lost  S3/a2s/2  worker bench-1 went away",
         "a2s detour  ✓ pass +0 s",
@@ -66,7 +72,7 @@ async def test_n_goes_to_what_is_not_as_expected_and_enter_lists_its_runs(judged
     async with opened(judged) as pilot:
         await settle(pilot)
         await press(pilot, "m", "n")
-        assert pilot.app.screen.query_one(CellTable).cell == ("S2", "a2s")
+        assert pilot.app.screen.query_one(CellTable).cell.runs == runs_of("S2", "a2s")
         await press(pilot, "enter")
         assert isinstance(pilot.app.screen, RunsScreen)
         text = shown(pilot)
@@ -88,8 +94,8 @@ async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(judged)
                            oracle="no-contact", unit="m")  # fmt: skip
         judged.rows = tuple(rows)
         await settle(pilot)
-        assert "✗ fail 2/3 b" in shown(pilot)
-        assert pilot.app.screen.query_one(CellTable).cell == ("S2", "a2s")
+        assert "▃▃✗ b ✗ fail 2/3" in shown(pilot)
+        assert pilot.app.screen.query_one(CellTable).cell.runs == runs_of("S2", "a2s")
 
 
 @pytest.mark.parametrize("width", [80, 100, 120, 200])
@@ -116,8 +122,7 @@ async def test_a_campaign_with_nothing_unexpected_says_so(judged):
         await settle(pilot)
         await press(pilot, "j", "m", "n")
         assert f"campaigns › {OLD} › matrix  ✓ as expected" in shown(pilot)
-        # One system under test: each cell has a line, with a glyph for each repeat.
-        assert "✓ pass 4/4 ✓✓✓✓  no-contact +0.2 m" in shown(pilot)
+        assert "▂▂▂▂ ✓ pass 4/4" in shown(pilot)
         assert "no cell is unexpected" in " ".join(n.message for n in pilot.app._notifications)
 
 
