@@ -21,7 +21,7 @@ from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import parse_ratio
 from scenario_tui.cli.output import plain_table, print_line, stdout_console
 from scenario_tui.source import DaemonTarget, find_campaign, open_source
-from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word, margin
+from scenario_tui.text.formatting import glyph_word, margin
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -187,7 +187,7 @@ def _verdict_text(change: VerdictChange) -> Text:
         if outcome is None:
             text.append("not judged", style="dim")
         else:
-            text.append(f"{glyph_word(str(outcome))} {passed}", style=TERMINAL_STYLES[str(outcome)])
+            text.append(f"{glyph_word(str(outcome))} {passed}", style=str(outcome))
     text.append(f"  {change.sut} {change.scenario} {change.oracle}")
     if change.worse:
         text.append("  worse", style="bold red")

@@ -14,7 +14,6 @@ from scenario_tui.cli.exit_codes import exit_code
 from scenario_tui.cli.options import Processes
 from scenario_tui.cli.output import stdout_console, track_progress
 from scenario_tui.source import DaemonTarget, all_traces
-from scenario_tui.text.formatting import TERMINAL_STYLES
 
 if TYPE_CHECKING:
     from daemon.analysis.rejudge import RejudgedTrace, Rejudgement
@@ -66,5 +65,5 @@ def judge(
 def _print(results: tuple[RejudgedTrace, ...]) -> None:
     from scenario_tui.text.comparison_text import rejudge_parts
 
-    for part in rejudge_parts(results, TERMINAL_STYLES):
+    for part in rejudge_parts(results):
         stdout_console().print(part)

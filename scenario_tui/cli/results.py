@@ -19,7 +19,7 @@ from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.cli.search import search_answer
 from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
-from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word, margin, run_label, run_word
+from scenario_tui.text.formatting import glyph_word, margin, run_label, run_word
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults, ComparedResults
@@ -182,7 +182,7 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     # Names are there to be copied: where it is narrow the places of runs are shortened.
     table.columns[0].no_wrap, table.columns[1].overflow = True, "ellipsis"
     for row in rows:
-        word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
+        word = Text(glyph_word(run_word(row)), style=run_word(row))
         value = margin(row.margin, row.unit) if row.oracle else ""
         # In a folder a run is called as its trace; the folder of all of them is said below.
         name = row.id if paths or row.id != row.trace else row.id.rpartition("/")[2]

@@ -28,7 +28,7 @@ from scenario_tui.cli.output import (
     stdout_console,
 )
 from scenario_tui.source import DaemonTarget, find_campaign
-from scenario_tui.text.formatting import TERMINAL_STYLES, glyph_word
+from scenario_tui.text.formatting import glyph_word
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchSubmission, SearchTask
@@ -183,7 +183,7 @@ def _print_search(value: SearchResult, target: DaemonTarget) -> None:
     from scenario_tui.text.search_text import answer_lines, search_commands
 
     console = stdout_console()
-    for line in answer_lines(value.search, styles=TERMINAL_STYLES):
+    for line in answer_lines(value.search):
         console.print(line, soft_wrap=not console.is_terminal)
     console.print()
     print_commands(*search_commands(value.search, value.found, target.command))
@@ -203,7 +203,7 @@ def _print_searches(searches: tuple[SearchRow, ...], target: DaemonTarget) -> No
     table = plain_table("search", "", "how it stands")
     for row in searches:
         word = search_word(row)
-        shown = Text(glyph_word(word), style=TERMINAL_STYLES[word])
+        shown = Text(glyph_word(word), style=word)
         table.add_row(Text(row.campaign), shown, Text(search_line(row)))
     console.print(table)
     print_commands((target.command("search", searches[0].campaign), "its answer"))

@@ -19,13 +19,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import print_commands, print_line, stdout_console
 from scenario_tui.source import DaemonTarget, bring_traces, find_run, open_source, why_no_trace
-from scenario_tui.text.formatting import (
-    SHOWN_LINES,
-    TERMINAL_STYLES,
-    last_lines,
-    printed_lines,
-    time_text,
-)
+from scenario_tui.text.formatting import SHOWN_LINES, last_lines, printed_lines, time_text
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
@@ -117,12 +111,12 @@ def _print_run(summary: RunSummary, target: DaemonTarget) -> None:
     from scenario_tui.text.search_text import proposal_text
 
     row = summary.run.row
-    print_line(run_text(summary.run, summary.live, TERMINAL_STYLES))
+    print_line(run_text(summary.run, summary.live))
     is_starting = row.state == RunState.RUNNING and summary.live is None
     if is_starting or (row.state == RunState.QUEUED and not row.reason):
         print_line(f"{summary.standing}\n")
     if row.proposal is not None and summary.task is not None:
-        about = proposal_text(summary.task, row.proposal, stdout_console().width, TERMINAL_STYLES)
+        about = proposal_text(summary.task, row.proposal, stdout_console().width)
         print_line(about)
     print_commands(*_next_commands(summary, target))
 

@@ -18,7 +18,8 @@ from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import check_folder, out_folder
 from scenario_tui.cli.output import print_line, report_findings, say, stderr_console
-from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES, printed_lines
+from scenario_tui.text.formatting import printed_lines
+from scenario_tui.text.styles import GLYPHS
 
 if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
@@ -183,7 +184,7 @@ def _print_check(check: StackCheck) -> None:
     width = max((len(line.subject) for line in check.lines), default=0)
     for line in check.lines:
         word, style = _SIGNS[line.state]
-        text = Text.assemble((GLYPHS[word], TERMINAL_STYLES[word]), f" {line.subject:<{width}}  ")
+        text = Text.assemble((GLYPHS[word], word), f" {line.subject:<{width}}  ")
         facts = _facts(line)
         text.append(f"{facts}: " if facts else "", style="dim").append(line.text, style=style)
         if line.hint:

@@ -17,6 +17,7 @@ from scenario_tui.terminal.capabilities import (
 )
 from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+from scenario_tui.text.styles import dashboard_theme
 
 DARK: Final = "scenario-dark"
 LIGHT: Final = "scenario-light"
@@ -107,6 +108,7 @@ class ThemedApp(LimitedTerminalApp):
         self.set_reactive(ThemedApp.ansi_theme_dark, _ANSI_DARK)
         self.set_reactive(ThemedApp.ansi_theme_light, _ANSI_LIGHT)
         self.theme = DARK
+        self.console.push_theme(dashboard_theme())
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return what makes colours fit: those of words are for dark backgrounds."""

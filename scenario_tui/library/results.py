@@ -226,10 +226,9 @@ class Results:
     def unexpected(self) -> tuple[str, ...]:
         """A sentence for everything that is not as expected, undecided or not executed."""
         from scenario_tui.text.assessment_text import attention_lists
-        from scenario_tui.text.formatting import TERMINAL_STYLES
         from scenario_tui.text.run_state import unfinished_text
 
-        lists = attention_lists(self.value, TERMINAL_STYLES)
+        lists = attention_lists(self.value)
         lines = (line.plain.strip() for _, lines in lists for line in lines)
         return tuple(filter(None, (*lines, unfinished_text(self.value.row))))
 

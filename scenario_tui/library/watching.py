@@ -34,16 +34,10 @@ from grammars.text.terminal_text import printable_streams
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.terminal.printable_console import open_console
-from scenario_tui.text.formatting import (
-    GLYPHS,
-    TERMINAL_STYLES,
-    glyph_word,
-    rate_text,
-    run_counts,
-    run_label,
-)
+from scenario_tui.text.formatting import glyph_word, rate_text, run_counts, run_label
 from scenario_tui.text.run_text import reached_text
 from scenario_tui.text.search_text import search_state
+from scenario_tui.text.styles import GLYPHS
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
@@ -141,7 +135,7 @@ def progress_lines(
         tail.append(f"  {duration_text(row.seconds_left)} left", style="default")
     for word, count in run_counts(row).items():
         if word not in ("queued", "running"):
-            tail.append(f"  {GLYPHS[word]} {count} {word}", style=TERMINAL_STYLES[word])
+            tail.append(f"  {GLYPHS[word]} {count} {word}", style=word)
     if per_minute:
         tail.append(f"  {rate_text(per_minute)}", style="default")
     line = Table.grid(padding=(0, 2), expand=True)
@@ -167,9 +161,7 @@ def _over(row: CampaignRow) -> int:
 
 
 def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
-    text = Text.assemble(
-        (f"  {glyph_word('running')}  ", TERMINAL_STYLES["running"]), run_label(row)
-    )
+    text = Text.assemble((f"  {glyph_word('running')}  ", "running"), run_label(row))
     snapshot = None if live is None else live.snapshot
     return _fitting(text.append(f"  {reached_text(snapshot)}", style="dim"))
 

@@ -11,16 +11,20 @@ from rich.segment import Segment
 from rich.text import Text
 
 from grammars.text.terminal_text import printable, unfiltered
+from scenario_tui.text.styles import terminal_theme
 
 
 class PrintableConsole(Console):
     """A console that prints :func:`~grammars.text.terminal_text.printable` text, and no markup.
+
+    Texts name the styles of :mod:`scenario_tui.text.styles`, here in the terminal's own colours.
 
     Escape sequences are made of styles and control segments, behind this filter.
     """
 
     def __init__(self, **settings: object) -> None:
         # A name such as "[link=...]" or ":car:" is a name.
+        settings = {"theme": terminal_theme(), **settings}
         super().__init__(markup=False, emoji=False, highlight=False, **settings)  # type: ignore[arg-type]
 
     def render(

@@ -1,7 +1,4 @@
-"""An assessment as styled text: cells of the matrix, comparisons, footnotes, what to look at.
-
-``styles`` are those of the terminal or those of the dashboard.
-"""
+"""An assessment as styled text: cells of the matrix, comparisons, footnotes, what to look at."""
 
 from __future__ import annotations
 
@@ -24,20 +21,15 @@ from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, moments_in_tenths
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
     NOT_REPEATABLE,
-    QUIET,
-    SEVERITY,
-    Styles,
     glyph_word,
     margin,
     moment_text,
-    quiet_style,
     run_label,
     run_word,
 )
 from scenario_tui.text.run_text import evidence_parts
+from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
@@ -79,7 +71,6 @@ def cell_text(
     cell: CellAssessment,
     results: CampaignResults,
     notes: Footnotes,
-    styles: Styles,
     *,
     alone: bool = False,
 ) -> Text:
@@ -89,7 +80,7 @@ def cell_text(
     line with a glyph for each repeat.
     """
     word = cell.word
-    text = Text.assemble((glyph_word(word), styles[word]))
+    text = Text.assemble((glyph_word(word), word))
     text.append(f" {_repeats(cell, results, alone)}")
     if cell.needs_attention:
         text.append(" !", style="bold")
@@ -97,7 +88,7 @@ def cell_text(
         text.append(f" {letters}", style="bold")
     if worst := _worst(cell):
         text.append("  " if alone else "\n")
-        text.append(worst, style=quiet_style(styles))
+        text.append(worst, style=QUIET)
     return text
 
 
@@ -141,20 +132,20 @@ def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
     return not oracle.needs_attention, least is None, least or 0.0
 
 
-def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styles) -> Text:
+def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes) -> Text:
     """Return a comparison with one system under test: verdict, mean, bounds, pairs, mark."""
     word = cell.word
-    text = Text.assemble((glyph_word(word), styles[word]), f" {margin(cell.mean, cell.unit)}")
+    text = Text.assemble((glyph_word(word), word), f" {margin(cell.mean, cell.unit)}")
     if cell.low is not None and cell.high is not None:
         text.append(f" [{margin(cell.low, '')}, {margin(cell.high, '')}]")
     pairs = f" n={cell.n}" if cell.method != "welch" else f" n={cell.n} unpaired"
-    text.append(pairs, style=quiet_style(styles))
+    text.append(pairs, style=QUIET)
     if cell.needs_attention:
         text.append(" !", style="bold")
     elif cell.expected != "pass":
         text.append(f" {notes.mark([cell.why])}", style="bold")
     if cell.note:
-        text.append(f"\n{cell.note}", style=quiet_style(styles))
+        text.append(f"\n{cell.note}", style=QUIET)
     return text
 
 
@@ -163,16 +154,16 @@ def _in_signs(text: str) -> str:
     return moments_in_tenths(_HYPHEN.sub("−", text).replace("  t=", "  at "))
 
 
-def unexpected_text(verdict: UnexpectedVerdict, styles: Styles) -> Text:
+def unexpected_text(verdict: UnexpectedVerdict) -> Text:
     """Return an unexpected verdict in words, with the run to look at."""
     reason = verdict.why and f"known: {verdict.why}"
-    text = _attention_line(str(verdict.verdict), _in_signs(verdict.text), [reason], styles)
+    text = _attention_line(str(verdict.verdict), _in_signs(verdict.text), [reason])
     if verdict.run:
-        text.append(f"  → {verdict.run}", style=styles["measure"])
+        text.append(f"  → {verdict.run}", style="measure")
     return text
 
 
-def undecided_text(oracles: Sequence[CellVerdict], styles: Styles) -> Text:
+def undecided_text(oracles: Sequence[CellVerdict]) -> Text:
     """Return which oracles of a cell could not decide, and the reason that they share."""
     oracle = oracles[0]
     worst = oracle.worst.verdict if oracle.worst else None
@@ -180,7 +171,7 @@ def undecided_text(oracles: Sequence[CellVerdict], styles: Styles) -> Text:
     # The first line says what happened; output of the stack is shown with the run.
     note = note.partition("\n")[0]
     subject = f"{oracle.sut} {oracle.scenario} {', '.join(one.oracle for one in oracles)}"
-    return _attention_line(str(oracle.verdict), subject, [oracle.statement, note], styles)
+    return _attention_line(str(oracle.verdict), subject, [oracle.statement, note])
 
 
 def repeatability_text(results: CampaignResults) -> str:
@@ -191,46 +182,46 @@ def repeatability_text(results: CampaignResults) -> str:
     return f"{names}: {NOT_REPEATABLE}, equal runs may differ and no result is used again"
 
 
-def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str, list[Text]]]:
+def attention_lists(results: CampaignResults) -> list[tuple[str, list[Text]]]:
     """Return lists of surprises and problems, each a title with lines, without empty ones."""
     surprises, undecided = results.assessment.surprises, results.undecided
     lost_runs, differing = results.lost_runs, results.nondeterministic_runs
     groups = (
-        (surprises, "unexpected", [unexpected_text(one, styles) for one in surprises]),
-        (undecided, "undecided", [undecided_text(o, styles) for o in group_errors(undecided)]),
-        (lost_runs, "not executed", [_lost_run_text(row, styles) for row in lost_runs]),
+        (surprises, "unexpected", [unexpected_text(one) for one in surprises]),
+        (undecided, "undecided", [undecided_text(o) for o in group_errors(undecided)]),
+        (lost_runs, "not executed", [_lost_run_text(row) for row in lost_runs]),
         (
             differing,
             "not reproducible",
-            [_attention_line(run_word(r), run_label(r), [r.reason], styles) for r in differing],
+            [_attention_line(run_word(r), run_label(r), [r.reason]) for r in differing],
         ),
     )
     return [(f"{len(items):,} {title}", lines) for items, title, lines in groups if items]
 
 
-def _lost_run_text(row: RunRow, styles: Styles) -> Text:
-    return _attention_line("lost", run_label(row), row.reason.strip().splitlines()[-1:], styles)
+def _lost_run_text(row: RunRow) -> Text:
+    return _attention_line("lost", run_label(row), row.reason.strip().splitlines()[-1:])
 
 
-def _attention_line(word: str, subject: str, more: Iterable[str], styles: Styles) -> Text:
-    text = Text.assemble("  ", (glyph_word(word), styles[word]), "  ", subject)
+def _attention_line(word: str, subject: str, more: Iterable[str]) -> Text:
+    text = Text.assemble("  ", (glyph_word(word), word), "  ", subject)
     for part in more:
         text.append(f"  {part}" if part else "")
     return text
 
 
 def matrix_rows(
-    results: CampaignResults, notes: Footnotes, styles: Styles = DASHBOARD_STYLES
+    results: CampaignResults, notes: Footnotes
 ) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
     """Return systems under test and, for each scenario, its label with a cell for each of them."""
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     suts = tuple(dict.fromkeys(sut for _, sut in cells))
-    alone, quiet = len(suts) == 1, quiet_style(styles)
+    alone = len(suts) == 1
     lines = []
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         row = (cells.get((scenario, sut)) for sut in suts)
-        texts = (c and cell_text(c, results, notes, styles, alone=alone) for c in row)
-        lines.append((scenario, tuple(one or Text(NOTHING, style=quiet) for one in texts)))
+        texts = (c and cell_text(c, results, notes, alone=alone) for c in row)
+        lines.append((scenario, tuple(one or Text(NOTHING, style=QUIET) for one in texts)))
     return suts, tuple(lines)
 
 
@@ -260,7 +251,7 @@ def cell_notes(cell: CellAssessment) -> Text:
 def oracle_notes(oracle: CellVerdict) -> Text:
     """Return an oracle over all repeats: counts, what they show, the worst run, the expectation."""
     text, word = Text(), oracle.word
-    text.append(f"{glyph_word(word)}  ", style=DASHBOARD_STYLES[word])
+    text.append(f"{glyph_word(word)}  ", style=word)
     text.append(oracle.oracle, style="bold")
     if oracle.needs_attention:
         text.append("  ! ", style="bold")
@@ -282,14 +273,14 @@ def oracle_notes(oracle: CellVerdict) -> Text:
 def comparison_notes(cell: ComparisonVerdict, notes: Footnotes) -> Text:
     """Return a comparison with one system under test, and what it is to be."""
     text = Text(f"{cell.sut} {cell.comparison}  ")
-    text.append_text(comparison_cell_text(cell, notes, DASHBOARD_STYLES))
+    text.append_text(comparison_cell_text(cell, notes))
     return text.append(f"\n    is to be {cell.text}\n", style=QUIET)
 
 
 def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
     """Return the notes on a campaign: surprises, problems, comparisons, known failures."""
     text = Text()
-    for title, lines in attention_lists(results, DASHBOARD_STYLES):
+    for title, lines in attention_lists(results):
         text.append(f"\n{title}\n", style="bold")
         for line in lines:
             text.append_text(line).append("\n")

@@ -18,11 +18,6 @@ from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
 from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
-    QUIET,
-    SEVERITY,
-    Styles,
     brief_seed,
     glyph_word,
     keep_start,
@@ -30,6 +25,7 @@ from scenario_tui.text.formatting import (
     moment_text,
     verdict_line,
 )
+from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 
 _IDENTITY: Final = ("campaign", "repeat")
 """Fields of a specification in which equal runs may differ."""
@@ -156,19 +152,19 @@ def _cell(verdict: Verdict | None) -> tuple[str, str]:
     words = f"{glyph_word(verdict.outcome)} {amount}"
     if len(words) > _CELL:
         words = f"{GLYPHS[verdict.outcome]} {amount}"
-    return f"{words:<{_CELL}.{_CELL}} ", DASHBOARD_STYLES[verdict.outcome]
+    return f"{words:<{_CELL}.{_CELL}} ", verdict.outcome
 
 
 _LISTED: Final = 20
 """Verdicts that changed, as many as are listed."""
 
 
-def rejudge_parts(results: Sequence[RejudgedTrace], styles: Styles) -> list[Text | Table]:
+def rejudge_parts(results: Sequence[RejudgedTrace]) -> list[Text | Table]:
     """Return everything about runs judged again: how many, what changed, each oracle."""
     judged = [one for one in results if not one.problem]
     labels = _labels(judged)
     lines = [
-        _change_line(labels[one.trace], change, styles)
+        _change_line(labels[one.trace], change)
         for one in judged
         for change in one.changes
         if change.kind == "verdict"
@@ -179,7 +175,7 @@ def rejudge_parts(results: Sequence[RejudgedTrace], styles: Styles) -> list[Text
     if len(lines) > _LISTED:
         parts.append(Text(f"and {len(lines) - _LISTED} more"))
     if judged:
-        parts += [Text(), _oracle_table(judged, labels, styles)]
+        parts += [Text(), _oracle_table(judged, labels)]
     problems = [Text(f"{one.trace}: error: {one.problem}") for one in results if one.problem]
     return [*parts, *problems]
 
@@ -198,9 +194,7 @@ def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
     return ", ".join(parts)
 
 
-def _oracle_table(
-    judged: Sequence[RejudgedTrace], labels: Mapping[str, str], styles: Styles
-) -> Table:
+def _oracle_table(judged: Sequence[RejudgedTrace], labels: Mapping[str, str]) -> Table:
     """Return a row per oracle: how it judges, by how much, and how it judged before."""
     rows = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for title in ("oracle", "before", "now", "worst margin", "in run"):
@@ -211,15 +205,13 @@ def _oracle_table(
         before = [v.outcome for one in judged for v in one.before if v.oracle == name]
         rows.add_row(
             name,
-            _counts(before, styles),
-            _counts((v.outcome for _, v in now), styles),
+            _counts(before),
+            _counts((v.outcome for _, v in now)),
             *_worst(now),
         )
     whole = [one.outcome_before for one in judged if one.outcome_before is not None]
     rows.add_section()
-    rows.add_row(
-        "the run", _counts(whole, styles), _counts((one.outcome for one in judged), styles), "", ""
-    )
+    rows.add_row("the run", _counts(whole), _counts(one.outcome for one in judged), "", "")
     return rows
 
 
@@ -230,12 +222,12 @@ def _labels(judged: Sequence[RejudgedTrace]) -> dict[str, str]:
     return {one.trace: one.run if runs[one.run] == 1 else one.trace for one in judged}
 
 
-def _counts(outcomes: Iterable[Outcome], styles: Styles) -> Text:
+def _counts(outcomes: Iterable[Outcome]) -> Text:
     counts = Counter(map(str, outcomes))
     text = Text()
     for word in (w for w in SEVERITY if counts[w]):
         text.append("  " if text else "")
-        text.append(f"{GLYPHS[word]} {counts[word]} {word}", style=styles[word])
+        text.append(f"{GLYPHS[word]} {counts[word]} {word}", style=word)
     return text if counts else Text(NOTHING, style="dim")
 
 
@@ -258,14 +250,14 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
     return margin(least, verdict.unit), run
 
 
-def _change_line(label: str, change: OracleChange, styles: Styles) -> Text:
+def _change_line(label: str, change: OracleChange) -> Text:
     if change.before is None or change.now is None:
         raise ValueError("only a verdict that was and is can have changed")
     then, now = str(change.before.outcome), str(change.now.outcome)
     return Text.assemble(
-        (glyph_word(then), styles[then]),
+        (glyph_word(then), then),
         " → ",
-        (glyph_word(now), styles[now]),
+        (glyph_word(now), now),
         "  ",
         (label, "bold"),
         f"  {verdict_line(change.now)}",

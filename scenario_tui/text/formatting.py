@@ -1,9 +1,4 @@
-"""Words, glyphs, numbers and colours for people: command line, dashboard and report alike.
-
-A verdict is always a glyph and a word, never a colour alone. ``TERMINAL_STYLES`` are the terminal's
-own colours, for the command line, which does not know the background; ``DASHBOARD_STYLES`` are
-bright enough on the dashboard's dark background to be read as greys where there is no colour.
-"""
+"""Words and numbers for people: command line, dashboard and report alike."""
 
 from __future__ import annotations
 
@@ -14,43 +9,26 @@ from typing import TYPE_CHECKING, Final, Literal
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.terminal_text import printable, without_escapes
 from grammars.text.words import NOTHING, duration_text, format_quantity
+from scenario_tui.text.styles import BAD as BAD
+from scenario_tui.text.styles import BROKEN as BROKEN
+from scenario_tui.text.styles import BUSY as BUSY
+from scenario_tui.text.styles import DOORS as DOORS
+from scenario_tui.text.styles import FACT as FACT
+from scenario_tui.text.styles import FAINT
+from scenario_tui.text.styles import GLYPHS as GLYPHS
+from scenario_tui.text.styles import GOOD as GOOD
+from scenario_tui.text.styles import SEVERITY as SEVERITY
+from scenario_tui.text.styles import UNSURE as UNSURE
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from daemon.model.status import CampaignRow, DaemonOverview, RunRow
 
-# Pale, for dark backgrounds: terminal.filters.BrightThemeColours darkens them on bright ones.
-GOOD: Final = "#7fd88f"
-BAD: Final = "#ff7b7b"
-UNSURE: Final = "#f5c76a"
-BROKEN: Final = "#e29bff"
-BUSY: Final = "#8ab8ff"
-FACT: Final = "#7fd5e0"
-QUIET: Final = "#a0a4ad"
-DOORS: Final = "#f0a070"
-
-_WORDS: Final = (
-    ("fail", "✗", "bold red", f"bold {BAD}"),
-    ("error", "‼", "bold magenta", f"bold {BROKEN}"),
-    ("lost", "!", "bold magenta", f"bold {BROKEN}"),
-    ("inconclusive", "?", "yellow", UNSURE),
-    ("running", "▶", "blue", BUSY),
-    ("queued", "…", "dim", QUIET),
-    ("cancelled", "-", "dim", QUIET),
-    ("pass", "✓", "green", GOOD),
-    ("measure", "·", "cyan", FACT),
-)
-"""Every word for a verdict or a state: glyph, style on the terminal, style on the dashboard."""
-
-SEVERITY: Final = tuple(word for word, *_ in _WORDS)
-"""Words in the order in which people must look at them."""
-GLYPHS: Final = {word: glyph for word, glyph, *_ in _WORDS}
-TERMINAL_STYLES: Final = {word: terminal for word, _, terminal, _ in _WORDS}
-DASHBOARD_STYLES: Final = {word: dashboard for word, *_, dashboard in _WORDS}
-
+DASHBOARD_STYLES: Final = {word: word for word in SEVERITY}
+TERMINAL_STYLES: Final = DASHBOARD_STYLES
+QUIET: Final = FAINT
 Styles = Mapping[str, str]
-"""A style for each word: one of the two above."""
 
 _SEED_DIGITS: Final = 6
 SHOWN_LINES: Final = 40
@@ -61,7 +39,7 @@ NOT_REPEATABLE: Final = "not repeatable"
 
 def quiet_style(styles: Styles) -> str:
     """Return the style of words that should not draw the eye."""
-    return styles["cancelled"]
+    return "quiet"
 
 
 def run_word(row: RunRow) -> str:

@@ -19,18 +19,14 @@ from daemon.model.verdicts import Outcome
 from grammars.text.words import NOTHING
 from scenario_tui.text.assessment_text import leading_oracle
 from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
-    SEVERITY,
-    Styles,
     brief_count,
     glyph_word,
     keep_start,
     margin,
     margin_share,
-    quiet_style,
     run_word,
 )
+from scenario_tui.text.styles import GLYPHS, KNOWN, NEWS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
@@ -61,15 +57,15 @@ class Heat:
     share: float | None
     known: bool = False
 
-    def mark(self, styles: Styles = DASHBOARD_STYLES) -> tuple[str, str]:
+    def mark(self) -> tuple[str, str]:
         """Return its glyph and the style of it."""
-        glyph, style, share = GLYPHS[self.word], styles[self.word], self.share
+        glyph, style, share = GLYPHS[self.word], self.word, self.share
         if self.word == "pass" and share is not None:
             glyph = _BARS[min(int(max(share, 0.0) * len(_BARS)), len(_BARS) - 1)]
-            style = styles["inconclusive"] if share < _TIGHT else style
+            style = "inconclusive" if share < _TIGHT else style
         if self.word == "fail":
-            style = styles["inconclusive"] if self.known else style
-            style += " reverse" if share is not None and share < _DEEP else ""
+            style = KNOWN if self.known else style
+            style += ".far" if share is not None and share < _DEEP else ""
         return glyph, style
 
 
@@ -85,19 +81,19 @@ def _heat(row: RunRow, known: bool) -> Heat:
     return Heat(run_word(row), min(shares, default=None), known)
 
 
-def heat_marks(runs: Sequence[Heat], width: int, styles: Styles = DASHBOARD_STYLES) -> Text:
+def heat_marks(runs: Sequence[Heat], width: int) -> Text:
     """Return a mark for each run.
 
     More than fit into ``width`` columns are summed: the number of runs for each verdict, with the
     mark of the worst of them.
     """
     if len(runs) <= width:
-        return Text.assemble(*(one.mark(styles) for one in runs))
+        return Text.assemble(*(one.mark() for one in runs))
     counts = Counter(one.word for one in runs)
     parts = []
     for word in sorted(counts, key=SEVERITY.index):
         worst = min((one for one in runs if one.word == word), key=_worst_first)
-        glyph, style = worst.mark(styles)
+        glyph, style = worst.mark()
         # The bar of a pass has no verdict of its own beside a number.
         sign = f"{GLYPHS[word]}{glyph}" if word == "pass" and glyph != GLYPHS[word] else glyph
         parts.append(Text.assemble((sign, style), brief_count(counts[word])))
@@ -110,9 +106,7 @@ def _worst_first(one: Heat) -> tuple[bool, float]:
     return one.known, 1.0 if one.share is None else one.share
 
 
-def heat_lines(
-    results: CampaignResults, width: int, height: int, styles: Styles = DASHBOARD_STYLES
-) -> list[Text]:
+def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
     """Return the matrix in at most ``height`` lines of ``width`` columns.
 
     It has a line for each scenario and a column for each system under test; ``!`` marks cells that
@@ -145,17 +139,17 @@ def heat_lines(
     room = (width - label) // max(len(columns), 1) - _GAP
     longest = max(map(len, runs.values()), default=0) + 2
     room = max(min(room, max(longest, *map(cell_len, columns), _NARROWEST)), 1)
-    lines = [_line("", [Text(one, quiet_style(styles)) for one in columns], label, room)]
+    lines = [_line("", [Text(one, QUIET) for one in columns], label, room)]
     for row in rows:
         texts = []
         for column in columns:
-            text = heat_marks(runs[row, column], room - 2, styles)
+            text = heat_marks(runs[row, column], room - 2)
             if news.intersection(places[row, column]):
-                text.append(" !", style=styles["fail"])
+                text.append(" !", style=NEWS)
             texts.append(text)
         lines.append(_line(row, texts, label, room))
     if len(lines) < height:
-        lines.append(heat_legend((one for group in runs.values() for one in group), styles))
+        lines.append(heat_legend(one for group in runs.values() for one in group))
     return lines[:height]
 
 
@@ -163,7 +157,6 @@ def heat_cell(
     cell: CellAssessment | None,
     results: CampaignResults,
     width: int,
-    styles: Styles = DASHBOARD_STYLES,
 ) -> Text:
     """Return a cell of the matrix in two lines of at most ``width`` columns.
 
@@ -171,17 +164,14 @@ def heat_cell(
     many repeats pass; the second one the most telling margin. Without a ``cell`` there are no runs.
     """
     if cell is None:
-        return Text(NOTHING, style=quiet_style(styles))
-    runs, word, mark = (
-        heats(cell, results),
-        glyph_word(cell.word),
-        results.expectations.mark_cell(cell),
-    )
+        return Text(NOTHING, style=QUIET)
+    runs, word = heats(cell, results), glyph_word(cell.word)
+    mark = results.expectations.mark_cell(cell)
     letters = f" {mark.letter}" if mark.letter else ""
     is_known = mark.kind == "known"
-    style = styles["inconclusive" if is_known and cell.word == "fail" else cell.word]
-    text = heat_marks(runs, max(width - len(letters) - 1 - len(word), _FEWEST), styles)
-    text.append(letters, style=styles["inconclusive" if is_known else "fail"])
+    style = KNOWN if is_known and cell.word == "fail" else cell.word
+    text = heat_marks(runs, max(width - len(letters) - 1 - len(word), _FEWEST))
+    text.append(letters, style=mark.kind)
     text.append(f" {word}", style=style)
     share = f" {sum(one.word == 'pass' for one in runs)}/{len(runs)}"
     text.append(share if text.cell_len + len(share) <= width else "")
@@ -190,7 +180,7 @@ def heat_cell(
     if oracle is not None and oracle.worst is not None:
         least = margin(oracle.worst.verdict.margin, oracle.worst.verdict.unit)
         name = keep_start(oracle.oracle, max(width - len(least) - 1, 1))
-        text.append(f"\n{least} {name}", style=quiet_style(styles))
+        text.append(f"\n{least} {name}", style=QUIET)
     return text
 
 
@@ -213,14 +203,13 @@ def _line(label: str, cells: Sequence[Text], width: int, room: int) -> Text:
     return text
 
 
-def heat_legend(runs: Iterable[Heat], styles: Styles = DASHBOARD_STYLES) -> Text:
+def heat_legend(runs: Iterable[Heat]) -> Text:
     """Return the meaning of the marks of these runs."""
-    quiet = quiet_style(styles)
     words = {one.word for one in runs}
     text = Text(no_wrap=True, overflow="ellipsis")
     for word in (word for word in SEVERITY if word in words and word != "pass"):
-        text.append(GLYPHS[word], style=styles[word]).append(f" {word}  ", style=quiet)
+        text.append(GLYPHS[word], style=word).append(f" {word}  ", style=QUIET)
     if "pass" in words:
-        text.append(_BARS[0], style=styles["inconclusive"]).append(" tight ", style=quiet)
-        text.append(_BARS[-1], style=styles["pass"]).append(" clear pass  ", style=quiet)
-    return text.append("! beside them: unexpected", style=quiet)
+        text.append(_BARS[0], style="inconclusive").append(" tight ", style=QUIET)
+        text.append(_BARS[-1], style="pass").append(" clear pass  ", style=QUIET)
+    return text.append("! beside them: unexpected", style=QUIET)

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from scenario_tui.text.formatting import GLYPHS, SEVERITY, margin_share
+from scenario_tui.text.formatting import margin_share
+from scenario_tui.text.styles import GLYPHS, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults

@@ -11,12 +11,7 @@ from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from grammars.text.words import count_noun, format_quantity
 from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
     NOT_REPEATABLE,
-    QUIET,
-    SEVERITY,
-    Styles,
     brief_seed,
     fine_duration,
     glyph_word,
@@ -24,10 +19,10 @@ from scenario_tui.text.formatting import (
     margin_bar,
     margin_share,
     moment_text,
-    quiet_style,
     run_label,
     run_word,
 )
+from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.model.spec import MapSettings, RunResult, Snapshot
@@ -50,14 +45,12 @@ def by_severity(verdicts: Iterable[Verdict]) -> list[Verdict]:
     return sorted(verdicts, key=lambda v: SEVERITY.index(v.outcome))
 
 
-def verdict_text(
-    verdict: Verdict, styles: Styles = DASHBOARD_STYLES, *, so_far: bool = False
-) -> Text:
+def verdict_text(verdict: Verdict, *, so_far: bool = False) -> Text:
     """Return a verdict in a few lines: margin, bar, evidence.
 
     ``so_far`` says that the run goes on.
     """
-    text, style = Text(), styles[verdict.outcome]
+    text, style = Text(), verdict.outcome
     so_far = so_far and verdict.outcome in _SO_FAR
     word = f"{GLYPHS[verdict.outcome]} {_SO_FAR[verdict.outcome]}" if so_far else ""
     text.append(f"{word or glyph_word(verdict.outcome)}  ", style=style)
@@ -68,11 +61,11 @@ def verdict_text(
         bar = margin_bar(share)
         text.append("\n    ").append(f"{bar}  ", style=style)
         nearest = "nearest " if so_far and verdict.evidence.time is not None else ""
-        text.append(f"{nearest}{first}", style=quiet_style(styles))
+        text.append(f"{nearest}{first}", style=QUIET)
     else:
         rest = [first, *rest]
     for line in filter(None, rest):
-        text.append(f"\n    {line}", style=quiet_style(styles))
+        text.append(f"\n    {line}", style=QUIET)
     return text
 
 
@@ -82,7 +75,7 @@ def worst_text(value: float | None, unit: str, oracle: str) -> Text:
         return Text()
     word = "fail" if value < 0.0 else "pass"
     glyph = f"{GLYPHS['fail']} " if value < 0.0 else ""
-    return Text.assemble((f"{glyph}{margin(value, unit)}", DASHBOARD_STYLES[word]), f" {oracle}")
+    return Text.assemble((f"{glyph}{margin(value, unit)}", word), f" {oracle}")
 
 
 def _value(verdict: Verdict) -> str:
@@ -138,15 +131,13 @@ def verdict_lines(
     if passed:
         rest.append(glyph_word("pass").replace("pass", f"{passed} pass"))
     if rest:
-        lines.append(
-            Text(", ".join(rest), style=QUIET if len(rest) > 1 else DASHBOARD_STYLES["pass"])
-        )
+        lines.append(Text(", ".join(rest), style=QUIET if len(rest) > 1 else "pass"))
     return lines or [Text("no oracle judged this run", style=QUIET)]
 
 
 def _verdict_line(verdict: Verdict, time: float) -> Text:
     text = Text(no_wrap=True, overflow="ellipsis")
-    text.append(glyph_word(verdict.outcome), style=DASHBOARD_STYLES[verdict.outcome])
+    text.append(glyph_word(verdict.outcome), style=verdict.outcome)
     text.append(f"  {verdict.oracle}", style="bold")
     text.append(f"  {margin(verdict.margin, verdict.unit)}")
     decided = verdict.evidence.time
@@ -165,25 +156,23 @@ _WITHOUT_RESULT: Final = {
 }
 
 
-def run_text(
-    detail: RunDetail, snapshot: Snapshot | None, styles: Styles = DASHBOARD_STYLES
-) -> Text:
+def run_text(detail: RunDetail, snapshot: Snapshot | None) -> Text:
     """Return everything about a run, the answer first."""
     row = detail.row
     word = run_word(row)
-    text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), styles[word]), "\n")
+    text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), word), "\n")
     if row.state is RunState.RUNNING:
-        _running(text, snapshot, styles)
+        _running(text, snapshot)
     elif row.state in _WITHOUT_RESULT and row.reason in ("", row.state):
-        text.append(f"{_WITHOUT_RESULT[row.state]}\n", style=quiet_style(styles))
+        text.append(f"{_WITHOUT_RESULT[row.state]}\n", style=QUIET)
     if row.reason not in ("", row.state):
-        text.append(f"{row.reason.strip()}\n", style=styles["inconclusive"])
+        text.append(f"{row.reason.strip()}\n", style="inconclusive")
     text.append("\n")
     if detail.row.result is not None:
-        _verdicts(text, detail.row.result, styles)
+        _verdicts(text, detail.row.result)
     else:
-        _oracles(text, detail, styles)
-    append_facts(text, detail, styles)
+        _oracles(text, detail)
+    append_facts(text, detail)
     return text
 
 
@@ -198,26 +187,26 @@ def reached_text(snapshot: Snapshot | None, *, limit: bool = True) -> str:
     return f"{time} of {snapshot.limit:.0f} s" if limit else time
 
 
-def _running(text: Text, snapshot: Snapshot | None, styles: Styles) -> None:
+def _running(text: Text, snapshot: Snapshot | None) -> None:
     text.append(f"{reached_text(snapshot)}\n")
     if snapshot is not None:
         more = "simulated time begins when it is up" if snapshot.waiting else snapshot.stack
-        text.append(f"{more}\n" if more else "", style=quiet_style(styles))
+        text.append(f"{more}\n" if more else "", style=QUIET)
 
 
-def _verdicts(text: Text, result: RunResult, styles: Styles) -> None:
+def _verdicts(text: Text, result: RunResult) -> None:
     for verdict in by_severity(result.verdicts):
-        text.append(verdict_text(verdict, styles))
+        text.append(verdict_text(verdict))
         text.append("\n")
     text.append("\n")
     if result.note:
-        text.append(f"{result.note}\n\n", style=styles["inconclusive"])
+        text.append(f"{result.note}\n\n", style="inconclusive")
 
 
-def _oracles(text: Text, detail: RunDetail, styles: Styles) -> None:
+def _oracles(text: Text, detail: RunDetail) -> None:
     over = detail.row.state in (RunState.LOST, RunState.CANCELLED)
     verb = "was to be judged by" if over else "will be judged by"
-    text.append(f"{verb}\n", style=quiet_style(styles))
+    text.append(f"{verb}\n", style=QUIET)
     for oracle in detail.spec.oracles:
         text.append(f"  {GLYPHS['measure']} {oracle.name}\n")
     text.append("\n")
@@ -229,7 +218,7 @@ def _map_text(settings: MapSettings) -> str:
     return f"map shows {settings.doors}"
 
 
-def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLES) -> None:
+def append_facts(text: Text, detail: RunDetail) -> None:
     """Append the settings of a run and the facts of its end."""
     row, spec, result = detail.row, detail.spec, detail.row.result
     repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
@@ -256,5 +245,5 @@ def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLE
         size = f", {result.trace.size / 1e6:.1f} MB" if result is not None else ""
         facts.append(("trace", f"{row.trace}{size}"))
     for name, value in facts:
-        text.append(f"{name:<9}", style=quiet_style(styles))
+        text.append(f"{name:<9}", style=QUIET)
         text.append(f" {value}\n")

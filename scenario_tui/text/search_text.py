@@ -19,17 +19,8 @@ from daemon.search.answers.sentences import (
 )
 from daemon.search.points import is_as_written, position_in_range
 from grammars.text.words import NOTHING, command_line, count_noun
-from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
-    Styles,
-    keep_end,
-    keep_start,
-    margin,
-    margin_bar,
-    moment_text,
-    quiet_style,
-)
+from scenario_tui.text.formatting import keep_end, keep_start, margin, margin_bar, moment_text
+from scenario_tui.text.styles import CHANGED, GLYPHS, QUIET
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,9 +40,7 @@ _STATES: Final = {"cancelled": "cancelled", "failed": "error"}
 """Words of searches that did not come to their end."""
 
 
-def proposal_text(
-    task: SearchTask, proposal: Proposal, width: int, styles: Styles = DASHBOARD_STYLES
-) -> Text:
+def proposal_text(task: SearchTask, proposal: Proposal, width: int) -> Text:
     """Return the purpose of a run of a search, and the values of its point."""
     purpose = PHASES[proposal.phase]
     if proposal.phase == "explore":
@@ -59,8 +48,8 @@ def proposal_text(
     if proposal.note:
         purpose += f": {proposal.note}"
     about = f"point {proposal.number} of the search {task.name}, {purpose}\n"
-    parameters = parameters_text(task, proposal.values, width, styles)
-    return Text(about, style=quiet_style(styles)).append(parameters)
+    parameters = parameters_text(task, proposal.values, width)
+    return Text.assemble((about, QUIET), parameters)
 
 
 def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE) -> str:
@@ -77,11 +66,8 @@ def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE
     return "".join(line)
 
 
-def parameters_text(
-    task: SearchTask, values: Point, width: int, styles: Styles = DASHBOARD_STYLES
-) -> Text:
+def parameters_text(task: SearchTask, values: Point, width: int) -> Text:
     """Return a line for each parameter, at most ``width`` cells; those not as written stand out."""
-    unsure, quiet = styles["inconclusive"], quiet_style(styles)
     pairs = list(zip(task.parameters, values, strict=True))
     names = [task.short_name(one.name) for one, _ in pairs]
     amounts = [_change_text(one, value) for one, value in pairs]
@@ -91,12 +77,12 @@ def parameters_text(
     text = Text(no_wrap=True, overflow="ellipsis")
     for name, amount, (one, value) in zip(names, amounts, pairs, strict=True):
         changed = not is_as_written(one, value)
-        text.append("≠ " if changed else "  ", style=unsure)
-        text.append(keep_end(name, name_cells), style="bold" if changed else quiet)
-        style = f"bold {unsure}" if changed else ""
-        text.append(f" {keep_start(amount, cells):>{cells}} ", style=style)
-        text.append(f"{range_bar(one, value)}\n", style="" if changed else quiet)
-    text.append(_LEGEND if width >= len(_LEGEND) else "│ written  ● here", style=quiet)
+        text.append("≠ " if changed else "  ", style="inconclusive")
+        text.append(keep_end(name, name_cells), style="bold" if changed else QUIET)
+        amount = keep_start(amount, cells)
+        text.append(f" {amount:>{cells}} ", style=CHANGED if changed else "")
+        text.append(f"{range_bar(one, value)}\n", style="" if changed else QUIET)
+    text.append(_LEGEND if width >= len(_LEGEND) else "│ written  ● here", style=QUIET)
     return text
 
 
@@ -138,37 +124,37 @@ def search_state(row: SearchRow) -> str:
     return ", ".join(parts)
 
 
-def headline_text(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> Text:
+def headline_text(row: SearchRow) -> Text:
     """Return the headline of a search, and below it the question that it answers."""
     task, word = row.task, search_word(row)
     text = Text.assemble((task.name, "bold"), "  ")
-    text.append(f"{GLYPHS[word]} {headline(row)}", style=styles[word])
+    text.append(f"{GLYPHS[word]} {headline(row)}", style=word)
     if task.about:
-        text.append(f"\n{task.about}", style=quiet_style(styles))
+        text.append(f"\n{task.about}", style=QUIET)
     what = f"any of {len(task.scales)} oracles" if len(task.scales) > 1 else task.minimise
     counts = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario} ({task.sut})"
     text.append(f"\n{what} over {counts}, method {task.method}, seed {task.seed}")
     return text
 
 
-def answer_lines(row: SearchRow, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
+def answer_lines(row: SearchRow) -> list[Text]:
     """Return a search and its answer, the sentences first, then findings and influence."""
     answer = row.answer
-    lines = list(headline_text(row, styles).split("\n"))
+    lines = list(headline_text(row).split("\n"))
     notes = row.note.strip().splitlines()
     # The last line of a failed search is in the headline.
-    style = styles[_STATES.get(row.state, "inconclusive")]
+    style = _STATES.get(row.state, "inconclusive")
     lines.extend(Text(note, style=style) for note in notes[: -1 if row.state == "failed" else None])
     if answer is None:
         lines.append(Text(search_line(row)))
         return lines
-    lines.append(Text(_runs_text(row, answer), style=quiet_style(styles)))
+    lines.append(Text(_runs_text(row, answer), style=QUIET))
     if answer.sentences[1:]:
         lines.append(Text())
     lines.extend(Text(f"- {sentence}") for sentence in answer.sentences[1:])
     for title, block in (
-        ("findings", finding_lines(answer, styles)),
-        (_influence_title(answer), influence_lines(row.task, answer, styles)),
+        ("findings", finding_lines(answer)),
+        (_influence_title(answer), influence_lines(row.task, answer)),
     ):
         if block:
             lines.extend((Text(), Text(f"{title}:", style="bold"), *block))
@@ -185,7 +171,7 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     return words if has_ending else f"{words}; {phase_words(row)}"
 
 
-def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> list[Text]:
+def finding_lines(answer: SearchAnswer) -> list[Text]:
     """Return a line for each distinct failure, with its example."""
     words = [finding_words(finding) for finding in answer.findings]
     width = max(map(len, words), default=0)
@@ -195,9 +181,9 @@ def finding_lines(answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES) -> li
         parts = [margin_words(example)]
         if example.verdict is not None:
             parts.append(moment_text(example.verdict.evidence.time))
-        line = Text(f"  {text:<{width}}", style=styles["fail"])
+        line = Text(f"  {text:<{width}}", style="fail")
         line.append(f"  {' '.join(filter(None, parts))}  ", style="default")
-        line.append(example.run, style=quiet_style(styles))
+        line.append(example.run, style=QUIET)
         lines.append(line)
     return lines
 
@@ -207,9 +193,7 @@ def _influence_title(answer: SearchAnswer) -> str:
     return f"influence on the margin, rank correlation in {count_noun(runs, 'unguided run')}"
 
 
-def influence_lines(
-    task: SearchTask, answer: SearchAnswer, styles: Styles = DASHBOARD_STYLES
-) -> list[Text]:
+def influence_lines(task: SearchTask, answer: SearchAnswer) -> list[Text]:
     """Return a bar for each parameter, the most influential first.
 
     To the left: larger values bring the failure nearer. Influence within chance is dim.
@@ -219,7 +203,7 @@ def influence_lines(
     width = max(map(len, names), default=0)
     lines = []
     for one, name in zip(ordered, names, strict=True):
-        style = quiet_style(styles) if is_by_chance(task, one) else ""
+        style = QUIET if is_by_chance(task, one) else ""
         number = minus(f"{one.correlation:+.2f}")
         bar = margin_bar(one.correlation, _HALF)
         lines.append(Text(f"  {name:<{width}}  {bar}  {number}", style=style))

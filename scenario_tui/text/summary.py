@@ -21,15 +21,10 @@ from scenario_tui.text.assessment_text import (
     matrix_rows,
     repeatability_text,
 )
-from scenario_tui.text.formatting import (
-    NOT_REPEATABLE,
-    TERMINAL_STYLES,
-    fine_duration,
-    plain_table,
-    quiet_style,
-)
+from scenario_tui.text.formatting import NOT_REPEATABLE, fine_duration, plain_table
 from scenario_tui.text.results import conclude
 from scenario_tui.text.run_state import progress_text, unfinished_text
+from scenario_tui.text.styles import QUIET
 
 _LISTED: Final = 12
 """Most lines of each list of surprises and problems."""
@@ -37,7 +32,7 @@ _LISTED: Final = 12
 
 def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     """Return one row for each scenario and one column for each system under test."""
-    suts, rows = matrix_rows(results, notes, TERMINAL_STYLES)
+    suts, rows = matrix_rows(results, notes)
     marked = (f"{s} ({NOT_REPEATABLE})" if s in results.not_repeatable else s for s in suts)
     table = plain_table("scenario", *marked)
     for scenario, cells in rows:
@@ -52,8 +47,8 @@ def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Ta
     table = plain_table("comparison", *suts, "is to be")
     for name, text in {cell.comparison: cell.text for cell in cells}.items():
         row = (by_name.get((name, sut)) for sut in suts)
-        words = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)
-        aim = Text(text, style=quiet_style(TERMINAL_STYLES))
+        words = (cell and comparison_cell_text(cell, notes) for cell in row)
+        aim = Text(text, style=QUIET)
         table.add_row(name, *(one or NOTHING for one in words), aim)
     return table
 
@@ -77,7 +72,7 @@ def summary_parts(
     if words := repeatability_text(results):
         yield _unbroken(Text(words, style="dim"))
     yield ""
-    for title, lines in attention_lists(results, TERMINAL_STYLES):
+    for title, lines in attention_lists(results):
         yield Text(f"{title}:", style="bold")
         yield from map(_unbroken, lines[:_LISTED])
         if len(lines) > _LISTED:

@@ -68,9 +68,8 @@ def _tell_judged(dashboard: BaseDashboard, command: str, answer: CommandAnswer) 
     from daemon.analysis.rejudge import Rejudgement
     from grammars.text.codec import from_plain
     from scenario_tui.text.comparison_text import rejudge_parts
-    from scenario_tui.text.formatting import DASHBOARD_STYLES
 
-    parts = rejudge_parts(from_plain(Rejudgement, answer).traces, DASHBOARD_STYLES)
+    parts = rejudge_parts(from_plain(Rejudgement, answer).traces)
     dashboard.push_screen(TextDialog(Group(*parts), command))
 
 

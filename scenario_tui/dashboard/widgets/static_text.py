@@ -12,8 +12,20 @@ class StaticText(Static):
 
     def update(self, content: VisualType = "", *, layout: bool = True) -> None:
         """Show ``content``; what lies around it is placed anew only where it may have moved."""
+        if isinstance(content, Text):
+            content = _with_spans_only(content)
         if not _same(content, self.content):
             super().update(content, layout=layout and self.styles.auto_dimensions)
+
+
+def _with_spans_only(text: Text) -> Text:
+    """Return a text whose base style is one of its parts: Textual knows no names of base styles."""
+    if not text.style:
+        return text
+    copy = text.copy()
+    copy.stylize_before(copy.style)
+    copy.style = ""
+    return copy
 
 
 def same_text(new: Text, shown: Text) -> bool:

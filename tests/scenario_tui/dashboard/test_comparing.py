@@ -27,7 +27,6 @@ from scenario_tui.text.comparison_text import (
     rejudge_parts,
     spec_differences,
 )
-from scenario_tui.text.formatting import DASHBOARD_STYLES
 from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
@@ -86,7 +85,7 @@ def test_measures_judged_again_keep_their_unit_beside_a_trace_that_is_not_valid(
         RejudgedTrace(name, name, verdicts=(one,)) for name, one in (("a", broken), ("b", measured))
     ]
     console = Console(width=100, file=StringIO())
-    console.print(*rejudge_parts(traces, DASHBOARD_STYLES))
+    console.print(*rejudge_parts(traces))
     assert "3.5 m to 3.5 m" in console.file.getvalue()
 
 

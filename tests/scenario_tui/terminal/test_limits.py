@@ -18,7 +18,7 @@ from scenario_tui.terminal.capabilities import (
 )
 from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours, reduce_style
 from scenario_tui.text.ascii_signs import to_ascii
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS
+from scenario_tui.text.styles import GLYPHS, dashboard_theme
 
 BLACK = Color.parse("#121212")
 
@@ -83,8 +83,7 @@ def test_the_environment_says_whether_the_background_is_light(told, light):
 
 def test_every_verdict_keeps_a_colour_of_its_own_hue():
     names = {
-        word: reduce_style(Style.parse(style), colours=True).color
-        for word, style in DASHBOARD_STYLES.items()
+        word: reduce_style(dashboard_theme().styles[word], colours=True).color for word in GLYPHS
     }
     shown = {word: colour.name if colour else "" for word, colour in names.items()}
     assert shown["pass"] == "green"

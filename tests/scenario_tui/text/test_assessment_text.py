@@ -18,7 +18,6 @@ from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.text.assessment_text import cell_notes, undecided_text
-from scenario_tui.text.formatting import TERMINAL_STYLES
 from scenario_tui.text.results import (
     NONE_JUDGED,
     SO_FAR_FINE,
@@ -161,7 +160,7 @@ def test_an_error_is_told_once_and_not_for_each_oracle():
     (cell,) = assess(AssessmentRules(), (row,)).cells
     alone, together = sorted(group_errors(cell.oracles), key=len)
     assert [oracle.oracle for oracle in alone] == ["in-time"]
-    said = undecided_text(together, TERMINAL_STYLES).plain
+    said = undecided_text(together).plain
     assert "pilot S1 reached, buffer  " in said
     assert said.endswith("  amcl died with exit code -9")
 

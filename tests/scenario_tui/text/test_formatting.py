@@ -10,6 +10,7 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text.words import count_noun
 from scenario_tui.text import formatting
 from scenario_tui.text.run_text import evidence_parts
+from scenario_tui.text.styles import SEVERITY, dashboard_theme, terminal_theme
 
 
 @pytest.mark.parametrize(
@@ -97,8 +98,8 @@ def test_bars_grow_from_the_middle_to_the_side_of_the_verdict(share, bar):
 def test_every_outcome_and_state_has_a_glyph_and_a_style():
     for word in (*Outcome, *(state for state in RunState if state is not RunState.DONE)):
         assert formatting.glyph_word(str(word)).endswith(str(word))
-        assert str(word) in formatting.TERMINAL_STYLES
-        assert str(word) in formatting.SEVERITY
+        assert str(word) in SEVERITY
+        assert str(word) in terminal_theme().styles.keys() & dashboard_theme().styles.keys()
 
 
 def test_counting_uses_the_plural_for_all_but_one():

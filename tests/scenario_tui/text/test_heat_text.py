@@ -6,12 +6,9 @@ import pytest
 
 from daemon.analysis.results import read_results
 from daemon.model.verdicts import Outcome
-from scenario_tui.text.formatting import DASHBOARD_STYLES
 from scenario_tui.text.heat_text import Heat, heat_lines, heat_marks
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.fake import CAMPAIGN, make_row
-
-RED, AMBER, GREEN = (DASHBOARD_STYLES[word] for word in ("fail", "inconclusive", "pass"))
 
 
 @pytest.fixture
@@ -30,15 +27,15 @@ def plain(lines):
 @pytest.mark.parametrize(
     ("run", "mark"),
     [
-        (Heat("pass", 1.0), ("█", GREEN)),
-        (Heat("pass", 0.3), ("▃", GREEN)),
-        (Heat("pass", 0.0), ("▁", AMBER)),
-        (Heat("pass", None), ("✓", GREEN)),
-        (Heat("fail", -0.01), ("✗", RED)),
-        (Heat("fail", -1.0), ("✗", f"{RED} reverse")),
-        (Heat("fail", -0.01, known=True), ("✗", AMBER)),
-        (Heat("inconclusive", -0.5), ("?", AMBER)),
-        (Heat("running", None), ("▶", DASHBOARD_STYLES["running"])),
+        (Heat("pass", 1.0), ("█", "pass")),
+        (Heat("pass", 0.3), ("▃", "pass")),
+        (Heat("pass", 0.0), ("▁", "inconclusive")),
+        (Heat("pass", None), ("✓", "pass")),
+        (Heat("fail", -0.01), ("✗", "fail")),
+        (Heat("fail", -1.0), ("✗", "fail.far")),
+        (Heat("fail", -0.01, known=True), ("✗", "known")),
+        (Heat("inconclusive", -0.5), ("?", "inconclusive")),
+        (Heat("running", None), ("▶", "running")),
     ],
 )
 def test_a_mark_says_the_verdict_and_its_colour_the_margin(run, mark):
@@ -49,7 +46,7 @@ def test_more_repeats_than_fit_are_counted_with_the_worst_of_each_verdict():
     runs = [Heat("pass", 0.9)] * 95 + [Heat("pass", 0.02), Heat("fail", -0.1), Heat("fail", -0.9)]
     text = heat_marks(runs, 20)
     assert text.plain == "✗2 ✓▁96"
-    assert str(text.spans[0].style) == f"{RED} reverse"
+    assert str(text.spans[0].style) == "fail.far"
     assert heat_marks(runs, len(runs)).plain == "█" * 95 + "▁✗✗"
 
 
