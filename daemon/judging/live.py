@@ -7,7 +7,7 @@ verdicts of its result.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,16 +20,21 @@ from daemon.judging.oracles import (
     trace_problems,
 )
 from daemon.judging.run_log import run_log
-from daemon.model.live_judgement import DoorMotion, LiveJudgement, LiveSignal, LogLine
-from daemon.model.ranges import LARGEST_VALUE
+from daemon.judging.signals import Signal, merge_spans, thin_signal
+from daemon.model.live_judgement import (
+    DoorMotion,
+    Limit,
+    LimitSide,
+    LiveJudgement,
+    LiveSignal,
+    LogLine,
+)
 from daemon.model.verdicts import Outcome, Verdict, deciding_verdict
 from daemon.trace import JointTrack, Trace
-from grammars.model.geometry import Floats
-from grammars.oracle import Signal, kind_of
+from grammars import oracle as language
+from grammars.oracle import ComparedLimit, kind_of
 from grammars.text.expressions import render
 from grammars.text.terminal_text import printable
-
-TimeSpan = tuple[float, float]
 
 MOST_COLUMNS: Final = 200
 """Parts of the time in which a signal is sent, at most."""
@@ -45,27 +50,6 @@ _USUAL: Final = {"loc.error": "m", "clearance": "m", DOOR_CLEARANCE: "m", "speed
 """Signals of every run, and their units."""
 _AJAR: Final = 0.05
 """A door this far from how it is drawn, shut, counts as open [rad or m]."""
-_MOST_LIMITS: Final = 1000
-"""Limits of a thinned signal: with more the lines cannot be told apart."""
-_DIGITS: Final = 4
-"""Significant digits of thinned values: more are not visible."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunSignal:
-    """A signal over a run: ``time``, ``values`` (n,) in SI units, NaN where it is not known.
-
-    ``unit`` is ``bool`` for true or false; ``limits``, ``against`` and ``readers`` are those of
-    :class:`~daemon.model.live_judgement.LiveSignal`.
-    """
-
-    name: str
-    unit: str
-    time: Floats
-    values: Floats
-    limits: tuple[float, ...] = ()
-    against: tuple[TimeSpan, ...] = ()
-    readers: tuple[str, ...] = ()
 
 
 def judge_running(trace: Trace) -> LiveJudgement:
@@ -99,7 +83,7 @@ def least_margin(so_far: Sequence[Verdict]) -> Verdict | None:
     )
 
 
-def sample_run_signals(sampler: SignalSampler) -> tuple[RunSignal, ...]:
+def sample_run_signals(sampler: SignalSampler) -> tuple[Signal, ...]:
     """Sample the usual signals and all that the run's oracles read, each once.
 
     A usual signal is left out if no oracle reads it and nothing of it is known.
@@ -107,33 +91,36 @@ def sample_run_signals(sampler: SignalSampler) -> tuple[RunSignal, ...]:
     oracles = [oracle_timeline(one, sampler) for one in sampler.trace.spec.oracles]
     asked = {render(signal): signal for oracle in oracles for signal in oracle.signals}
     signals = []
-    for name, signal in ({name: Signal(name) for name in _USUAL} | asked).items():
+    for name, signal in ({name: language.Signal(name) for name in _USUAL} | asked).items():
         values = sampler.sample(signal).values
         if name not in asked and not np.isfinite(values).any():
             continue
         kind = kind_of(signal) if name in asked else None
         unit = _USUAL.get(name) or ("bool" if kind is None else kind.unit)
         readers = [o for o in oracles if name in {render(read) for read in o.signals}]
-        limits = {limit for o in readers for read, limit in o.limits if read == name}
-        against = merge_spans(span for o in readers for span in o.against)
         signals.append(
-            RunSignal(
-                name, unit, sampler.time_base.time, values, tuple(sorted(limits)), against,
+            Signal(
+                name, unit, sampler.time_base.time, values, values,
+                limits_of(name, (limit for o in readers for limit in o.limits)),
+                merge_spans(span for o in readers for span in o.against),
                 tuple(reader.oracle for reader in readers),
             )
         )  # fmt: skip
     return tuple(signals)
 
 
-def merge_spans(stretches: Iterable[TimeSpan], gap: float = 0.0) -> tuple[TimeSpan, ...]:
-    """Return stretches of time as few, ascending and disjoint ones, more than ``gap`` [s] apart."""
-    merged: list[TimeSpan] = []
-    for start, end in sorted(stretches):
-        if merged and start <= merged[-1][1] + gap:
-            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
-        else:
-            merged.append((start, end))
-    return tuple(merged)
+def limits_of(signal: str, compared: Iterable[ComparedLimit]) -> tuple[Limit, ...]:
+    """Return the limits of one signal among those of oracles, ascending, each once."""
+    sides: dict[float, set[LimitSide]] = {}
+    for one in compared:
+        if one.signal == signal:
+            sides.setdefault(one.value, set()).add(one.against)
+    limits = []
+    for value in sorted(sides):
+        meant = sides[value] - {""}
+        # Two oracles that want opposite things: neither side is free.
+        limits.append(Limit(value, meant.pop() if len(meant) == 1 else ""))
+    return tuple(limits)
 
 
 def _thinned_signals(sampler: SignalSampler) -> tuple[LiveSignal, ...]:
@@ -142,39 +129,6 @@ def _thinned_signals(sampler: SignalSampler) -> tuple[LiveSignal, ...]:
     columns = min(MOST_COLUMNS, max(_FEWEST_COLUMNS, share))
     start, end = sampler.time_base.start, sampler.time_base.end
     return tuple(thin_signal(signal, start, end, columns) for signal in signals)
-
-
-def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> LiveSignal:
-    """Return the least and the greatest value in each of ``columns`` equal parts of the time.
-
-    A part without a sample holds the last value before it, as between two samples; values keep four
-    significant digits. Stretches that are less than a part apart become one, so that there are not
-    more of them than parts.
-    """
-    span = max(end - start, 1e-9)
-    column = np.floor((signal.time - start) / span * columns).astype(np.int64)
-    column = np.clip(column, 0, columns - 1)
-    finite = np.isfinite(signal.values)
-    low, high = np.full(columns, np.inf), np.full(columns, -np.inf)
-    np.minimum.at(low, column[finite], signal.values[finite])
-    np.maximum.at(high, column[finite], signal.values[finite])
-    last = np.searchsorted(column, np.arange(columns), side="right") - 1
-    empty = np.bincount(column, minlength=columns) == 0
-    held = empty & (last >= 0) & finite[np.maximum(last, 0)]
-    low[held] = high[held] = signal.values[last[held]]
-    return LiveSignal(
-        signal.name, signal.unit, start, end, _rounded(low), _rounded(high),
-        signal.limits[:_MOST_LIMITS], merge_spans(signal.against, span / columns), signal.readers,
-    )  # fmt: skip
-
-
-def _rounded(values: Floats) -> tuple[float | None, ...]:
-    return tuple(
-        float(f"{min(max(value, -LARGEST_VALUE), LARGEST_VALUE):.{_DIGITS}g}")
-        if np.isfinite(value)
-        else None
-        for value in values.tolist()
-    )
 
 
 def door_motions(joints: JointTrack) -> tuple[DoorMotion, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -25,7 +25,20 @@ _FASTEST: Final = 1
 _MOST_ENTRIES: Final = 4096
 """Doors' motions, lines of a log, limits or parts of a signal: each is drawn on its own."""
 
+LimitSide: TypeAlias = Literal["above", "below", ""]
 _SignalParts = Annotated[tuple[SignalValue | None, ...], Field(max_length=_MOST_ENTRIES)]
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """A value [SI] that oracles compare a signal with.
+
+    ``side`` is where the signal speaks against them, empty where no single sample does, or where
+    two of them want opposite things.
+    """
+
+    value: SignalValue
+    side: LimitSide = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +46,8 @@ class LiveSignal:
     """A signal so far, thinned: least and greatest value in equal parts of ``start`` to ``end``.
 
     ``low`` and ``high`` have the same length; ``None`` where nothing is known (JSON has no NaN).
-    ``unit`` is ``bool`` for what is true or false. ``limits`` [SI] are what oracles compare it
-    with, ``against`` stretches [s] in which the run spoke against an oracle that reads it, and
-    ``readers`` name these oracles.
+    ``unit`` is ``bool`` for what is true or false. ``against`` are stretches [s] in which the run
+    spoke against an oracle that reads it, and ``readers`` name these oracles.
     """
 
     name: str
@@ -44,7 +56,7 @@ class LiveSignal:
     end: Moment
     low: _SignalParts
     high: _SignalParts
-    limits: Annotated[tuple[SignalValue, ...], Field(max_length=_MOST_ENTRIES)] = ()
+    limits: Annotated[tuple[Limit, ...], Field(max_length=_MOST_ENTRIES)] = ()
     against: tuple[tuple[Moment, Moment], ...] = ()
     readers: tuple[str, ...] = ()
 
@@ -121,6 +133,6 @@ def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> Li
         # No two stretches are less than a part apart.
         parts = len(signal.low)
         many = len(signal.against) > parts + 1
-        if parts != len(signal.high) or signal.end < signal.start or many:
+        if not parts or parts != len(signal.high) or signal.end < signal.start or many:
             raise ValueError(f"{signal.name[:80]}: the parts of the signal do not go together")
     return judgement

@@ -23,15 +23,8 @@ from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
-from scenario_tui.dashboard.signal_strips import (
-    FLASH,
-    FailureMoment,
-    RunTimeline,
-    SignalStrip,
-    clearance_along,
-    limits_of,
-    with_limits,
-)
+from scenario_tui.dashboard.run_timeline import RunTimeline, clearance_along, recorded_timeline
+from scenario_tui.dashboard.transport import FLASH, FailureMoment
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
@@ -45,33 +38,6 @@ _STEP: Final = 0.03
 """Metres between two points of the trail."""
 _CHROME: Final = 2
 """Lines of a frame that are neither map nor verdicts nor legend: headline and timeline."""
-
-
-def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
-    """Sample the usual signals and all that the run's oracles read.
-
-    A trace that cannot be trusted has no signals, only doors and mission.
-    """
-    # What judges takes 70 MB to load: see children.
-    from daemon.judging.live import door_motions, reached_moments, sample_run_signals
-    from daemon.judging.oracles import SignalSampler, trace_problems
-
-    way = trace.ground_truth.time
-    start, end = (float(way[0]), float(way[-1])) if len(way) else (0.0, 0.0)
-    against = {v.evidence.time for v in verdicts if v.outcome is Outcome.FAIL}
-    signals = () if trace_problems(trace) else sample_run_signals(SignalSampler(trace))
-    return RunTimeline(
-        start,
-        end,
-        tuple(
-            SignalStrip(s.name, s.unit, s.time, s.values, s.limits, s.against, s.readers)
-            for s in signals
-        ),
-        door_motions(trace.joints),
-        reached_moments(trace),
-        len(trace.spec.mission.waypoints),
-        tuple(sorted(time for time in against if time is not None)),
-    )
 
 
 class Playback:
@@ -228,15 +194,12 @@ class Playback:
 
     @cached_property
     def _clearance_along(self) -> tuple[tuple[float, ...], float | None]:
-        return clearance_along(self.timeline.strips, self._trail_times)
+        return clearance_along(self.timeline.signals, self._trail_times)
 
     @cached_property
     def timeline(self) -> RunTimeline:
         """Signals, doors and mission along time."""
-        spec = self.trace.spec
-        found = sample_timeline(self.trace, self.verdicts)
-        names = tuple(waypoint.id for waypoint in spec.mission.waypoints)
-        return replace(with_limits(found, limits_of(spec.oracles)), names=names)
+        return recorded_timeline(self.trace, [moment.time for moment in self.moments])
 
     @cached_property
     def _kept(self) -> list[int]:

@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
 from rich.style import Style
 from rich.text import Text
 
 from daemon.judging.live import reached_moments
+from daemon.judging.signals import Signal
 from daemon.trace import Trace
-from grammars.oracle import ComparedLimit
-from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip, limits_of, with_limits
-from scenario_tui.dashboard.widgets.cell_view import Codes, segments
-from scenario_tui.dashboard.widgets.timeline import label_signals
-from scenario_tui.dashboard.widgets.timeline_drawing import FAIL, STYLES, TimelineDrawing
-from scenario_tui.library.trace import Signal
+from scenario_tui.dashboard.run_timeline import RunTimeline, waypoint_names
+from scenario_tui.dashboard.widgets.cell_view import segments
+from scenario_tui.dashboard.widgets.timeline import draw_frame
+from scenario_tui.dashboard.widgets.timeline_drawing import FAIL, TimelineDrawing
 
 _COLOURS: Final = (
     "yellow", "bold yellow", "cyan", "red", "cyan", "green", "bold red", "dim", "bold", "bold",
-    "reverse", "dim red",
 )  # fmt: skip
 """The terminal's own colours, in the order of the dashboard's: its background is not known here."""
 LEAST_ROWS: Final = 4
@@ -37,34 +34,17 @@ def draw_signals(
     They take ``rows``, or as many as are needed. The value beside each is that at its end.
     """
     start, end = float(trace.ground_truth.time[0]), float(trace.ground_truth.time[-1])
-    waypoints = trace.spec.mission.waypoints
-    limits = limits_of(trace.spec.oracles)
     timeline = RunTimeline(
-        start, end, tuple(_strip(signal, limits) for signal in signals), None,
-        reached_moments(trace), len(waypoints), tuple(marks), tuple(w.id for w in waypoints),
+        start, end, tuple(signals), None, reached_moments(trace), waypoint_names(trace.spec),
+        tuple(marks),
     )  # fmt: skip
-    timeline = with_limits(timeline, limits)
     least = sum(1 if signal.unit == "bool" else LEAST_ROWS for signal in signals)
-    drawing = TimelineDrawing((timeline,), timeline.strips, width, max(rows, least + AXES))
-    codes, owners = drawing.codes, drawing.owners
-    for mark in marks:
-        column = drawing.gutter + drawing.span.column(mark)
-        empty = np.isin(codes[: sum(drawing.heights), column], [ord(" "), ord("╱")])
-        codes[: len(empty), column][empty] = ord("│")
-        owners[: len(empty), column][empty] = FAIL
-    label_signals(drawing, (timeline,), end, codes, owners)
+    drawing = TimelineDrawing((timeline,), signals, width, max(rows, least + AXES))
     styles = [Style.parse(colour) for colour in _COLOURS]
-    assert len(styles) == len(STYLES)
-    return [_text(codes[row], owners[row], styles) for row in range(len(codes))]
-
-
-def _strip(signal: Signal, limits: Sequence[ComparedLimit]) -> SignalStrip:
-    asked = sorted({limit.value for limit in limits if limit.signal == signal.name})
-    return SignalStrip(signal.name, signal.unit, signal.time, signal.value, tuple(asked))
-
-
-def _text(codes: Codes, owners: Codes, styles: Sequence[Style]) -> Text:
-    parts = segments(codes, owners, styles, Style())
-    text = Text.assemble(*((part.text, part.style or "") for part in parts))
-    text.rstrip()
-    return text
+    lines = []
+    for codes, owners in zip(*draw_frame(drawing, end, marks, FAIL), strict=True):
+        parts = segments(codes, owners, styles, Style())
+        line = Text.assemble(*((part.text, part.style or "") for part in parts))
+        line.rstrip()
+        lines.append(line)
+    return lines

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from daemon.judging import signals
 from grammars.text.diagnostics import InputError, Where, raise_all
 
 if TYPE_CHECKING:
@@ -19,18 +19,17 @@ if TYPE_CHECKING:
     from grammars import oracle as language
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Signal:
+class Signal(signals.Signal):
     """A signal over simulated time.
 
     ``time`` [s] and ``value`` [``unit``] are arrays of the shape (n,); values are NaN where the
     signal is not known. What is true or false has the unit ``bool`` and the values 1 and 0.
     """
 
-    name: str
-    unit: str
-    time: NDArray[np.float64]
-    value: NDArray[np.float64]
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """Every recorded value, (n,)."""
+        return self.low
 
     def _repr_svg_(self) -> str:
         from daemon.analysis.charts import LINE, draw_charts, layer, quantity, standalone_svg
@@ -78,6 +77,15 @@ class Trace:
             raise TraceError(self.path, message, "run it again")
         return SignalSampler(self.recorded)
 
+    @cached_property
+    def _compared(self) -> tuple[language.ComparedLimit, ...]:
+        """The limits in the oracles of its campaign, of those that can be read."""
+        from daemon.judging.oracles import written_oracle
+        from grammars.oracle import compared_limits
+
+        oracles = map(written_oracle, self.recorded.spec.oracles)
+        return tuple(limit for one in oracles if one for limit in compared_limits(one))
+
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """The verdicts of the oracles of its campaign, judged now."""
@@ -90,6 +98,7 @@ class Trace:
 
         Raises :class:`InputError` for a name that is no signal of this run.
         """
+        from daemon.judging.live import limits_of
         from grammars.oracle import kind_of
 
         oracle, signal = _parse_signal(name)
@@ -97,7 +106,8 @@ class Trace:
         kind = kind_of(signal)
         values = self._sampler.sample(signal).values
         unit = "bool" if kind is None else kind.unit
-        return Signal(name, unit, self._sampler.time_base.time, values)
+        limits = limits_of(name, self._compared)
+        return Signal(name, unit, self._sampler.time_base.time, values, values, limits)
 
     def judge(self, text: str) -> Verdict:
         """Return the verdict of an oracle on this run: ``always(clearance >= 0.1 m)``.

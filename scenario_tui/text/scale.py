@@ -11,8 +11,6 @@ _ROUND: Final = (1.0, 2.0, 5.0, 10.0)
 _LEAST_SHARE: Final = 0.25
 """The values keep at least this share of an axis: a limit further away is shown at its edge."""
 _MOST_TICKS: Final = 1000
-_ROOMY: Final = 4
-"""Rows from which on one of them is spent on what lies beyond a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +66,11 @@ def mark_axis(low: float, high: float, room: float, apart: float) -> AxisScale:
     return AxisScale(low, high, ticks, step)
 
 
-def fit_axis(
-    low: float, high: float, limits: Sequence[float], rows: int, sides: Sequence[int] = ()
-) -> AxisScale:
+def fit_axis(low: float, high: float, limits: Sequence[float], rows: int) -> AxisScale:
     """Return the axis of values from ``low`` to ``high`` on ``rows`` rows of cells.
 
     It holds every limit that leaves the values a quarter of it; for others see
-    :meth:`AxisScale.share`, which is then below 0 or above 1. ``sides`` say for each limit where
-    there is to be room beyond it, 1 above and -1 below.
+    :meth:`AxisScale.share`, which is then below 0 or above 1.
     """
     size = high - low
     near = sorted(limits, key=lambda limit: max(low - limit, limit - high))
@@ -83,10 +78,6 @@ def fit_axis(
         wider = max(high, limit) - min(low, limit)
         if size <= 0.0 or size >= _LEAST_SHARE * wider:
             low, high = min(low, limit), max(high, limit)
-    if rows >= _ROOMY:
-        row = (high - low) / (rows - 1)
-        beyond = {side for limit, side in zip(limits, sides, strict=False) if limit in (low, high)}
-        low, high = low - row * (-1 in beyond), high + row * (1 in beyond)
     return mark_axis(low, high, rows - 1, 2.0)
 
 

@@ -9,8 +9,8 @@ import math
 import statistics
 import time
 
-from daemon.model.live_judgement import DoorMotion, LiveJudgement, LiveSignal
-from scenario_tui.dashboard.live_timeline import live_timeline
+from daemon.model.live_judgement import DoorMotion, Limit, LiveJudgement, LiveSignal
+from scenario_tui.dashboard.run_timeline import live_timeline
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from tests.benchmarks.measurement import Measurement, Reference, at_most
@@ -23,12 +23,12 @@ FRAMES, PARTS, SIGNALS, DOORS = 40, 200, 8, 8
 def judgement(now):
     """Return what a run is judged by at ``now`` [s]."""
     along = [now * part / PARTS for part in range(PARTS)]
-    signals = []
+    signals, limits = [], (Limit(0.2, "above"),)
     for index in range(SIGNALS):
         low = tuple(0.1 + abs(math.sin(t / (7.0 + index))) for t in along)
         high = tuple(value + 0.02 for value in low)
         signals.append(
-            LiveSignal(f"signal-{index}", "m", 0.0, now, low, high, (0.2,), ((3.0, 5.0),), ("it",))
+            LiveSignal(f"signal-{index}", "m", 0.0, now, low, high, limits, ((3.0, 5.0),), ("it",))
         )
     moves = tuple(
         DoorMotion(now * i / (5 * DOORS), f"door-{i % DOORS}.hinge", i // DOORS % 2 == 0)
@@ -67,7 +67,7 @@ async def costs(size):
             judged = judgement(300.0 + frame)
 
             def grow(judged=judged):
-                view.show((live_timeline(judged, spec, ()),), judged.time)
+                view.show((live_timeline(judged, spec),), judged.time)
 
             def move(judged=judged):
                 view.move(judged.time - 20.0)

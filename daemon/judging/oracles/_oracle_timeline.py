@@ -21,7 +21,16 @@ from daemon.judging.oracles._predicate import (
 )
 from daemon.judging.oracles._sampler import PluginError, SignalSampler
 from daemon.model.spec import OracleText
-from grammars.oracle import Amount, Oracle, Signal, Statistic, Temporal, Until, compared_limits
+from grammars.oracle import (
+    Amount,
+    ComparedLimit,
+    Oracle,
+    Signal,
+    Statistic,
+    Temporal,
+    Until,
+    compared_limits,
+)
 from grammars.text.diagnostics import InputError
 from grammars.text.expressions import render
 
@@ -32,14 +41,14 @@ Stretch = tuple[float, float]
 class OracleTimeline:
     """One oracle over a run.
 
-    ``signals`` as written, each once; ``limits`` pairs a signal with a constant [SI] it is
-    compared with; ``against`` are the stretches [s] in which the run spoke against the oracle,
-    ascending and disjoint.
+    ``signals`` as written, each once; ``limits`` are the constants they are compared with;
+    ``against`` are the stretches [s] in which the run spoke against the oracle, ascending and
+    disjoint.
     """
 
     oracle: str
     signals: tuple[Signal, ...]
-    limits: tuple[tuple[str, float], ...]
+    limits: tuple[ComparedLimit, ...]
     against: tuple[Stretch, ...]
 
 
@@ -51,8 +60,7 @@ def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeli
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())
     named = {render(signal): signal for signal in oracle.signals()}
-    limits = tuple((one.signal, one.value) for one in compared_limits(oracle))
-    return OracleTimeline(written.name, tuple(named.values()), limits, against)
+    return OracleTimeline(written.name, tuple(named.values()), compared_limits(oracle), against)
 
 
 def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:

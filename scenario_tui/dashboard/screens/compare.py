@@ -17,16 +17,10 @@ from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.recorded_traces import UnavailableTrace, local_trace
+from scenario_tui.dashboard.run_timeline import Alignment, common_clock, shift_to_clock
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.replay import StandaloneScreen
-from scenario_tui.dashboard.signal_strips import (
-    FLASH,
-    Alignment,
-    FailureMoment,
-    ReplayTransport,
-    common_clock,
-    shift_to_clock,
-)
+from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText

@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 from textual.binding import Binding, BindingType
 
 from scenario_tui.dashboard.screens.map_actions import MapActions
-from scenario_tui.dashboard.signal_strips import (
+from scenario_tui.dashboard.transport import (
     FLASH,
     FailureMoment,
     ReplayTransport,
@@ -52,7 +52,8 @@ class PlayingScreen(MapActions):
         Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
                 tooltip="The part before"),
         Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
-        Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
+        Binding("Z", "fit", "Fit", show=False, id="fit",
+                tooltip="All of the map and of the time again"),
         Binding("F", "follow", "Follow", show=False, id="follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
@@ -65,7 +66,11 @@ class PlayingScreen(MapActions):
                 tooltip="Signals further down"),
         Binding("left_square_bracket", "signals(-1)", "Signals back", show=False, id="signals-back",
                 tooltip="Signals further up"),
-        Binding("e", "ramps", "Every signal", show=False, id="every-signal",
+        Binding("left_parenthesis", "zoom_time(False)", "More time", key_display="(", show=False,
+                id="more-time", tooltip="A longer stretch of the time beside the signals"),
+        Binding("right_parenthesis", "zoom_time(True)", "Less time", key_display=")", show=False,
+                id="less-time", tooltip="A shorter stretch of it, around the moment shown"),
+        Binding("e", "counting", "Every signal", show=False, id="every-signal",
                 tooltip="Also clocks and odometers, or without them"),
     ]  # fmt: skip
 
@@ -169,9 +174,22 @@ class PlayingScreen(MapActions):
         """Show signals further down or up."""
         self.query_one(TimelineView).scroll_signals(step)
 
-    def action_ramps(self) -> None:
+    def action_counting(self) -> None:
         """Show signals that only count, too, or leave them out."""
-        self.query_one(TimelineView).toggle_ramps()
+        self.query_one(TimelineView).toggle_counting()
+
+    def action_zoom_time(self, nearer: bool) -> None:
+        """Show less of the time beside the signals, or more."""
+        self.query_one(TimelineView).zoom_time(nearer)
+
+    def action_fit(self) -> None:
+        """Show all of the map and of the time again."""
+        super().action_fit()
+        self.query_one(TimelineView).fit_time()
+
+    def on_timeline_view_seek(self, event: TimelineView.Seek) -> None:
+        """Go to the moment somebody pointed at."""
+        self.go(event.time)
 
 
 def clock_line(transport: ReplayTransport) -> str:

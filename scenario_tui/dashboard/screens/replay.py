@@ -16,8 +16,8 @@ from textual.widgets import Static
 from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.playing import PlayingScreen
-from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.themes import ThemedApp
+from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText

@@ -14,13 +14,13 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import OptionList, Static
 
 from daemon.model.status import CampaignRow, RunDetail
-from scenario_tui.dashboard.live_timeline import LiveTransport, follows
 from scenario_tui.dashboard.recorded_traces import (
     RecordingVersion,
     TraceSummary,
     UnavailableTrace,
     recording_version,
 )
+from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
@@ -31,14 +31,14 @@ from scenario_tui.dashboard.screens.unfinished_run import (
     is_running,
     live_text,
 )
-from scenario_tui.dashboard.signal_strips import (
+from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.transport import (
     FLASH,
     FailureMoment,
+    LiveTransport,
     ReplayTransport,
-    RunTimeline,
-    limits_of,
+    follows,
 )
-from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
@@ -88,7 +88,6 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self._damage = ""
         self._shown: object = None
         self._unfinished = UnfinishedRun()
-        self._limits_asked = False
         self._since = 0.0
 
     def body(self) -> ComposeResult:
@@ -167,9 +166,6 @@ class RunScreen(PlayingScreen, SteeringScreen):
         if version != self._version:
             self._change_version(version)
         self._unfinished.hear(detail, track_of(self.dashboard, detail))
-        if not self._limits_asked and is_running(detail):
-            self._limits_asked = True
-            self._read_limits(detail)
         seen = state.recording_of(self._run)
         if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
             self._opened = version
@@ -187,15 +183,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
         before, self._version = self._version, version
         self._opened, self._playback, self._damage = None, None, ""
         if before is not None and (version is None or version.sha256 != before.sha256):
-            self._unfinished, self._limits_asked = UnfinishedRun(), False
+            self._unfinished = UnfinishedRun()
             self.transport = None
             self._since = self.dashboard.clock()
             self.refresh_bindings()
-
-    @work(thread=True)
-    def _read_limits(self, detail: RunDetail) -> None:
-        """Read the oracles of a run outside the thread that draws: their language loads slowly."""
-        self._unfinished.compare(limits_of(detail.spec.oracles))
 
     def _words(self, detail: RunDetail) -> None:
         """Show verdicts once there are any, and the log."""

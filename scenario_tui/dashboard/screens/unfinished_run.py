@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rich.text import Text
 
@@ -12,28 +12,25 @@ from daemon.model.live_judgement import LiveJudgement
 from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
 from grammars.text.words import duration_text
-from scenario_tui.dashboard.live_timeline import (
-    LiveTransport,
+from scenario_tui.dashboard.live_tracks import SILENT, Track
+from scenario_tui.dashboard.run_timeline import (
+    RunTimeline,
+    clearance_along,
     decided_moments,
-    follows,
     heard_timeline,
     live_timeline,
 )
-from scenario_tui.dashboard.live_tracks import SILENT, Track
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.run_panel import heard_view
-from scenario_tui.dashboard.signal_strips import (
+from scenario_tui.dashboard.transport import (
     FailureMoment,
+    LiveTransport,
     ReplayTransport,
-    RunTimeline,
-    clearance_along,
+    follows,
 )
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.text.formatting import QUIET, UNSURE
 from scenario_tui.text.run_text import reached_text, worst_text
-
-if TYPE_CHECKING:
-    from grammars.oracle import ComparedLimit
 
 _PATIENCE: Final = 30.0
 """Seconds after which somebody who looks is told that no signals come."""
@@ -49,7 +46,6 @@ class UnfinishedRun:
         self.track: Track | None = None
         self.timeline: RunTimeline | None = None
         self._judgement: LiveJudgement | None = None
-        self._limits: Sequence[ComparedLimit] = ()
         self._view: View | None = None
 
     @property
@@ -62,11 +58,6 @@ class UnfinishedRun:
         if track is not None or is_unfinished(detail):
             self.track = track
 
-    def compare(self, limits: Sequence[ComparedLimit]) -> None:
-        """Draw the limits of its oracles from now on."""
-        self._limits = limits
-        self._judgement = None  # drawn anew, with them
-
     def grow(self, detail: RunDetail) -> bool:
         """Bring the timeline up to date; return whether it is another one than before."""
         track = self.track
@@ -75,7 +66,7 @@ class UnfinishedRun:
             if judgement is self._judgement:
                 return False
             self._judgement = judgement
-            self.timeline = live_timeline(judgement, detail.spec, self._limits)
+            self.timeline = live_timeline(judgement, detail.spec)
             return True
         if not is_unfinished(detail):
             return False
@@ -88,7 +79,7 @@ class UnfinishedRun:
         """Take in the map as it is now; its trail is coloured by the clearance along it."""
         track = self.track
         if self.timeline is not None and track is not None and track.judgement is not None:
-            known, limit = clearance_along(self.timeline.strips, track.times)
+            known, limit = clearance_along(self.timeline.signals, track.times)
             view = replace(view, clearances=known, limit=limit)
         self._view = view
 

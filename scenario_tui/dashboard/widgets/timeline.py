@@ -1,4 +1,4 @@
-"""Signals over time with a cursor: values at it, and those signals that matter most."""
+"""Signals over time with a playhead: values at it, seeking by the mouse, a stretch of the time."""
 
 from __future__ import annotations
 
@@ -8,38 +8,248 @@ from typing import ClassVar, Final
 
 import numpy as np
 from rich.style import Style
+from textual import events
+from textual.message import Message
 
+from daemon.judging.signals import Signal, TimeSpan
 from grammars.text.words import NOTHING, format_quantity
-from scenario_tui.dashboard.signal_strips import RunTimeline, SignalStrip
+from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, write_text
 from scenario_tui.dashboard.widgets.timeline_drawing import (
     CURSOR,
     CURVE,
     FAINT,
-    HIT,
     LIMIT,
     NAME,
     OTHER,
     STYLES,
     TimelineDrawing,
+    whole_span,
 )
 from scenario_tui.text.formatting import keep_start
 
+ZOOM: Final = 0.5
+"""Share of the time that stays in view at each step nearer."""
+_SHORTEST: Final = 0.1
+"""Seconds of the shortest stretch of time that is shown."""
+_MARGIN: Final = 0.1
+"""Share of a stretch that stays behind the playhead when it has left the one before."""
 _LEAST_ROWS: Final = 3
 """Rows that name, value and limit of a signal take; a long name takes one more."""
+_COUNTING: Final = frozenset(
+    {
+        "elapsed", "path.length", "mission.leg", "mission.leg.elapsed", "mission.reached",
+        "mission.remaining",
+    }
+)  # fmt: skip
+"""Signals that only count, whose curve tells nothing, or that say what the mission's lane shows."""
+_SIDES: Final = {"above": "≤ ", "below": "≥ ", "": ""}
 
 
-def at_cursor(strip: SignalStrip, time: float) -> str:
+class TimelineView(CellView):
+    """Draws timelines, the first with its marks and the second over it, with a playhead.
+
+    A click or a drag asks for a moment by :class:`Seek`, and the wheel shows more or less of the
+    time around the pointer.
+    """
+
+    STYLES: ClassVar[Sequence[Style]] = STYLES
+    ALLOW_SELECT = False
+
+    class Seek(Message):
+        """Somebody pointed at a moment, ``time`` [s]."""
+
+        def __init__(self, time: float) -> None:
+            super().__init__()
+            self.time = time
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self._timelines: tuple[RunTimeline, ...] = ()
+        self._time = 0.0
+        self._first = 0
+        self._oracle = ""
+        self._counting = False
+        self._stretch: TimeSpan | None = None
+        self._drawing: TimelineDrawing | None = None
+
+    @property
+    def drawn(self) -> bool:
+        """Whether it has anything to show."""
+        return bool(self._timelines)
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """The signals there are to see, what matters most first."""
+        # What the chosen oracle reads, then what any reads; else in the order of the run. What only
+        # counts is left out unless somebody asks for it.
+        shown = [
+            signal
+            for signal in (self._timelines[0].signals if self._timelines else ())
+            if self._counting or signal.name not in _COUNTING or self._oracle in signal.readers
+        ]
+        shown.sort(key=lambda signal: (self._oracle not in signal.readers, not signal.readers))
+        return tuple(shown)
+
+    def show(self, timelines: Sequence[RunTimeline], time: float | None = None) -> None:
+        """Show other runs, or more of the same, with the playhead at ``time`` [s]; or none."""
+        self._timelines, self._drawing = tuple(timelines), None
+        if self._stretch and timelines and self._stretch[0] >= whole_span(timelines)[1]:
+            self._stretch = None  # of another run, or of one that has begun anew
+        self._put(self._time if time is None else time)
+        self.redraw()
+
+    def lead(self, oracle: str) -> None:
+        """Show what an oracle reads above everything else."""
+        if oracle != self._oracle or self._first:
+            self._oracle, self._first = oracle, 0
+            self._draw_anew()
+
+    def toggle_counting(self) -> None:
+        """Show signals that only count, too, or leave them out."""
+        self._counting, self._first = not self._counting, 0
+        self._draw_anew()
+
+    def move(self, time: float) -> None:
+        """Put the playhead at a moment [s]."""
+        if time != self._time:
+            self._put(time)
+            self.redraw()
+
+    def _put(self, time: float) -> None:
+        """Put the playhead at a moment; the stretch that it leaves gives way to one around it."""
+        if self._stretch is not None:
+            start, end = self._stretch
+            if start <= self._time <= end and not start <= time <= end:
+                self._show_stretch(end - start, time, _MARGIN if time > end else 1.0 - _MARGIN)
+        self._time = time
+
+    def zoom_time(self, nearer: bool, around: float | None = None) -> None:
+        """Show less of the time or more, with a moment [s], or the playhead, in its place."""
+        if not self._timelines:
+            return
+        start, end = self._stretch or whole_span(self._timelines)
+        at = min(max(self._time if around is None else around, start), end)
+        length = (end - start) * (ZOOM if nearer else 1.0 / ZOOM)
+        self._show_stretch(length, at, (at - start) / max(end - start, 1e-9))
+        self.redraw()
+
+    def fit_time(self) -> None:
+        """Show all of the time again."""
+        if self._stretch is not None:
+            self._stretch = None
+            self._draw_anew()
+
+    def _show_stretch(self, length: float, time: float, share: float) -> None:
+        """Show a stretch with a moment at a share of its length, or all where that is no more."""
+        start, end = whole_span(self._timelines)
+        length = max(length, _SHORTEST)
+        first = min(max(time - share * length, start), end - length)
+        self._stretch = (first, first + length) if length < end - start else None
+        self._drawing = None
+
+    def _draw_anew(self) -> None:
+        self._drawing = None
+        self.redraw()
+
+    def scroll_signals(self, step: int) -> None:
+        """Show signals further down or up."""
+        if self._drawing is None or (step > 0 and not self._drawing.more):
+            return
+        first = min(max(self._first + step, 0), max(len(self.signals) - 1, 0))
+        if first != self._first:
+            self._first = first
+            self._draw_anew()
+
+    def on_mouse_down(self, event: events.MouseDown) -> None:
+        """Seek the moment, and those the pointer is dragged to."""
+        if event.button == 1 and self._drawing and self._column(event) >= 0:
+            self.capture_mouse()
+            self._seek(event)
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        """Seek while the button is held."""
+        if self.app.mouse_captured is self:
+            self._seek(event)
+
+    def on_mouse_up(self) -> None:
+        """Leave it at that."""
+        self.release_mouse()
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Show less of the time."""
+        self._zoom_at(event, nearer=True)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Show more of the time."""
+        self._zoom_at(event, nearer=False)
+
+    def _zoom_at(self, event: events.MouseEvent, *, nearer: bool) -> None:
+        event.stop()
+        if self._drawing is not None:
+            self.zoom_time(nearer, self._drawing.span.moment(self._column(event)))
+
+    def _seek(self, event: events.MouseEvent) -> None:
+        if self._drawing is not None:
+            time = self._drawing.span.moment(self._column(event))
+            if time != self._time:
+                self.post_message(self.Seek(time))
+
+    def _column(self, event: events.MouseEvent) -> int:
+        """Return the column of the plot that the pointer is in, negative beside the plot."""
+        gutter = self._drawing.gutter if self._drawing is not None else 0
+        return event.get_content_offset_capture(self).x - gutter
+
+    def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
+        """Return the drawing with values and a line at the playhead."""
+        if not self._timelines or columns < 12 or rows < 2:
+            return None
+        drawing = self._drawing
+        if drawing is None or drawing.codes.shape != (rows, columns):
+            signals = self.signals[self._first :]
+            drawing = self._drawing = TimelineDrawing(
+                self._timelines, signals, columns, rows, self._stretch
+            )
+        return draw_frame(drawing, self._time, (self._time,), CURSOR)
+
+
+def draw_frame(
+    drawing: TimelineDrawing, time: float, lines: Sequence[float], owner: int
+) -> tuple[Codes, Codes]:
+    """Return the cells of a drawing with the values at a moment, and upright lines at others."""
+    codes, owners = drawing.codes.copy(), drawing.owners.copy()
+    span = drawing.span
+    for column in {drawing.gutter + span.column(at) for at in lines if span.meets(at, at)}:
+        line = codes[:, column]
+        # Drawn where nothing is hidden by it: behind curves and signs, and within what is shaded.
+        free = np.isin(line, [ord(" "), ord("·"), ord("─")])
+        beside = codes[:, [column - 1, min(column + 1, codes.shape[1] - 1)]]
+        free |= (line == ord("░")) & (beside == ord("░")).all(axis=1)
+        line[free], owners[free, column] = ord("│"), owner
+    row = 0
+    for signal, height in zip(drawing.signals, drawing.heights, strict=False):
+        # A signal of one row has no scale.
+        width = drawing.gutter - (drawing.ticks if height > 1 else 0) - 1
+        values = [at_playhead(signal, time)]
+        if len(drawing.timelines) > 1:
+            values += [at_playhead(other, time) for other in drawing.others(signal)] or [NOTHING]
+        for below, (text, style) in enumerate(_words(signal, values, width, height)[:height]):
+            write_text(codes, owners, row + below, 0, keep_start(text, width), style)
+        row += height
+    return codes, owners
+
+
+def at_playhead(signal: Signal, time: float) -> str:
     """Return the value at a moment, for people: ``0.123 m``, ``yes``, ``0.1–0.3 m``, ``∞ m``."""
-    value, most = strip.between(time)
-    if math.isnan(value):
+    least, most = signal.at(time)
+    if math.isnan(least):
         return NOTHING
-    if strip.unit == "bool":
+    if signal.unit == "bool":
         return "yes" if most > 0.5 else "no"
-    if _brief(value) == _brief(most):
-        return format_quantity(most, strip.unit)
+    if _brief(least) == _brief(most):
+        return format_quantity(most, signal.unit)
     # A thinned signal knows no more than that.
-    return _range(value, most, strip.unit)
+    return _range(least, most, signal.unit)
 
 
 def _range(least: float, greatest: float, unit: str) -> str:
@@ -58,141 +268,30 @@ def _brief(value: float, unit: str = "") -> str:
     return format_quantity(float(f"{value:.2g}"), unit)
 
 
-class TimelineView(CellView):
-    """Draws timelines, the first with its marks and the second over it, with a cursor."""
-
-    STYLES: ClassVar[Sequence[Style]] = STYLES
-
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self._timelines: tuple[RunTimeline, ...] = ()
-        self._time = 0.0
-        self._first = 0
-        self._oracle = ""
-        self._ramps = False
-        self._drawing: TimelineDrawing | None = None
-
-    @property
-    def drawn(self) -> bool:
-        """Whether it has anything to show."""
-        return bool(self._timelines)
-
-    @property
-    def signals(self) -> tuple[SignalStrip, ...]:
-        """The signals there are to see, what matters most first."""
-        # What the chosen oracle reads, then what any reads; else in the order of the run. What only
-        # counts is left out unless somebody asks for it.
-        found = [
-            strip
-            for strip in (self._timelines[0].strips if self._timelines else ())
-            if self._ramps or not strip.ramp or self._oracle in strip.readers
-        ]
-        found.sort(key=lambda strip: (self._oracle not in strip.readers, not strip.readers))
-        return tuple(found)
-
-    def show(self, timelines: Sequence[RunTimeline], time: float | None = None) -> None:
-        """Show other runs, or more of the same, with the cursor at ``time`` [s]; or none."""
-        self._timelines, self._drawing = tuple(timelines), None
-        self._time = self._time if time is None else time
-        self.redraw()
-
-    def lead(self, oracle: str) -> None:
-        """Show what an oracle reads above everything else."""
-        if oracle != self._oracle or self._first:
-            self._oracle, self._first, self._drawing = oracle, 0, None
-            self.redraw()
-
-    def toggle_ramps(self) -> bool:
-        """Show signals that only count, too, or leave them out; return whether they are shown."""
-        self._ramps, self._drawing = not self._ramps, None
-        self._first = 0
-        self.redraw()
-        return self._ramps
-
-    def move(self, time: float) -> None:
-        """Put the cursor at a moment [s]."""
-        if time != self._time:
-            self._time = time
-            self.redraw()
-
-    def scroll_signals(self, step: int) -> None:
-        """Show signals further down or up."""
-        if self._drawing is None or (step > 0 and not self._drawing.more):
-            return
-        first = min(max(self._first + step, 0), max(len(self.signals) - 1, 0))
-        if first != self._first:
-            self._first, self._drawing = first, None
-            self.redraw()
-
-    def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
-        """Return the drawing with values and a line at the cursor."""
-        if not self._timelines or columns < 12 or rows < 2:
-            return None
-        drawing = self._drawing
-        if drawing is None or drawing.codes.shape != (rows, columns):
-            drawing = self._drawing = TimelineDrawing(
-                self._timelines, self.signals[self._first :], columns, rows
-            )
-        codes, owners = drawing.codes.copy(), drawing.owners.copy()
-        column = drawing.gutter + drawing.span.column(self._time)
-        line = codes[:, column]
-        # A line where nothing is to be hidden; signs and curves under it are shown in reverse.
-        empty = np.isin(line, [ord(" "), ord("·"), ord("─"), ord("╱")])
-        owners[:, column] = np.where(empty, CURSOR, HIT)
-        line[empty] = ord("│")
-        label_signals(drawing, self._timelines, self._time, codes, owners)
-        return codes, owners
-
-
-def label_signals(
-    drawing: TimelineDrawing,
-    timelines: Sequence[RunTimeline],
-    time: float,
-    codes: Codes,
-    owners: Codes,
-) -> None:
-    """Write beside every signal of a drawing what it is called and what it is at a moment [s]."""
-    row = 0
-    for strip, height in zip(drawing.strips, drawing.heights, strict=False):
-        # A signal of one row has no scale.
-        width = drawing.gutter - (drawing.ticks if height > 1 else 0) - 1
-        same = [s for other in timelines[1:] for s in other.strips if s.name == strip.name]
-        values = [at_cursor(strip, time)]
-        values += [at_cursor(s, time) for s in same] or [NOTHING] * (len(timelines) - 1)
-        words = _words(strip, values, width, height)
-        for line, (text, owner) in enumerate(words[:height]):
-            write_text(codes, owners, row + line, 0, keep_start(text, width), owner)
-        row += height
-    if drawing.more:
-        text = f"> {drawing.more} more"[: drawing.gutter - 1]
-        write_text(codes, owners, len(codes) - 1, 0, text, FAINT)
-
-
-def _words(
-    strip: SignalStrip, values: Sequence[str], width: int, height: int
-) -> list[tuple[str, int]]:
+def _words(signal: Signal, values: Sequence[str], width: int, height: int) -> list[tuple[str, int]]:
     """Return the lines beside a signal: its name, values, limits, and from where to where."""
     said = " ┊ ".join(values)
     if height == 1:
-        return [(f"{strip.name[: width - len(said) - 1]} {said}", NAME)]
-    named = [strip.name]
-    if len(strip.name) > width and height > _LEAST_ROWS:
+        return [(f"{signal.name[: width - len(said) - 1]} {said}", NAME)]
+    named = [signal.name]
+    if len(signal.name) > width and height > _LEAST_ROWS:
         # Between its words, where it has any.
-        cut = strip.name.rfind(" ", 0, width + 1)
+        cut = signal.name.rfind(" ", 0, width + 1)
         ends, begins = (cut, cut + 1) if cut > 0 else (width, width)
-        named = [strip.name[:ends], strip.name[begins:]]
+        named = [signal.name[:ends], signal.name[begins:]]
     words = [(name, NAME) for name in named]
     if len(said) > width and height > 2 and len(values) > 1:
         words += [(values[0], CURVE), (f"┊ {values[1]}", OTHER)]
     else:
         words.append((said, CURVE))
-    if strip.limits:
-        limits = ", ".join(format_quantity(limit, strip.unit) for limit in strip.limits)
-        words.append((f"limit {limits}", LIMIT))
-    known = np.isfinite(strip.values)
+    if signal.limits:
+        limits = [
+            _SIDES[one.side] + format_quantity(one.value, signal.unit) for one in signal.limits
+        ]
+        words.append((f"limit {', '.join(limits)}", LIMIT))
+    known = np.isfinite(signal.low)
     if known.any():
-        most = strip.values if strip.most is None else strip.most
-        least, greatest = strip.values[known].min(), most[known].max()
+        least, greatest = signal.low[known].min(), signal.high[known].max()
         if _brief(least) != _brief(greatest):
-            words.append((_range(least, greatest, strip.unit), FAINT))
+            words.append((_range(least, greatest, signal.unit), FAINT))
     return words

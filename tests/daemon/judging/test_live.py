@@ -8,18 +8,23 @@ import pytest
 from daemon.judging.live import (
     MOST_COLUMNS,
     MOST_LINES,
-    RunSignal,
     door_motions,
     judge_running,
-    merge_spans,
+    limits_of,
     sample_run_signals,
-    thin_signal,
 )
 from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, judge
-from daemon.model.live_judgement import LiveJudgement, LiveSignal, pack_judgement, unpack_judgement
+from daemon.judging.signals import Signal, merge_spans, received_signal, thin_signal
+from daemon.model.live_judgement import (
+    Limit,
+    LiveJudgement,
+    LiveSignal,
+    pack_judgement,
+    unpack_judgement,
+)
 from daemon.model.spec import OracleText
 from daemon.trace import ContactRecord, EventRecord, JointTrack, ProgressRecord
-from grammars.oracle import Signal
+from grammars import oracle as language
 from grammars.text import codec
 from tests.daemon.judging.oracles.traces import (
     CORRIDOR,
@@ -70,7 +75,7 @@ def test_signals_and_verdicts_so_far():
     assert judgement.time == 4.5
     assert names(judgement) == ["loc.error", "clearance", "clearance(doors)", "speed", "contact"]
     error = judgement.signals[0]
-    assert (error.limits, error.readers) == ((0.3,), ("accuracy",))
+    assert (error.limits, error.readers) == ((Limit(0.3, "above"),), ("accuracy",))
     assert error.against == ((pytest.approx(4.0), pytest.approx(4.5)),)
     assert len(error.low) <= MOST_COLUMNS
     assert max(value for value in error.high if value is not None) == pytest.approx(0.4)
@@ -142,6 +147,17 @@ def test_a_judgement_that_unpacks_without_end_is_refused():
         unpack_judgement(bomb)
 
 
+def test_a_limit_has_the_side_on_which_a_signal_speaks_against_oracles():
+    compared = [
+        language.ComparedLimit(name, value, side)
+        for name, value, side in (
+            ("speed", 0.5, "above"), ("speed", 0.2, "below"), ("clearance", 0.1, "below"),
+            ("speed", 0.5, ""), ("speed", 1.0, "above"), ("speed", 1.0, "below"),
+        )
+    ]  # fmt: skip
+    assert limits_of("speed", compared) == (Limit(0.2, "below"), Limit(0.5, "above"), Limit(1.0))
+
+
 def test_doors_open_when_they_leave_how_they_are_drawn():
     position = np.array([[0.0], [0.04], [0.5], [0.5], [0.01], [-0.2]])
     track = JointTrack(("door-1.hinge",), np.arange(6.0), position, np.zeros((6, 1)))
@@ -158,16 +174,26 @@ def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
     values = np.sin(time)
     values[777] = 5.123456
     values[:100] = np.nan
-    thin = thin_signal(RunSignal("it", "m", time, values, (0.5,)), 0.0, 10.0, 50)
-    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (0.5,))
+    thin = thin_signal(Signal("it", "m", time, values, values, (Limit(0.5),)), 0.0, 10.0, 50)
+    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (Limit(0.5),))
     assert thin.low[:5] == (None,) * 5
     assert thin.high[38] == 5.123
     assert thin.low[38] is not None
     assert thin.low[38] < 1.0
 
 
+def test_a_thinned_signal_is_received_with_its_parts_until_its_end():
+    values = np.array([np.nan, 3.0, 4.0, 5.0])
+    signal = Signal("it", "m", np.arange(4.0), values, values, (Limit(0.5, "below"),))
+    received = received_signal(thin_signal(signal, 0.0, 4.0, 2))
+    assert received.time.tolist() == [0.0, 2.0, 4.0]
+    assert [received.at(t) for t in (1.0, 3.0, 4.0)] == [(3.0, 3.0), (4.0, 5.0), (4.0, 5.0)]
+    assert received.limits == signal.limits
+
+
 def test_a_part_without_samples_holds_the_value_before_it():
-    signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), np.array([2.0, 3.0, 4.0]))
+    values = np.array([2.0, 3.0, 4.0])
+    signal = Signal("it", "m", np.array([0.0, 1.0, 9.0]), values, values)
     thin = thin_signal(signal, 0.0, 10.0, 10)
     assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
 
@@ -175,9 +201,9 @@ def test_a_part_without_samples_holds_the_value_before_it():
 def test_a_thinned_signal_has_no_more_stretches_than_parts():
     time = np.arange(0.0, 100.0, 0.05)
     against = tuple((float(at), float(at) + 0.05) for at in time[::2])
-    thin = thin_signal(RunSignal("it", "bool", time, time % 1.0, (), against), 0.0, 100.0, 20)
+    thin = thin_signal(Signal("it", "bool", time, time, time, (), against), 0.0, 100.0, 20)
     assert thin.against == ((0.0, pytest.approx(99.95)),)
-    few = RunSignal("it", "bool", time, time, (), ((1.0, 2.0), (50.0, 60.0)))
+    few = Signal("it", "bool", time, time, time, (), ((1.0, 2.0), (50.0, 60.0)))
     assert thin_signal(few, 0.0, 100.0, 20).against == few.against
 
 
@@ -186,6 +212,9 @@ def test_the_clearance_of_doors_is_the_least_of_every_object():
     trace = make_trace(along(times(15.0)), scene=scene)
     sampler = SignalSampler(trace)
     (found,) = (s for s in sample_run_signals(sampler) if s.name == DOOR_CLEARANCE)
-    each = [sampler.sample(Signal("clearance", (Signal(o.name),))).values for o in scene.objects]
-    assert np.array_equal(found.values, np.min(each, axis=0))
-    assert 0.0 < found.values.min() < 1.0
+    each = [
+        sampler.sample(language.Signal("clearance", (language.Signal(o.name),))).values
+        for o in scene.objects
+    ]
+    assert np.array_equal(found.low, np.min(each, axis=0))
+    assert 0.0 < found.low.min() < 1.0

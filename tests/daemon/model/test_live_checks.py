@@ -9,6 +9,7 @@ import pytest
 from daemon.batch.client import read_snapshot
 from daemon.model.live_judgement import (
     DoorMotion,
+    Limit,
     LiveJudgement,
     LiveSignal,
     LogLine,
@@ -26,16 +27,31 @@ SNAPSHOT = LiveSnapshot(
     "c.0", Snapshot(1.0, 60.0, Pose2(1.0, 2.0), Pose2(1e30), 0, 3, (0.5,), spread=(1e15, 0.0, 1.0))
 )
 VERDICT = Verdict("clear", "always(clearance >= 0 m)", Outcome.PASS, 0.1, 0.1, "m", Evidence(1.0))
+SPEED = LiveSignal(
+    "speed", "m/s", 0.0, 2.0, (0.0, None), (1e30, None), (Limit(0.5, "above"),), ((0.0, 1.0),)
+)
 JUDGEMENT = LiveJudgement(
     "c.0",
     2.0,
-    (LiveSignal("speed", "m/s", 0.0, 2.0, (0.0, None), (1e30, None), (0.5,), ((0.0, 1.0),)),),
+    (
+        LiveSignal(
+            "speed",
+            "m/s",
+            0.0,
+            2.0,
+            (0.0, None),
+            (1e30, None),
+            (Limit(0.5, "above"),),
+            ((0.0, 1.0),),
+        ),
+    ),
     (VERDICT,),
     (DoorMotion(1.0, "door", opens=True),),
     (1.5,),
     (LogLine(1.0, "sut", "hello"),),
 )
 FAR = 1e300
+EMPTY = {"name": "speed", "unit": "m/s", "start": 0.0, "end": 2.0, "low": [], "high": []}
 REFUSED = "validation error|snapshot of more than|do not go together"
 
 
@@ -82,7 +98,8 @@ def test_a_snapshot_that_no_run_tells_is_refused(path, value):
         ("verdicts.0.evidence.time", FAR), ("signals.0.start", -FAR),
         ("signals.0.start", 5.0), ("signals.0.end", FAR), ("signals.0.low", [0.0]),
         ("signals.0.low", [0.0, -FAR]), ("signals.0.high", [FAR, 0.0]),
-        ("signals.0.limits", [FAR]), ("signals.0.limits", [0.0] * 5000),
+        ("signals.0.limits.0.value", FAR), ("signals.0.limits.0.side", "beside"),
+        ("signals.0.limits", [{"value": 0.0}] * 5000), ("signals.0", EMPTY),
         ("signals.0.against", [[0.0, FAR]]), ("signals.0.against", [[0.0, 1.0]] * 4),
     ],
 )  # fmt: skip

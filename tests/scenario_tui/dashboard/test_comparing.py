@@ -8,18 +8,14 @@ import pytest
 from rich.console import Console
 
 from daemon.analysis.rejudge import RejudgedTrace
+from daemon.judging.signals import Signal
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
+from scenario_tui.dashboard.run_timeline import RunTimeline, common_clock, shift_to_clock
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp
-from scenario_tui.dashboard.signal_strips import (
-    RunTimeline,
-    SignalStrip,
-    common_clock,
-    shift_to_clock,
-)
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import (
     margin_change,
@@ -33,8 +29,9 @@ from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 def timeline(end, reached):
     time = np.array([0.0, end])
-    strip = SignalStrip("speed", "m/s", time, time, against=((0.0, end),))
-    return RunTimeline(0.0, end, (strip,), (DoorMotion(end, "door", True),), reached, 3, (end,))
+    signal = Signal("speed", "m/s", time, time, time, against=((0.0, end),))
+    doors = (DoorMotion(end, "door", opens=True),)
+    return RunTimeline(0.0, end, (signal,), doors, reached, ("a", "b", "c"), (end,))
 
 
 def test_by_time_the_clocks_are_the_same():
@@ -51,8 +48,8 @@ def test_by_mission_waypoints_meet_and_the_rest_goes_on():
     moved = shift_to_clock(second, clock)
     assert moved.reached == (2.0, 6.0, 11.0)
     assert (moved.end, moved.decided, moved.doors[0].time) == (16.0, (16.0,), 16.0)
-    assert moved.strips[0].against == ((0.0, 16.0),)
-    assert moved.strips[0].values.tolist() == [0.0, 30.0]
+    assert moved.signals[0].against == ((0.0, 16.0),)
+    assert moved.signals[0].low.tolist() == [0.0, 30.0]
 
 
 def verdict(name, outcome, margin):

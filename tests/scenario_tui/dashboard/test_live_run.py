@@ -13,16 +13,11 @@ from daemon.batch.client import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
 from daemon.model.run_state import RunState
-from daemon.model.spec import OracleText
 from grammars.model.geometry import Pose2
 from grammars.text import codec
-from scenario_tui.dashboard.live_timeline import (
-    LiveTransport,
-    heard_timeline,
-    live_timeline,
-)
 from scenario_tui.dashboard.live_tracks import HeardMoment, Tracks
-from scenario_tui.dashboard.signal_strips import clearance_along, limits_of
+from scenario_tui.dashboard.run_timeline import clearance_along, heard_timeline, live_timeline
+from scenario_tui.dashboard.transport import LiveTransport
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
@@ -68,7 +63,7 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map():
         for words in (
             "✓ passing so far  clear  +0.06 m", "nearest at 27.0 s, door-1",
             "? undecided so far  reached  −1 s", "1 of 3 waypoints reached",
-            "clearance", "limit 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
+            "clearance", "limit ≥ 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
         ):  # fmt: skip
             assert words in shown(pilot)
         assert "elapsed" not in shown(pilot)
@@ -332,9 +327,8 @@ async def test_the_trail_is_known_by_its_clearance():
 
 
 def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance():
-    limits = limits_of((OracleText("clear", "always(clearance >= 0.05 m)"),))
-    timeline = live_timeline(make_judgement(), SPEC, limits)
-    known, limit = clearance_along(timeline.strips, [27.0, -1.0, 1e6])
+    timeline = live_timeline(make_judgement(), SPEC)
+    known, limit = clearance_along(timeline.signals, [27.0, -1.0, 1e6])
     assert limit == 0.05
     assert known[0] == pytest.approx(0.11)
     assert np.isnan(known[1:]).all()
@@ -348,7 +342,7 @@ def test_a_worker_that_tells_of_more_waypoints_than_there_are_is_not_believed():
 
 
 def test_the_axis_of_time_stands_still_while_a_run_grows():
-    ends = [live_timeline(make_judgement(time=t), SPEC, ()).horizon for t in np.arange(1.0, 200.0)]
+    ends = [live_timeline(make_judgement(time=t), SPEC).horizon for t in np.arange(1.0, 200.0)]
     assert all(end > now for now, end in zip(np.arange(1.0, 200.0), ends, strict=True))
     assert len(set(ends)) < 25
 

@@ -9,7 +9,7 @@ import pytest
 from daemon.trace import TraceError
 from grammars.model.robot import Mount
 from scenario_tui.dashboard.playback import Playback, open_playback, render_frame, timeline_bar
-from scenario_tui.dashboard.signal_strips import (
+from scenario_tui.dashboard.transport import (
     SPEEDS,
     ReplayTransport,
     next_moment,

@@ -31,16 +31,10 @@ def test_an_axis_always_has_a_tick_and_none_outside(a, b, rows):
 @given(VALUES, VALUES, VALUES, st.integers(2, 60))
 def test_values_and_limits_near_them_are_in_view(a, b, limit, rows):
     low, high = min(a, b), max(a, b)
-    scale = fit_axis(low, high, (limit,), rows, (1,))
+    scale = fit_axis(low, high, (limit,), rows)
     assert scale.low <= low <= high <= scale.high
     if low < high and low - (high - low) <= limit <= high + (high - low):
         assert -1e-9 <= scale.share(limit) <= 1 + 1e-9
-
-
-def test_there_is_room_beyond_a_limit_that_was_kept():
-    assert fit_axis(0.0, 0.4, (0.5,), 6, (1,)).high == pytest.approx(0.6)
-    assert fit_axis(0.0, 0.4, (0.5,), 6).high == 0.5
-    assert fit_axis(1.0, 2.0, (0.5,), 6, (-1,)).low < 0.5
 
 
 @pytest.mark.parametrize(

@@ -87,8 +87,8 @@ def test_a_run_speaks_against_an_oracle_while_it_does_not_hold(text, against):
 )  # fmt: skip
 def test_limits_are_the_constants_that_signals_are_compared_with(text, limits):
     found = timeline(text).limits
-    assert [name for name, _ in found] == [name for name, _ in limits]
-    assert [value for _, value in found] == pytest.approx([value for _, value in limits])
+    assert [one.signal for one in found] == [name for name, _ in limits]
+    assert [one.value for one in found] == pytest.approx([value for _, value in limits])
 
 
 def test_signals_are_named_once():

@@ -1,0 +1,223 @@
+"""A run along time: its signals, doors and mission, recorded or until now; two on one clock."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+
+from daemon.judging.signals import Signal, received_signal
+from daemon.model.live_judgement import DoorMotion, LiveJudgement
+from daemon.model.spec import RunSpec
+from daemon.model.verdicts import Outcome
+from grammars.model.geometry import Floats
+from scenario_tui.dashboard.live_tracks import HeardMoment
+from scenario_tui.dashboard.transport import FailureMoment
+from scenario_tui.text.scale import round_step
+
+if TYPE_CHECKING:
+    from daemon.trace import Trace
+
+Alignment = Literal["time", "mission"]
+_CLEARANCE: Final = re.compile(r"clearance(\(\d[^)]*\))?$")
+"""The clearance of the robot as a whole, not that of a thing named."""
+_SHORTEST: Final = 10.0
+"""Seconds the axis of time shows at least."""
+_STEPS: Final = 6
+"""Steps, at least, in which the axis grows to twice its length: it stands still in between."""
+_EVER: Final = 1e9
+"""Longer than any run [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTimeline:
+    """Everything of a run from ``start`` to ``end`` [s].
+
+    ``doors`` is ``None`` when nothing is known of them. ``reached`` holds the moments [s] at which
+    the first of the ``waypoints`` were done, ``decided`` those at which an oracle was decided
+    against. The axis of a run that goes on ends at ``horizon`` [s], later than the run.
+    """
+
+    start: float
+    end: float
+    signals: tuple[Signal, ...]
+    doors: tuple[DoorMotion, ...] | None
+    reached: tuple[float, ...]
+    waypoints: tuple[str, ...]
+    decided: tuple[float, ...]
+    horizon: float | None = None
+
+
+def recorded_timeline(trace: Trace, decided: Sequence[float]) -> RunTimeline:
+    """Sample the usual signals of a trace and all that its oracles read.
+
+    A trace that cannot be trusted has no signals, only doors and mission.
+    """
+    # The judging code takes 70 MB to load: see children.
+    from daemon.judging.live import door_motions, reached_moments, sample_run_signals
+    from daemon.judging.oracles import SignalSampler, trace_problems
+
+    way = trace.ground_truth.time
+    return RunTimeline(
+        float(way[0]),
+        float(way[-1]),
+        () if trace_problems(trace) else sample_run_signals(SignalSampler(trace)),
+        door_motions(trace.joints),
+        reached_moments(trace),
+        waypoint_names(trace.spec),
+        tuple(decided),
+    )
+
+
+def live_timeline(judgement: LiveJudgement, spec: RunSpec) -> RunTimeline:
+    """Return the timeline of a run until now; its axis has some room for what comes."""
+    return RunTimeline(
+        min((signal.start for signal in judgement.signals), default=0.0),
+        judgement.time,
+        tuple(received_signal(signal) for signal in judgement.signals),
+        judgement.doors,
+        judgement.reached,
+        waypoint_names(spec),
+        tuple(moment.time for moment in decided_moments(judgement)),
+        _horizon(judgement.time),
+    )
+
+
+def heard_timeline(heard: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline | None:
+    """Return what snapshots alone tell of a run along time, as long as nobody has judged it.
+
+    ``None`` for less than two moments.
+    """
+    if len(heard) < 2:
+        return None
+    time, x, y = np.array([(one.time, one.pose.x, one.pose.y) for one in heard]).T
+    speed = np.hypot(np.diff(x), np.diff(y)) / np.diff(time)
+    error = np.array([_estimate_error(one) for one in heard])
+    known = [
+        Signal(name, unit, time, values, values)
+        for name, unit, values in (
+            ("loc.error", "m", error),
+            ("speed", "m/s", np.append(speed, speed[-1])),
+        )
+        if np.isfinite(values).any()
+    ]
+    names = waypoint_names(spec)
+    moments: list[float] = []
+    for one in heard:
+        # A worker may say anything; there are no more than these.
+        moments += [one.time] * (min(one.reached, len(names)) - len(moments))
+    return RunTimeline(
+        heard[0].time, heard[-1].time, tuple(known), None, tuple(moments), names, (),
+        _horizon(heard[-1].time),
+    )  # fmt: skip
+
+
+def _estimate_error(one: HeardMoment) -> float:
+    if one.estimate is None:
+        return math.nan
+    return math.hypot(one.estimate.x - one.pose.x, one.estimate.y - one.pose.y)
+
+
+def _horizon(now: float) -> float:
+    """Return where the axis of time ends: later than now, at a round number."""
+    step = round_step(max(now, _SHORTEST) / _STEPS)
+    return max(_SHORTEST, step * (math.floor(now / step) + 1))
+
+
+def waypoint_names(spec: RunSpec) -> tuple[str, ...]:
+    """Return the names of the waypoints of a mission, in their order."""
+    return tuple(waypoint.id for waypoint in spec.mission.waypoints)
+
+
+def decided_moments(judgement: LiveJudgement) -> list[FailureMoment]:
+    """Return when the run failed by its oracles so far, by time."""
+    failed = [verdict for verdict in judgement.verdicts if verdict.outcome is Outcome.FAIL]
+    moments = [
+        FailureMoment(v.evidence.time, v.oracle) for v in failed if v.evidence.time is not None
+    ]
+    return sorted(moments, key=lambda moment: (moment.time, moment.oracle))
+
+
+def clearance_along(
+    signals: Iterable[Signal], times: Sequence[float] | Floats
+) -> tuple[tuple[float, ...], float | None]:
+    """Return the clearance at moments ``times`` [s], NaN where unknown, and its limit [m].
+
+    It is the one an oracle reads, with the buffer around the robot, or else the plain one.
+    """
+    known = [signal for signal in signals if _CLEARANCE.match(signal.name) and len(signal.time)]
+    if not known:
+        return (), None
+    signal = max(known, key=lambda one: (bool(one.readers), bool(one.limits)))
+    moments = np.asarray(times)
+    at = np.searchsorted(signal.time, moments + 1e-9, side="right") - 1
+    # Behind the end of a signal that grows nothing is known yet.
+    judged = (at >= 0) & (moments <= signal.time[-1] + 1e-9)
+    asked = [limit.value for limit in signal.limits if limit.side == "below"]
+    return tuple(np.where(judged, signal.low[at], np.nan).tolist()), max(asked, default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class CommonClock:
+    """Moments of two runs that belong together, ``first`` and ``second`` (n,) [s], ascending.
+
+    Both runs go evenly from one pair to the next. Their first and last pair lie far outside of
+    them, where both go equally fast.
+    """
+
+    first: tuple[float, ...]
+    second: tuple[float, ...]
+
+    def to_second(self, time: float) -> float:
+        """Return the moment of the second run that goes with one of the first [s]."""
+        return float(np.interp(time, self.first, self.second))
+
+    def to_first(self, times: Sequence[float] | Floats) -> Floats:
+        """Return the moments of the first run that go with those of the second, (n,) [s]."""
+        return np.interp(times, self.second, self.first)
+
+
+def common_clock(first: RunTimeline, second: RunTimeline, by: Alignment) -> CommonClock:
+    """Return the common clock: by simulated time, or by the waypoints both have done."""
+    pairs = [(first.start, second.start)]
+    if by == "mission":
+        # Only moments later than the last in both runs: two waypoints done at one instant would
+        # make the clock jump.
+        for a, b in zip(first.reached, second.reached, strict=False):
+            if a > pairs[-1][0] and b > pairs[-1][1]:
+                pairs.append((a, b))
+    begin, end = pairs[0], pairs[-1]
+    ours, theirs = zip(
+        (begin[0] - _EVER, begin[1] - _EVER), *pairs, (end[0] + _EVER, end[1] + _EVER), strict=True
+    )
+    return CommonClock(ours, theirs)
+
+
+def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
+    """Return the second timeline as it lies on the time of the first."""
+
+    def moved(times: Sequence[float]) -> tuple[float, ...]:
+        return tuple(clock.to_first(times).tolist())
+
+    start, end = moved((timeline.start, timeline.end))
+    return replace(
+        timeline,
+        start=start,
+        end=end,
+        signals=tuple(
+            replace(
+                signal,
+                time=clock.to_first(signal.time),
+                against=tuple((a, b) for a, b in map(moved, signal.against)),
+            )
+            for signal in timeline.signals
+        ),
+        doors=timeline.doors
+        and tuple(replace(event, time=moved((event.time,))[0]) for event in timeline.doors),
+        reached=moved(timeline.reached),
+        decided=moved(timeline.decided),
+    )
