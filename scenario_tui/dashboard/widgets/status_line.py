@@ -3,56 +3,52 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rich.text import Text
 
-from grammars.text.words import duration_text
+from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
-    GOOD,
-    QUIET,
-    UNSURE,
     brief_count,
     brief_duration,
+    keep_start,
     rate_text,
     run_counts,
 )
 from scenario_tui.text.results import worst_conclusion
+from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET
 
 if TYPE_CHECKING:
-    from daemon.model.status import CampaignRow, DaemonOverview, Preparation
+    from daemon.model.status import CampaignRow, DaemonOverview
     from scenario_tui.dashboard.state import DashboardState
+    from scenario_tui.text.results import Conclusion
 
-_SHORT: Final = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
-_LAST: Final = 3
-"""The level of the shortest forms."""
-_SPARE: Final = 2
-"""Parts worth no more than this give way before others lose their words."""
-# What has to be looked at stays longest, what went well is the first of the counts to go.
-_KEEP: Final = {"fail": 8, "error": 7, "lost": 7, "running": 6, "queued": 6, "inconclusive": 5,
-                "pass": 4, "cancelled": 1}  # fmt: skip
+_BRIEF: Final = {"fail": " fail", "error": " err", "lost": " lost"}
+"""Words that stay behind their glyph where there is little room."""
+_NAME: Final = 12
+"""Characters of a campaign's name where there is little room."""
 _CLAUSE: Final = re.compile(r"[?:;.](\s|$)")
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A part of the line, from its longest form to its shortest; more ``keep`` stays longer."""
+class _Part(NamedTuple):
+    """A part of the line in three lengths; an empty one is left out."""
 
-    forms: tuple[str, ...]
-    style: str
-    keep: int
+    long: Text
+    medium: Text
+    short: Text
 
-    def form(self, level: int) -> str:
-        return self.forms[min(level, len(self.forms) - 1)]
+
+def _part(style: str, long: str, medium: str | None = None, short: str | None = None) -> _Part:
+    """Return a part in one style; a length that is not given is as the longer one."""
+    medium = long if medium is None else medium
+    short = medium if short is None else short
+    return _Part(Text(long, style), Text(medium, style), Text(short, style))
 
 
 class StatusLine(StaticText):
-    """One line: connected or not, counts by word, rate, time left; shorter where it must be."""
+    """One line: connected or not, the worst state, counts by word, time left."""
 
     def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
         """Show what is known at wall clock time ``now``; a daemon may be ``launching``."""
@@ -64,136 +60,119 @@ class StatusLine(StaticText):
 
 
 def status_text(state: DashboardState, now: float, width: int) -> Text:
-    """Return the line with as many words as fit into ``width`` cells, what matters most first."""
+    """Return the line in the longest of its three lengths that fits into ``width`` cells."""
     parts = list(_standing(state) if state.connected else _gone(state, now))
-    for text in _shortenings(parts, "  " if state.connected else ", "):
+    gap = "  " if state.connected else ", "
+    for length in range(len(_Part._fields)):
+        text = Text(gap).join(part[length] for part in parts if part[length])
         if text.cell_len <= width:
             return text
     text.truncate(width, overflow="ellipsis")
     return text
 
 
-def _shortenings(parts: Sequence[_Part], gap: str) -> Iterator[Text]:
-    """Return the line ever shorter: shorter words, then fewer, at last the first part alone."""
-    levels = dict.fromkeys(parts, 0)
-    for level in range(_LAST):
-        levels = dict.fromkeys(parts, level)
-        yield _joined(levels, gap)
-    # First all words get shorter together, level by level; then, part by part, those of least
-    # weight, from the right; at last parts go.
-    tight = gap.replace("  ", " ")
-    yield _joined(levels, tight)
-    order = {part: place for place, part in enumerate(parts)}
-    by_weight = sorted(parts, key=lambda part: (part.keep, -order[part]))
-    for part in by_weight:
-        if part.keep <= _SPARE:
-            del levels[part]
-        else:
-            levels[part] = _LAST
-        yield _joined(levels, tight)
-    for part in by_weight:
-        if part in levels and len(levels) > 1:
-            del levels[part]
-            yield _joined(levels, tight)
-
-
-def _joined(levels: Mapping[_Part, int], gap: str) -> Text:
-    texts = (Text(part.form(level), style=part.style) for part, level in levels.items())
-    return Text(gap).join(texts)
-
-
 def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
     """Say that nobody answers, or what they say instead, and how old everything else is."""
     if not state.problem:
-        yield _Part(("… connecting",), "", 9)
+        yield _part("", "… connecting")
         return
     if state.refused:
         # The first clause is the news; the empty screen below says the rest, and what to do.
-        said = _CLAUSE.split(state.problem, maxsplit=1)[0]
-        yield _Part((f"! {said}",), "bold", 9)
+        yield _part("bold", f"! {_CLAUSE.split(state.problem, maxsplit=1)[0]}")
     else:
-        yield _Part(("! no daemon answers", "! no daemon"), "bold", 9)
+        yield _part("bold", "! no daemon answers", "! no daemon")
     if state.at:
-        age = duration_text(now - state.at)
-        short = brief_duration(now - state.at)
-        yield _Part((f"data is {age} old", f"data {short} old", f"{short} old"), "bold", 8)
-    yield _Part(("reconnecting",), "bold", 1)
+        age, short = duration_text(now - state.at), brief_duration(now - state.at)
+        yield _part("bold", f"data is {age} old", f"data is {short} old", f"{short} old")
+    yield _part("bold", "reconnecting", short="")
 
 
 def _standing(state: DashboardState) -> Iterator[_Part]:
     overview = state.overview
     if overview is None:
-        yield _Part(("… connecting",), "", 9)
+        yield _part("", "… connecting")
         return
-    yield _Part(("✓ connected", "✓ up", "✓ up", "✓"), GOOD, 9)
+    yield _part("pass", "✓ connected", "✓")
     yield from _troubles(overview)
-    worst = worst_conclusion(state.campaigns, state.conclusions)
-    # Where nothing is judged the counts say all.
-    if worst is not None and worst[1].is_judged:
-        said = worst[1]
-        keep = 8 if said.unexpected else 3
-        yield _Part((said.glyph_text,), DASHBOARD_STYLES[said.word], keep)
-    counts = run_counts(overview)
-    for word, count in counts.items():
-        yield _Part(_counted(word, count), DASHBOARD_STYLES[word], _KEEP[word])
-    if not counts:
-        yield _Part(("nothing to do",), QUIET, 4)
-    if waits := _paused(state.campaigns):
-        yield _Part((waits,), UNSURE, 6)
-    yield from _pace(overview)
+    worst, judging = worst_conclusion(state.campaigns, state.conclusions), _judging(state)
+    # Where nothing is judged the counts say all; nothing is as expected before all is judged.
+    if worst is not None and worst[1].is_judged and not (judging and worst[1].word == "pass"):
+        yield _worst(worst)
+    if judging:
+        yield _part(QUIET, f"… judging {count_noun(judging, 'campaign')}", "… judging")
+    news = judging > 0 or (worst is not None and worst[1].unexpected > 0)
+    yield from _counts(overview, news=news)
+    waiting = [row for row in state.campaigns if row.queued]
+    if waiting and all(row.paused for row in waiting):
+        yield _part("inconclusive", "‖ paused")
 
 
 def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
+    style = "lost"
     if overview.trouble:
-        yield _Part(("! no run can start", "! no run can start", "! no run starts"),
-                    DASHBOARD_STYLES["lost"], 9)  # fmt: skip
+        yield _part(style, "! no run can start")
     elif overview.troubles:
-        count = len(overview.troubles)
-        words = f"! {count} trouble{'s' if count > 1 else ''}"
-        yield _Part((words, words, f"! {count}"), DASHBOARD_STYLES["lost"], 8)
+        words = f"! {count_noun(len(overview.troubles), 'trouble')}"
+        yield _part(style, words)
     elif overview.workers == 0 and overview.preparation is None:
-        yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
+        yield _part(style, "! no worker")
     if overview.preparation is not None:
-        yield _Part((overview.preparing, *_brief_preparation(overview.preparation)), QUIET, 7)
+        kernels = overview.preparation.done
+        brief = f"… {kernels} kernels" if kernels else "… starting"
+        yield _part(QUIET, overview.preparing, brief)
 
 
-def _brief_preparation(preparation: Preparation) -> tuple[str, str]:
-    """Return what a worker prepares in few words, and in one or two."""
-    from daemon.model.status import PreparationPhase  # loaded with the answer that has it
-
-    match preparation.phase:
-        case PreparationPhase.STARTING:
-            return "loading the simulator", "… starting"
-        case PreparationPhase.COMPILING:
-            return f"compiling kernels: {preparation.done}", f"… {preparation.done} kernels"
-
-
-def _counted(word: str, count: int) -> tuple[str, ...]:
-    glyph, short = GLYPHS[word], _SHORT.get(word, word)
-    tight = f"{glyph}{count:,} {short}"
-    last = f"{glyph}{brief_count(count)}"
-    return (
-        f"{glyph} {count:,} {word}",
-        f"{glyph} {count:,} {short}",
-        tight,
-        f"{last} {short}" if word == "fail" else last,
-    )
+def _judging(state: DashboardState) -> int:
+    """Return how many campaigns have verdicts that their conclusion does not know yet."""
+    count = 0
+    for row in state.campaigns:
+        conclusion = state.conclusions.get(row.id)
+        # Of a campaign that goes on, "so far" is said anyway.
+        behind = conclusion is None or (row.finished and conclusion.verdicts < row.done)
+        count += behind and row.done > 0 and not row.search and not row.acknowledged
+    return count
 
 
-def _paused(campaigns: Sequence[CampaignRow]) -> str:
-    """Say when everything that waits is held back on purpose."""
-    waiting = [row for row in campaigns if row.queued]
-    return "‖ paused" if waiting and all(row.paused for row in waiting) else ""
+def _worst(worst: tuple[CampaignRow, Conclusion]) -> _Part:
+    """Return the state of the campaign that is worst, called by its name unless all are fine."""
+    row, conclusion = worst
+    glyph, text, name, brief = GLYPHS[conclusion.word], conclusion.text, "", ""
+    if conclusion.word not in ("pass", "running"):
+        name, brief = f"{row.name}: ", f"{keep_start(row.name, _NAME)}: "
+    known = f", {conclusion.known} known" if conclusion.known else ""
+    style = conclusion.word
+    return _part(style, f"{glyph} {name}{text}{known}", f"{glyph} {brief}{text}")
 
 
-def _pace(overview: DaemonOverview) -> Iterator[_Part]:
-    if not overview.queued + overview.running:
+def _counts(overview: DaemonOverview, *, news: bool) -> Iterator[_Part]:
+    """Yield how many runs have a verdict, how long the others take, and the runs by word.
+
+    Failures are amber unless there may be ``news``: those that remain are known or acknowledged.
+    """
+    counts = run_counts(overview)
+    if not counts:
+        yield _part(QUIET, "nothing to do")
         return
-    if overview.rate > 0:
-        said = rate_text(overview.rate)
-        yield _Part((said, said, said.replace(" runs", "")), "not bold", 2)
-    if overview.seconds_left is not None:
-        left = duration_text(overview.seconds_left)
-        brief = brief_duration(overview.seconds_left)
-        yield _Part((f"{left} left", f"{left} left", f"{left} left", f"{brief} left"),
-                    "not bold", 6)  # fmt: skip
+    runs = overview.done + overview.lost + overview.cancelled + overview.queued + overview.running
+    verdicts, of = brief_count(overview.done), brief_count(runs)
+    rate = left = brief_left = ""
+    if overview.queued + overview.running:
+        rate = f", {rate_text(overview.rate)}" if overview.rate > 0 else ""
+        if overview.seconds_left is not None:
+            left = f", {duration_text(overview.seconds_left)} left"
+            brief_left = f", {brief_duration(overview.seconds_left)} left"
+    yield _part(
+        "not bold",
+        f"{count_noun(overview.done, 'verdict')} of {count_noun(runs, 'run')}{rate}{left}",
+        f"{verdicts}/{of} verdicts{brief_left}",
+        f"{verdicts}/{of}{brief_left}",
+    )
+    long, medium, short = [], [], []
+    for word, count in counts.items():
+        style = KNOWN if word == "fail" and not news else word
+        glyph = GLYPHS[word]
+        brief = Text(f"{glyph}{brief_count(count)}{_BRIEF.get(word, '')}", style)
+        long.append(Text(f"{glyph} {count:,} {word}", style))
+        medium += [brief] if word != "cancelled" else []
+        short += [brief] if word not in ("cancelled", "pass") else []
+    yield _Part(Text("  ").join(long), Text(" ").join(medium), Text(" ").join(short))

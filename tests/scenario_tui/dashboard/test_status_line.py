@@ -8,15 +8,17 @@ from daemon.model.status import Preparation, PreparationPhase, Trouble, TroubleC
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.status_line import status_text
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
-from tests.scenario_tui.fake import CAMPAIGN, NOW, FakeDaemon
+from scenario_tui.text.styles import KNOWN
+from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon
 
 SMALL = FakeDaemon().overview()
 LARGE = replace(
-    SMALL, passed=81_234, failed=1200, inconclusive=33, lost=7, errors=2, queued=15_000,
-    running=64, cancelled=12, seconds_left=7500.0,
+    SMALL, done=82_469, passed=81_234, failed=1200, inconclusive=33, lost=7, errors=2,
+    queued=15_000, running=64, cancelled=12, seconds_left=7500.0,
 )  # fmt: skip
 CAMPAIGNS = FakeDaemon().campaigns()
-JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3)}
+FINE = Conclusion("pass", "as expected", verdicts=4, runs=4)
+JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3, known=2), OLD: FINE}
 HALTED = replace(LARGE, halted=True, troubles=(Trouble("the disk is full", TroubleCause.SPACE),))
 
 
@@ -26,23 +28,59 @@ def line(width, **known):
 
 
 def test_with_room_everything_is_said_in_words():
-    assert line(160) == (
-        "✓ connected  ✗ 3 unexpected  ✗ 2 fail  ! 1 lost  ? 1 inconclusive  ✓ 8 pass  "
-        "▶ 1 running  … 1 queued  12.5 runs/min  1 min 35 s left"
+    assert line(180) == (
+        "✓ connected  ✗ first: 3 unexpected, 2 known  11 verdicts of 14 runs, 12.5 runs/min, "
+        "1 min 35 s left  ✗ 2 fail  ! 1 lost  ? 1 inconclusive  ✓ 8 pass  ▶ 1 running  … 1 queued"
     )
 
 
 @pytest.mark.parametrize(
     ("overview", "width", "expected"),
     [
-        (SMALL, 78, "✓ up ✗ 3 unexpected ✗2 fail !1 lost ?1 ✓8 ▶1 run …1 queue 1 min 35 s left"),
-        (SMALL, 38, "✓ ✗ 3 unexpected ✗2 fail !1 ▶1 …1"),
-        (LARGE, 78, "✓ up ✗ 3 unexpected ✗1,200 fail ‼2 error !7 lost ?33 ✓81k ▶64 …15k 2 h left"),
-        (LARGE, 38, "✓ ✗ 3 unexpected ✗1,200 fail ‼2 !7 ▶64"),
+        (SMALL, 118, "11/14 verdicts, 1 min left  ✗2 fail !1 lost ?1 ✓8 ▶1 …1"),
+        (SMALL, 78, "11/14, 1 min left  ✗2 fail !1 lost ?1 ▶1 …1"),
+        (SMALL, 38, "11/14, 1 mi…"),
+        (LARGE, 78, "82k/97k, 2 h left  ✗1,200 fail ‼2 err !7 lost ?33 ▶…"),
     ],
 )
 def test_where_it_is_narrow_words_go_before_numbers(overview, width, expected):
-    assert line(width, overview=overview) == expected
+    assert line(width, overview=overview) == f"✓  ✗ first: 3 unexpected  {expected}"
+
+
+@pytest.mark.parametrize("known", [None, Conclusion("running", NONE_JUDGED), FINE])
+def test_nothing_is_as_expected_before_all_is_judged(known):
+    conclusions = {OLD: FINE} if known is None else {OLD: FINE, CAMPAIGN: known}
+    rows = tuple(replace(row, queued=0, running=0) for row in CAMPAIGNS)
+    shown = line(160, conclusions=conclusions, campaigns=rows)
+    assert "as expected" not in shown
+    assert "… judging" in shown
+
+
+def test_a_newer_campaign_hides_no_failure_until_somebody_acknowledges_it():
+    first, old = CAMPAIGNS
+    again = replace(first, id="first-again", failed=0)
+    cancelled = Conclusion("cancelled", "cancelled")
+    conclusions = {**JUDGED, again.id: cancelled}
+    assert "✗ first: 3 unexpected" in line(
+        160, campaigns=(again, first, old), conclusions=conclusions
+    )
+    seen = replace(first, acknowledged=True)
+    shown = line(160, campaigns=(again, seen, old), conclusions=conclusions)
+    assert "✓ as expected" in shown
+    assert "unexpected" not in shown
+
+
+def test_failures_are_red_as_long_as_they_may_be_news():
+    def style(**known):
+        shown = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)
+        text = status_text(shown, NOW, 180)
+        return next(
+            str(one.style) for one in text.spans if "fail" in text.plain[one.start : one.end]
+        )
+
+    assert style(conclusions=JUDGED) == style(conclusions={}) == "fail"
+    fine = {CAMPAIGN: Conclusion("pass", "as expected", known=2), OLD: FINE}
+    assert style(conclusions=fine) == KNOWN
 
 
 @pytest.mark.parametrize("width", range(1, 200))
@@ -80,21 +118,14 @@ def test_a_worker_that_starts_is_no_missing_worker():
 
 def test_that_everything_is_paused_is_said():
     paused = tuple(replace(row, paused=True) for row in CAMPAIGNS)
-    assert "‖ paused" in line(160, campaigns=paused)
-    assert "paused" not in line(160)
+    assert "‖ paused" in line(180, campaigns=paused)
+    assert "paused" not in line(180)
 
 
 def test_a_campaign_of_which_nothing_is_judged_does_not_stand_beside_what_has_passed():
-    shown = line(118, conclusions={CAMPAIGN: Conclusion("running", NONE_JUDGED)})
+    shown = line(180, conclusions={CAMPAIGN: Conclusion("running", NONE_JUDGED)})
     assert NONE_JUDGED not in shown
     assert "pass" in shown
-
-
-def test_what_a_worker_prepares_is_shortened_before_counts_lose_their_words():
-    starting = Preparation(PreparationPhase.STARTING)
-    shown = line(145, overview=replace(SMALL, preparation=starting))
-    assert "loading the simulator" in shown
-    assert "✓ 8 pass" in shown
 
 
 def test_nothing_to_do_is_fine():
@@ -109,8 +140,8 @@ def test_nothing_to_do_is_fine():
     ("width", "expected"),
     [
         (78, "! no daemon answers, data is 1 min 15 s old, reconnecting"),
-        (38, "! no daemon, 1 min old, reconnecting"),
-        (18, "! no daemon"),
+        (50, "! no daemon, data is 1 min old, reconnecting"),
+        (38, "! no daemon, 1 min old"),
     ],
 )
 def test_a_gone_daemon_is_said_with_the_age_of_everything_else(width, expected):
