@@ -76,6 +76,14 @@ RETRY: Final = CampaignAction(
     "Retry",
     "Queue lost, failed or all runs again",
 )
+ACKNOWLEDGE: Final = CampaignAction(
+    "acknowledge",
+    lambda daemon, campaign: daemon.acknowledge(campaign),
+    "acknowledged {campaign}: {runs} did not pass; what is new is told again",
+    "A",
+    "Acknowledge",
+    "What went wrong is known: the first line tells of it no more, until there is news",
+)
 PRIORITY: Final = CampaignAction(
     "priority",
     lambda daemon, campaign, priority: daemon.steer(campaign, priority=priority),
@@ -92,7 +100,7 @@ DELETE: Final = CampaignAction(
     "Delete",
     "Remove a finished campaign with results and traces, after a question",
 )
-KEYED: Final = (PAUSE, CANCEL, RETRY, PRIORITY, DELETE)
+KEYED: Final = (PAUSE, CANCEL, RETRY, ACKNOWLEDGE, PRIORITY, DELETE)
 """Those with a key, in the order the keys are listed."""
 
 

@@ -16,7 +16,7 @@ from daemon.model.ranges import IdText, NonNegativeInt, ShortText
 from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import Preparation
 
-PROTOCOL: Final = 2
+PROTOCOL: Final = 3
 """Raise it when a message changes so that others do not understand it any more."""
 PREFIX: Final = "scenario/v1"
 """Of every key on the bus; another one would be for messages that this version cannot read."""
@@ -182,7 +182,8 @@ class WorkerInfo:
     ``trouble`` says what keeps it from working: its disk is full, it cannot start processes;
     ``preparation`` is what it does before runs that it has leased can start. ``era`` is that of its
     :class:`WelcomeReply`, empty before. ``notice`` is something people should know although it
-    works.
+    works. ``cpu``, ``memory`` and ``memory_total`` are as in
+    :class:`daemon.model.status.WorkerRow`.
     """
 
     id: WorkerId
@@ -196,6 +197,9 @@ class WorkerInfo:
     preparation: Preparation | None = None
     era: ShortText = ""
     notice: ShortText = ""
+    cpu: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    memory: NonNegativeInt = 0
+    memory_total: NonNegativeInt = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,7 +102,8 @@ class CampaignRow(RunCounts):
     says how a search stands (``running``, ``waiting`` for a client, ``finished``, ``cancelled``,
     ``failed``) and is empty for all other campaigns. More runs come while it is running.
     ``seconds_left`` is how long what waits and runs probably takes, ``None`` while that is not
-    known or nothing goes on.
+    known or nothing goes on. With ``acknowledged`` somebody knows what went wrong in it, and there
+    is no news since: no run has settled badly, and none is executed again.
     """
 
     id: str
@@ -276,7 +277,9 @@ class WorkerRow:
 
     One that is ``away`` has lost its connection or is silent; what it runs is still its own.
     ``trouble`` says what keeps it from working, and is empty when nothing does; ``preparation`` is
-    what it does before runs can start there.
+    what it does before runs can start there. It and its children use ``cpu`` of the machine's
+    processors, from 0 to 1, and ``memory`` of its ``memory_total`` bytes. Pages that several share
+    count once. ``runs`` are the ids of those it executes.
     """
 
     id: str
@@ -290,6 +293,10 @@ class WorkerRow:
     away: bool = False
     trouble: str = ""
     preparation: Preparation | None = None
+    cpu: float = 0.0
+    memory: int = 0
+    memory_total: int = 0
+    runs: tuple[str, ...] = ()
 
     @property
     def preparing(self) -> str:
@@ -316,9 +323,10 @@ class DaemonOverview(RunCounts):
     """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately,
     ``seconds_left`` how long what waits and runs probably takes, ``None`` while nobody knows.
 
-    ``troubles`` are all there are, also those of single workers and of inputs that runs wait for.
-    While it is ``halted`` no run can start, as the first of them says: the daemon's own worker
-    broke, the disk is full, every worker is in trouble.
+    ``searched`` are failures of runs of searches, which look for them: ``failed`` has those of all
+    others. ``troubles`` are all there are, also those of single workers and of inputs that runs
+    wait for. While it is ``halted`` no run can start, as the first of them says: the daemon's own
+    worker broke, the disk is full, every worker is in trouble.
     """
 
     version: str
@@ -329,6 +337,7 @@ class DaemonOverview(RunCounts):
     workers: int
     rate: float
     seconds_left: float | None
+    searched: int = 0
     halted: bool = False
     troubles: tuple[Trouble, ...] = ()
     preparation: Preparation | None = None
@@ -348,10 +357,11 @@ class DaemonOverview(RunCounts):
 class ChangeEvent:
     """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
 
-    ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
-    finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt
-    of the run gave another result), ``lease`` (superseded: an attempt of the run is not needed any
-    more, another one was first), ``search`` (there is more to say of it; ``state`` is its phase).
+    ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, acknowledged, cancelled,
+    retried, finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm``
+    (another attempt of the run gave another result), ``lease`` (superseded: an attempt of the run
+    is not needed any more, another one was first), ``search`` (there is more to say of it;
+    ``state`` is its phase).
     ``id`` names it.
     """
 

@@ -158,6 +158,9 @@ CANCEL: Final = Verb("cancel", IdRequest, Count,
     "Cancel what is queued or running; returns the number of runs.", STEERING, WRITER, slow=True)
 RETRY: Final = Verb("retry", RetryRequest, Count,
     "Queue runs again; returns how many.", STEERING, WRITER, slow=True)
+ACKNOWLEDGE: Final = Verb("acknowledge", IdRequest, Count,
+    "Note that somebody knows what went wrong in a campaign, until there is news. Returns how many"
+    " runs did not pass.", STEERING, WRITER)
 STEER: Final = Verb("steer", SteerRequest, Count,
     "Start no more runs of a campaign, or go on; let it go before those of lower priority. Returns"
     " how many wait. What is running goes on.",
@@ -316,6 +319,7 @@ class DaemonClient(CampaignSource):
     get = _question(GET)
     put = _counting(PUT)
     cancel = _counting(CANCEL)
+    acknowledge = _counting(ACKNOWLEDGE)
     steer = _counting(STEER)
     delete = _question(DELETE)
     shutdown = _question(SHUTDOWN)

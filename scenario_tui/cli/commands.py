@@ -61,6 +61,8 @@ _PANELS: Final[dict[str, dict[str, str]]] = {
     "Steer": {
         "cancel": "Cancel what is queued or running of a campaign.",
         "retry": "Queue lost or cancelled runs of a campaign again.",
+        "acknowledge": "Note that you know what went wrong in a campaign; the dashboard tells what "
+        "is new.",
         "pause": "Start no more runs of a campaign, or go on with it.",
         "priority": "Let a campaign go before those of lower priority.",
         "delete": "Remove campaigns for good: runs, results, and traces that no other campaign "
@@ -92,7 +94,7 @@ COMMANDS: Final = {
     name: (panel, about) for panel, lines in _PANELS.items() for name, about in lines.items()
 }
 _MODULES: Final = {
-    **dict.fromkeys(("cancel", "retry", "pause", "priority", "delete"), "steer"),
+    **dict.fromkeys(("cancel", "retry", "acknowledge", "pause", "priority", "delete"), "steer"),
     "demo": "run",
     "wait": "submit",
     "import": "import_",

@@ -52,6 +52,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "blame": ("scenario blame nightly.1 --runs 10",),
     "cancel": ("scenario cancel nightly",),
     "retry": ("scenario retry nightly", 'scenario retry nightly --only "fail|error"'),
+    "acknowledge": ("scenario acknowledge nightly",),
     "pause": ("scenario pause nightly", "scenario pause nightly --off"),
     "priority": ("scenario priority nightly 5", "scenario priority nightly -- -5"),
     "delete": ("scenario delete nightly --dry-run",),

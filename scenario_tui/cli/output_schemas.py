@@ -30,6 +30,7 @@ SCHEMA_TITLE: Final = "Outputs of scenario-tui"
 SCHEMA_FILE: Final = "outputs.schema.json"
 
 VALUES: Final[dict[str, type]] = {
+    "acknowledge": steer.SteeredRuns,
     "blame": Explanation,
     "cancel": steer.SteeredRuns,
     "compare": ComparedCampaigns,

@@ -1,4 +1,4 @@
-"""Commands that steer: cancel, retry, pause, priority, delete."""
+"""Commands that steer: cancel, retry, acknowledge, pause, priority, delete."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 
 from grammars.text.diagnostics import did_you_mean
 from scenario_tui.campaign_actions import (
+    ACKNOWLEDGE,
     CANCEL,
     DELETE,
     PAUSE,
@@ -91,6 +92,14 @@ def retry(
             message = f'"{word}" is no kind of run: {did_you_mean(word, _RETRYABLE)}'
             raise typer.BadParameter(message, param_hint="--only")
     return _steer(RETRY, campaign, target, only=only)
+
+
+def acknowledge(campaign: CampaignName, *, target: DaemonTarget) -> Answer[SteeredRuns]:
+    """Note that you know what went wrong in a campaign; the dashboard tells what is new.
+
+    What is new ends it: a run that settles badly, or is executed again.
+    """
+    return _steer(ACKNOWLEDGE, campaign, target)
 
 
 def pause(

@@ -420,7 +420,7 @@ class FakeDaemon(DaemonClient):
     def _cancel(self, _):
         return Count(2)
 
-    _steer = _cancel
+    _steer = _acknowledge = _cancel
 
     def _retry(self, _):
         return Count(1)

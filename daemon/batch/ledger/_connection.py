@@ -13,7 +13,7 @@ from typing import Final
 
 from daemon.batch.errors import DaemonError, PlaceUnusable, Unavailable
 
-SCHEMA_VERSION: Final = 18
+SCHEMA_VERSION: Final = 19
 _IN_MEMORY: Final = Path(":memory:")
 """What SQLite calls a database that is gone with its connection: no file has this name."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)

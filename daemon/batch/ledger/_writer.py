@@ -216,6 +216,20 @@ class LedgerWriter(SearchUpdates):
         query = f"UPDATE campaign SET {column} = ?1 WHERE id = ?2 AND {column} <> ?1"
         return self._db.execute(query, (value, campaign)).rowcount > 0
 
+    def acknowledge(self, campaign: str, now: float) -> int:
+        """Note that somebody knows what went wrong in a campaign.
+
+        Returns how many runs did not pass. News ends that: see the trigger in ``schema.sql``.
+        """
+        self._require_campaign(campaign)
+        if self._set(campaign, "acknowledged", True):
+            self.record_event(now, "campaign", campaign, campaign, "acknowledged")
+        query = (
+            "SELECT total(runs) FROM tally WHERE campaign = ? AND (state = 'lost'"
+            " OR (state = 'done' AND outcome IN ('fail', 'error', 'inconclusive')))"
+        )
+        return int(self._db.execute(query, (campaign,)).fetchone()[0])
+
     def retry(self, request: RetryRequest, now: float) -> int:
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
 

@@ -30,7 +30,8 @@ CREATE TABLE campaign (
     priority     INTEGER NOT NULL DEFAULT 0,
     served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
     origin       BLOB NOT NULL DEFAULT x'',  -- its file and the commit it was written at
-    lacks        TEXT NOT NULL DEFAULT ''    -- it waits for this: 'scene DIGEST', 'file DIGEST', 'engine N'
+    lacks        TEXT NOT NULL DEFAULT '',   -- it waits for this: 'scene DIGEST', 'file DIGEST', 'engine N'
+    acknowledged INTEGER NOT NULL DEFAULT 0  -- 1: somebody knows everything that went wrong in it
 ) STRICT;
 
 -- Whose turn it is: campaigns of one priority take turns.
@@ -147,6 +148,16 @@ WHEN old.state <> new.state OR old.outcome <> new.outcome BEGIN
         WHERE campaign = old.campaign AND state = old.state AND outcome = old.outcome;
     INSERT INTO tally VALUES (new.campaign, new.state, new.outcome, 1)
         ON CONFLICT DO UPDATE SET runs = runs + 1;
+END;
+
+-- Somebody acknowledges what went wrong so far. News ends that: a run that settles badly or comes out
+-- differently, or that is executed again.
+CREATE TRIGGER news AFTER UPDATE OF state, outcome, nondeterministic ON run
+WHEN (new.state = 'lost' AND old.state <> 'lost')
+    OR (new.outcome IN ('fail', 'error', 'inconclusive') AND new.outcome <> old.outcome)
+    OR new.nondeterministic > old.nondeterministic
+    OR (new.state = 'queued' AND old.state IN ('done', 'lost', 'cancelled')) BEGIN
+    UPDATE campaign SET acknowledged = 0 WHERE id = new.campaign AND acknowledged;
 END;
 
 -- Campaigns whose runs a client proposes one after the other; ``file`` is the campaign file as it

@@ -184,8 +184,9 @@ class Handlers(SearchHandlers):
     def origin(self, ledger: LedgerReader, request: IdRequest) -> CampaignOrigin:
         return ledger.origin(request.id)
 
-    def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
-        return self.registry.rows()
+    def workers(self, ledger: LedgerReader, _: Empty) -> tuple[WorkerRow, ...]:
+        held = ledger.held_runs()
+        return tuple(replace(row, runs=held.get(row.id, ())) for row in self.registry.rows())
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
         self.registry.check_version(worker)
@@ -241,6 +242,11 @@ class Handlers(SearchHandlers):
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
         count = ledger.cancel(request.id, time.time())
         self.log.write("cancelled", campaign=request.id, runs=count)
+        return Count(count)
+
+    def acknowledge(self, ledger: LedgerWriter, request: IdRequest) -> Count:
+        count = ledger.acknowledge(request.id, time.time())
+        self.log.write("acknowledged", campaign=request.id, runs=count)
         return Count(count)
 
     def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:

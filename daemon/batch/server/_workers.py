@@ -190,6 +190,9 @@ class WorkerRegistry:
                     away=e.away_since is not None or self._is_silent(e),
                     trouble=e.info.trouble,
                     preparation=e.info.preparation,
+                    cpu=e.info.cpu,
+                    memory=e.info.memory,
+                    memory_total=e.info.memory_total,
                 )
                 for e in self._entries.values()
             )

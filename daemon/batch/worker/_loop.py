@@ -41,6 +41,7 @@ from daemon.batch.worker._connection import (
 from daemon.batch.worker._deliveries import Deliveries
 from daemon.batch.worker._live import Execution, LivePublisher
 from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._usage import UsageMeter
 from daemon.batch.worker._wakeups import BackgroundAsks, WorkerSignals
 from daemon.model.execution import RunLimits
 from daemon.model.messages import (
@@ -144,6 +145,7 @@ class WorkerLoop:
         self._preparation: Preparation | None = None
         # Kinds of systems under test that are not installed here: no run of them is leased again.
         self._missing_suts: dict[str, str] = {}
+        self._meter = UsageMeter()
         self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
 
     def run(self) -> bool:
@@ -318,8 +320,16 @@ class WorkerLoop:
         # A run that is leased and waits for machine code has a slot as well.
         held = len(self._executions) + len(self._leased)
         info = self._info(min(held, max(self._backend.slots, len(self._executions))))
-        notice = self._deliveries.foreign_words
-        return replace(info, trouble=trouble, preparation=self._preparation, notice=notice)
+        usage = self._meter.measure()
+        return replace(
+            info,
+            trouble=trouble,
+            preparation=self._preparation,
+            notice=self._deliveries.foreign_words,
+            cpu=usage.cpu,
+            memory=usage.memory,
+            memory_total=usage.memory_total,
+        )
 
     def _renew(self) -> None:
         running = [

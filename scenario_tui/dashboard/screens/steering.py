@@ -11,6 +11,7 @@ from textual.binding import Binding, BindingType
 
 from grammars.text.words import count_noun
 from scenario_tui.campaign_actions import (
+    ACKNOWLEDGE,
     CANCEL,
     DELETE,
     KEYED,
@@ -190,6 +191,11 @@ class SteeringScreen(BaseScreen):
             self.notify(f"{row.id} is finished, there is nothing to pause")
         else:
             self._steer(PAUSE, row)
+
+    def action_acknowledge(self) -> None:
+        """Note that what went wrong in the campaign is known."""
+        if row := self._about():
+            self._steer(ACKNOWLEDGE, row)
 
     def action_priority(self) -> None:
         """Ask for another priority."""

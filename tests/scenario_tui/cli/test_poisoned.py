@@ -86,6 +86,7 @@ CASES = {
     "coverage": (("{TRACE}", "{FOREIGN}"), ("demo/campaign.yaml",)),
     "blame": (("{FOREIGN}",), (RUN, "--oracle", "{NAME}")),
     "cancel": (("first",), ("none{NAME}",)),
+    "acknowledge": (("first",), ("none{NAME}",)),
     "retry": (("first",), ("first", "--only", "{NAME}")),
     "pause": (("first",), ("first", "--json"), ("first", "--off")),
     "priority": (("first", "3"), ("first", "{NAME}")),

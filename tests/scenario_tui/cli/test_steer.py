@@ -40,6 +40,12 @@ def test_a_campaign_is_paused_resumed_and_preferred(scenario, fake):
     assert calls == [(CAMPAIGN, True, None), (CAMPAIGN, False, None), (CAMPAIGN, None, -3)]
 
 
+def test_what_went_wrong_in_a_campaign_is_acknowledged(scenario, fake):
+    said = scenario("acknowledge", "first")
+    assert ("acknowledge", CAMPAIGN) in fake.calls
+    assert f"acknowledged {CAMPAIGN}: 2 runs did not pass" in said.err
+
+
 def test_a_priority_has_bounds(scenario, fake):
     assert scenario("priority", "first", "1001").code == 2
     assert fake.calls == []

@@ -26,6 +26,7 @@ from daemon.model.messages import (
 )
 from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
+from daemon.model.verdicts import Outcome
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 
 WORKERS = st.sampled_from(["w1", "w2", "w3"])
@@ -50,6 +51,7 @@ class LedgerMachine(RuleBasedStateMachine):
         specs[2] = replace(specs[2], sut=replace(specs[2].sut, parameters={"repeatable": False}))
         self.submission = submission_of("c", *specs)
         self.book.submit(self.submission, self.now)
+        self.acknowledged, self.seen = False, self.rows()
 
     def open(self):
         """Start a daemon on the ledger: what it had in memory is gone."""
@@ -86,7 +88,8 @@ class LedgerMachine(RuleBasedStateMachine):
     @rule(data=st.data(), variant=st.sampled_from("aaab"))
     def complete(self, data, variant):
         worker, grant = data.draw(st.sampled_from(self.granted))
-        result = make_result(grant.spec, trace=TraceInfo(variant * 64, 1, 1))
+        outcome = Outcome.PASS if variant == "a" else Outcome.FAIL
+        result = make_result(grant.spec, outcome=outcome, trace=TraceInfo(variant * 64, 1, 1))
         before = self.state(grant.run)
         completion = Completion(worker, grant.run, grant.attempt, grant.token, result)
         outdated = grant.token <= self.outdated[grant.run]
@@ -190,7 +193,16 @@ class LedgerMachine(RuleBasedStateMachine):
         self.book.cancel("c", self.now)
         assert all(row["state"] not in ("queued", "running") for row in self.rows())
 
-    @rule(only=st.sampled_from(["lost", "cancelled", "pass", "all"]))
+    @rule()
+    def acknowledge(self):
+        bad = sum(
+            row["state"] == "lost" or (row["state"], row["outcome"]) == ("done", "fail")
+            for row in self.rows()
+        )
+        assert self.book.acknowledge("c", self.now) == bad
+        self.acknowledged = True
+
+    @rule(only=st.sampled_from(["lost", "cancelled", "pass", "fail", "all"]))
     def retry(self, only):
         before = {row["id"]: row for row in self.rows()}
         self.book.retry(RetryRequest("c", (only,)), self.now)
@@ -259,6 +271,22 @@ class LedgerMachine(RuleBasedStateMachine):
             if runs
         }
         assert counted == Counter((row["state"], row["outcome"]) for row in self.rows())
+
+    @invariant()
+    def what_is_acknowledged_stays_so_until_there_is_news(self):
+        if not hasattr(self, "db"):
+            return
+        rest = ("done", "lost", "cancelled")
+        pairs = tuple(zip(self.seen, self.rows(), strict=True))
+        news = (
+            any(new["state"] == "lost" != old["state"] for old, new in pairs),
+            any(new["outcome"] == "fail" != old["outcome"] for old, new in pairs),
+            any(new["nondeterministic"] > old["nondeterministic"] for old, new in pairs),
+            any(old["state"] in rest and new["state"] == "queued" for old, new in pairs),
+        )
+        self.acknowledged, self.seen = self.acknowledged and not any(news), self.rows()
+        (acknowledged,) = self.db.execute("SELECT acknowledged FROM campaign").fetchone()
+        assert acknowledged == self.acknowledged
 
     @invariant()
     def a_campaign_is_finished_when_nothing_is_under_way(self):

@@ -349,6 +349,7 @@ def test_viewers_change_nothing_and_only_workers_touch_leases():
         "submit",
         "cancel",
         "retry",
+        "acknowledge",
         "steer",
         "shutdown",
     }

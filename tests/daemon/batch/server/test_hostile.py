@@ -206,6 +206,7 @@ def valid(target):
         verbs.SUBMIT: make_submission("new", 2),
         verbs.CANCEL: IdRequest("camp"),
         verbs.RETRY: RetryRequest("camp", ("pass",)),
+        verbs.ACKNOWLEDGE: IdRequest("camp"),
         verbs.DELETE: DeleteRequest(("camp",)),
         verbs.STEER: SteerRequest("camp", True, 3),
         verbs.SEARCH: make_search("sought"),

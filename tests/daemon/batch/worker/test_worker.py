@@ -216,6 +216,16 @@ def test_the_worker_is_on_the_list(client):
     assert client.overview().workers == 1
 
 
+def test_a_worker_tells_what_it_takes_of_its_machine_and_which_runs_it_executes(client):
+    client.submit(make_submission("held", 3, sleep=600.0))
+    (row,) = eventually(lambda: [row for row in client.workers() if len(row.runs) == 2])
+    assert row.runs == ("held.0", "held.1")
+    assert 2**20 < row.memory < row.memory_total == psutil.virtual_memory().total
+    assert 0.0 <= row.cpu <= 1.0
+    client.cancel("held")
+    eventually(lambda: client.workers()[0].runs == ())
+
+
 def test_the_wall_clock_limit_stops_a_run(tmp_path):
     settings = {"wall": 0.3, "attempts": 1}
     with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
