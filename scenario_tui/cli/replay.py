@@ -82,12 +82,13 @@ def replay(
         print_line(comparison_text(*pairs))
         return ExitCode.EXPECTED
     from scenario_tui.dashboard.screens.compare import CompareScreen
-    from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
+    from scenario_tui.dashboard.screens.replay import ReplayScreen
+    from scenario_tui.dashboard.screens.standalone import run_alone
 
     if second is None:
-        failed = run_replay(ReplayScreen(first, begin, speed))
+        failed = run_alone(ReplayScreen(first, begin, speed))
     else:
-        failed = run_replay(CompareScreen(first, second, begin=begin, speed=speed))
+        failed = run_alone(CompareScreen(first, second, begin=begin, speed=speed))
     return ExitCode.BUG if failed else ExitCode.EXPECTED
 
 

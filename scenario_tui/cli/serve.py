@@ -154,10 +154,11 @@ def serve(
             if headless or why_no_screen():
                 _serve_headless(simulation, services, thread)
             else:
-                from scenario_tui.dashboard.screens.live import LiveScreen, run_live
+                from scenario_tui.dashboard.screens.live import LiveScreen
+                from scenario_tui.dashboard.screens.standalone import run_alone
 
                 screen = LiveScreen(simulation, thread, services.lines, services.to_type)
-                code = run_live(screen)
+                code = run_alone(screen)
         for one in (thread, services.bridge):
             if one is not None and one.failure is not None:
                 raise one.failure

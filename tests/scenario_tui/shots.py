@@ -28,7 +28,8 @@ from scenario_tui.dashboard.key_bindings import list_key_bindings
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
-from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.widgets.map_style import MapSigns
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.source import DaemonTarget
@@ -67,12 +68,12 @@ def _replay(folder, executed):
     playback = open_playback(Path(trace_of(FAILED)))
     touched = next(found for found in playback.verdicts if found.oracle == "no-contact")
     assert touched.evidence.time is not None
-    return ReplayApp(ReplayScreen(playback, touched.evidence.time - 0.5, clock=lambda: 0.0))
+    return StandaloneApp(ReplayScreen(playback, touched.evidence.time - 0.5, clock=lambda: 0.0))
 
 
 def _compared(folder, executed):
     first, second = (open_playback(Path(trace_of(name))) for name in (FAILED, PASSED))
-    return ReplayApp(CompareScreen(first, second, clock=lambda: 0.0))
+    return StandaloneApp(CompareScreen(first, second, clock=lambda: 0.0))
 
 
 def _submitting(folder, executed):

@@ -18,8 +18,10 @@ from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.recorded_traces import UnavailableTrace, local_trace
 from scenario_tui.dashboard.run_timeline import Alignment, common_clock, shift_to_clock
-from scenario_tui.dashboard.screens.playing import clock_line
-from scenario_tui.dashboard.screens.replay import StandaloneScreen
+from scenario_tui.dashboard.screens.maps import MapActions
+from scenario_tui.dashboard.screens.parts import Parts
+from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
+from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoints done"}
 
 
-class CompareScreen(StandaloneScreen):
+class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
     """Plays two runs at once; the clock is that of the first."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
@@ -46,8 +48,6 @@ class CompareScreen(StandaloneScreen):
         Binding("t", "align", "Align", id="align",
                 tooltip="By simulated time, or by the waypoints both have done"),
         Binding("w", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
-        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
-        Binding("escape", "leave", "Back", id="leave", tooltip="Leave the comparison"),
     ]  # fmt: skip
 
     def __init__(
@@ -68,14 +68,14 @@ class CompareScreen(StandaloneScreen):
     def compose(self) -> ComposeResult:
         """Lay out maps, signals and differences."""
         yield StaticText(id="status")
-        with Horizontal(id="maps"):
+        with Horizontal(id="maps", classes="part in-maps"):
             for side in ("first", "second"):
                 with Vertical():
                     yield StaticText(id=f"name-{side}")
                     yield TopView(id=f"map-{side}")
-        with Horizontal(id="below"):
-            yield TimelineView(id="signals")
-            with VerticalScroll(id="differences"):
+        with Horizontal(id="below", classes="part in-signals in-differences"):
+            yield TimelineView(id="signals").add_class("part", "in-signals")
+            with VerticalScroll(id="differences", classes="part in-differences"):
                 yield StaticText(id="table")
         yield MapLegend("TopView")
         yield KeyFooter()
@@ -121,7 +121,7 @@ class CompareScreen(StandaloneScreen):
         if transport is None or not self.is_attached or not self.app.is_running:
             return
         times = (transport.time, self._clock.to_second(transport.time))
-        tabs = "" if self.has_class("-wide") else self.tabs()
+        tabs = self.tabs()
         said = f"{clock_line(transport)}  {_BY[self.by]}"
         room = self.size.width - len(tabs) - 4
         line = Text(f"{said[:room]:<{max(room, 0)}}  {tabs}", no_wrap=True, overflow="ellipsis")
@@ -141,7 +141,7 @@ class CompareScreen(StandaloneScreen):
 
     def view_changed(self) -> None:
         """Give the keys to what can be scrolled."""
-        if self.VIEWS[self._part] == "differences" or self.has_class("-wide"):
+        if self.part == "differences" or self.has_class("-wide"):
             self.query_one("#differences").focus(scroll_visible=False)
         self.show_moment()
 

@@ -15,10 +15,9 @@ from textual.widgets import Static
 from daemon.live.simulation import LiveSimulation, LiveStatus, LiveThread
 from daemon.model.status import LiveSnapshot
 from scenario_tui.dashboard.live_tracks import Tracks
-from scenario_tui.dashboard.screens.help import Help
-from scenario_tui.dashboard.screens.map_actions import MapActions
-from scenario_tui.dashboard.screens.replay import ReplayApp
+from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.run_panel import tracked_view
+from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
@@ -36,7 +35,7 @@ SOURCE: Final = "keys"
 """Whose commands those of this screen are."""
 
 
-class LiveScreen(MapActions):
+class LiveScreen(StandaloneScreen, MapActions):
     """Shows and steers a simulation that runs in a thread of its own.
 
     ``serving`` says where it is served and who is connected, a line each; ``to_type`` is what a
@@ -47,7 +46,7 @@ class LiveScreen(MapActions):
         Binding("space", "pause", "Pause", id="live-pause", tooltip="Stand still, or go on"),
         Binding("plus,equals_sign", "faster(1)", "Faster", key_display="+", id="live-faster",
                 tooltip="Up to 100x"),
-        Binding("minus", "faster(-1)", "Slower", key_display="-", id="live-slower",
+        Binding("minus", "faster(-1)", "Slower", key_display="-", show=False, id="live-slower",
                 tooltip="Down to 0.1x"),
         Binding("r", "reset", "Reset", id="live-reset",
                 tooltip="The same world from its beginning"),
@@ -65,22 +64,8 @@ class LiveScreen(MapActions):
                 id="live-sideways-right", tooltip="Omnidirectional bases"),
         Binding("x", "stop", "Stop", show=False, id="live-stop",
                 tooltip="At once, whatever key is held"),
-        Binding("z", "zoom", "Zoom", id="live-zoom", tooltip="Nearer to the robot, then all of it"),
-        Binding("Z", "fit", "Fit", show=False, id="live-fit", tooltip="All of the map again"),
-        Binding("F", "follow", "Follow", show=False, id="live-follow",
-                tooltip="Follow the robot when zoomed, or stay"),
-        Binding("H", "pan(-1, 0)", "Pan left", show=False, id="live-pan-left",
-                tooltip="When zoomed"),
-        Binding("J", "pan(0, -1)", "Pan down", show=False, id="live-pan-down",
-                tooltip="When zoomed"),
-        Binding("K", "pan(0, 1)", "Pan up", show=False, id="live-pan-up",
-                tooltip="When zoomed"),
-        Binding("L", "pan(1, 0)", "Pan right", show=False, id="live-pan-right",
-                tooltip="When zoomed"),
-        Binding("y", "copy", "Copy", id="live-copy",
+        Binding("y", "copy", "Copy", id="copy",
                 tooltip="What to type in a terminal of your ROS 2, into the clipboard"),
-        Binding("question_mark,f1", "keys", "Help", id="live-help", tooltip="This list"),
-        Binding("q,escape", "leave", "Quit", id="live-leave", tooltip="End the world, and leave"),
     ]  # fmt: skip
 
     def __init__(
@@ -184,14 +169,6 @@ class LiveScreen(MapActions):
         self.run_worker(partial(copy_to_tmux, self._to_type), thread=True)
         self.notify(f"copied: {self._to_type}", markup=False)
 
-    def action_keys(self) -> None:
-        """Show the keys."""
-        self.app.push_screen(Help(self.app.screen))
-
-    def action_leave(self) -> None:
-        """End."""
-        self.app.exit()
-
 
 def live_line(status: LiveStatus, scenario: str) -> Text:
     """Return ``▶ 1x  12.3 s  busy-house  keys drive`` and what is wrong."""
@@ -205,17 +182,3 @@ def live_line(status: LiveStatus, scenario: str) -> Text:
     if status.time > status.limit:
         text.append(f"  past the scenario's {status.limit:g} s", style=UNSURE)
     return text
-
-
-class LiveApp(ReplayApp):
-    """Nothing but a live world."""
-
-    TITLE = "scenario serve"
-
-
-def run_live(screen: LiveScreen) -> int:
-    """Show it until somebody leaves; return the exit code of the app."""
-    app = LiveApp(screen)
-    app.limit_to_terminal()
-    app.run()
-    return app.return_code or 0

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import ClassVar, Final
 
 from textual.binding import Binding, BindingType
+from textual.screen import Screen
 
-from scenario_tui.dashboard.screens.map_actions import MapActions
 from scenario_tui.dashboard.transport import (
     FLASH,
     FailureMoment,
@@ -23,11 +23,11 @@ FRAMES: Final = 10
 _NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previous")
 
 
-class PlayingScreen(MapActions):
+class PlayingScreen(Screen[None]):
     """A screen with a moment of simulated time; nothing can be played without a transport."""
 
-    # More than twenty methods: ten are keys, which Textual calls by name, of one line or two.
-    # The clock itself is ReplayTransport.
+    # More than twenty methods: ten are keys, which Textual calls by name, of one line or two. The
+    # clock itself is ReplayTransport.
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
@@ -47,21 +47,6 @@ class PlayingScreen(MapActions):
                 tooltip="To when the next oracle was decided against"),
         Binding("N", "previous", "Previous ✗", show=False, id="previous-failure",
                 tooltip="The one before"),
-        Binding("tab,v", "view(1)", "View", key_display="tab", id="view",
-                tooltip="The next part of the screen, where there is room for one only"),
-        Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
-                tooltip="The part before"),
-        Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
-        Binding("Z", "fit", "Fit", show=False, id="fit",
-                tooltip="All of the map and of the time again"),
-        Binding("F", "follow", "Follow", show=False, id="follow",
-                tooltip="Follow the robot when zoomed, or stay"),
-        Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
-        Binding("J", "pan(0, -1)", "Pan down", show=False, id="pan-down", tooltip="When zoomed"),
-        Binding("K", "pan(0, 1)", "Pan up", show=False, id="pan-up", tooltip="When zoomed"),
-        Binding("L", "pan(1, 0)", "Pan right", show=False, id="pan-right", tooltip="When zoomed"),
-        Binding("O", "costmap", "Costmap", show=False, id="costmap",
-                tooltip="Another costmap of the stack on the map, or none"),
         Binding("right_square_bracket", "signals(1)", "More signals", show=False, id="signals-on",
                 tooltip="Signals further down"),
         Binding("left_square_bracket", "signals(-1)", "Signals back", show=False, id="signals-back",
@@ -94,8 +79,11 @@ class PlayingScreen(MapActions):
     def on_mount(self) -> None:
         """Look at the clock from now on."""
         self._at = self.clock()
-        self.show_view(self._part)
         self.set_interval(1.0 / FRAMES, self.tick)
+
+    def on_resize(self) -> None:
+        """Show the moment in the new size."""
+        self.call_after_refresh(self.show_moment)
 
     def tick(self) -> None:
         """Go on by the time that passed: a slow terminal shows fewer frames, not a slower run."""
@@ -117,58 +105,53 @@ class PlayingScreen(MapActions):
         """Offer playing only where there is something to play."""
         if action in _NEEDS_RUN and self.transport is None:
             return False
-        if action == "view" and not self.VIEWS:
-            return False
         return super().check_action(action, parameters)
 
     def action_play(self) -> None:
         """Play or pause."""
-        if self.transport is not None:
-            self.transport.toggle()
-            self._at = self.clock()  # the time it stood still does not count
-            self.show_moment()
+        self._at = self.clock()  # the time it stood still does not count
+        self._change(lambda transport: transport.toggle())
 
     def action_scrub(self, seconds: int) -> None:
         """Go some seconds on or back."""
-        if self.transport is not None:
-            self.transport.go(self.transport.time + seconds)
-            self.show_moment()
+        self._change(lambda transport: transport.go(transport.time + seconds))
 
     def action_edge(self, end: bool) -> None:
         """Go to the start or the end."""
-        if self.transport is not None:
-            self.transport.go(self.transport.end if end else self.transport.start)
-            self.show_moment()
+        self._change(lambda transport: transport.go(transport.end if end else transport.start))
 
     def action_faster(self) -> None:
         """Play faster."""
-        if self.transport is not None:
-            self.transport.faster()
-            self.show_moment()
+        self._change(lambda transport: transport.faster())
 
     def action_slower(self) -> None:
         """Play slower."""
-        if self.transport is not None:
-            self.transport.slower()
-            self.show_moment()
+        self._change(lambda transport: transport.slower())
+
+    def _change(self, change: Callable[[ReplayTransport], None]) -> None:
+        # Without a transport no key gets here.
+        assert self.transport is not None
+        change(self.transport)
+        self.show_moment()
 
     def action_next(self) -> None:
         """Go to the next moment an oracle was decided against, behind the last to the first."""
-        if self.transport is not None:
-            self._jump(next_moment(self.moments(), self.transport.time), self.moments()[:1])
+        # A finished run opens at its end: behind that the first moment is what is looked for.
+        assert self.transport is not None
+        moments = self.moments()
+        self._jump(next_moment(moments, self.transport.time) or next(iter(moments), None))
 
     def action_previous(self) -> None:
         """Go to the moment before an oracle was decided against, before the first to the last."""
-        if self.transport is not None:
-            self._jump(previous_moment(self.moments(), self.transport.time), self.moments()[-1:])
+        assert self.transport is not None
+        moments = self.moments()
+        self._jump(previous_moment(moments, self.transport.time) or next(reversed(moments), None))
 
-    def _jump(self, found: FailureMoment | None, around: Sequence[FailureMoment]) -> None:
-        # A finished run opens at its end: behind that the first moment is what is looked for.
-        found = found or next(iter(around), None)
-        if found is None:
+    def _jump(self, moment: FailureMoment | None) -> None:
+        if moment is None:
             self.notify("no oracle was decided against")
         else:
-            self.go(found.time)
+            self.go(moment.time)
 
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""
@@ -181,11 +164,6 @@ class PlayingScreen(MapActions):
     def action_zoom_time(self, nearer: bool) -> None:
         """Show less of the time beside the signals, or more."""
         self.query_one(TimelineView).zoom_time(nearer)
-
-    def action_fit(self) -> None:
-        """Show all of the map and of the time again."""
-        super().action_fit()
-        self.query_one(TimelineView).fit_time()
 
     def on_timeline_view_seek(self, event: TimelineView.Seek) -> None:
         """Go to the moment somebody pointed at."""

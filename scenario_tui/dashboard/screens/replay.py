@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
-from textual.screen import Screen
 from textual.widgets import Static
 
 from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
-from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.maps import MapActions
+from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.playing import PlayingScreen
-from scenario_tui.dashboard.themes import ThemedApp
+from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
@@ -27,38 +25,11 @@ from scenario_tui.text.formatting import QUIET
 from scenario_tui.text.run_text import verdict_lines
 
 
-class StandaloneScreen(PlayingScreen):
-    """A screen of its own, over the dashboard or in a :class:`ReplayApp`, which has no other keys.
-
-    Subclasses bind ``keys`` and ``leave``.
-    """
-
-    def on_resize(self) -> None:
-        """Draw everything for the new size."""
-        self.call_after_refresh(self.show_moment)
-
-    def action_keys(self) -> None:
-        """Show the keys."""
-        self.app.push_screen(Help(self.app.screen))
-
-    def action_leave(self) -> None:
-        """Go back to where this came from; leave the app when nothing lies below."""
-        if len(self.app.screen_stack) > 1:
-            self.app.pop_screen()
-        else:
-            self.app.exit()
-
-
-class ReplayScreen(StandaloneScreen):
+class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
     """Plays a :class:`Playback`."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (150, "-wide")]  # noqa: RUF012
     VIEWS = ("map", "signals")
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
-        Binding("escape", "leave", "Back", id="leave", tooltip="Leave the replay"),
-    ]
 
     def __init__(
         self,
@@ -79,10 +50,10 @@ class ReplayScreen(StandaloneScreen):
         yield StaticText(id="status")
         yield StaticText(id="timeline")
         with Horizontal(id="stage"):
-            yield TopView(id="map")
-            yield TimelineView(id="signals")
+            yield TopView(id="map").add_class("part", "in-map")
+            yield TimelineView(id="signals").add_class("part", "in-signals")
         yield StaticText(id="verdicts")
-        yield MapLegend()
+        yield MapLegend().add_class("part", "in-map")
         yield KeyFooter()
 
     def on_mount(self) -> None:
@@ -118,39 +89,3 @@ class ReplayScreen(StandaloneScreen):
         self.query_one("#verdicts", Static).update(words)
         self.query_one(TopView).show(playback.view(transport.time, window=window))
         self.query_one(TimelineView).move(transport.time)
-
-
-class ReplayApp(ThemedApp):
-    """Nothing but a replay, or two of them compared."""
-
-    TITLE = "scenario replay"
-    CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
-    ENABLE_COMMAND_PALETTE = False
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("q", "quit", "Quit", id="quit", tooltip="Leave the program"),
-        Binding(
-            "ctrl+c",
-            "quit",
-            "Quit",
-            show=False,
-            priority=True,
-            id="quit-at-once",
-            tooltip="Leave from anywhere",
-        ),
-    ]
-
-    def __init__(self, screen: Screen[None]) -> None:
-        super().__init__()
-        self._first = screen
-
-    def get_default_screen(self) -> Screen[None]:
-        """Begin with the replay."""
-        return self._first
-
-
-def run_replay(screen: Screen[None]) -> int:
-    """Play until somebody leaves; return the exit code of the app."""
-    app = ReplayApp(screen)
-    app.limit_to_terminal()
-    app.run()
-    return app.return_code or 0

@@ -11,7 +11,7 @@ from textual import on, work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.widgets import OptionList, Static
+from textual.widgets import ContentSwitcher, OptionList, Static
 
 from daemon.model.status import CampaignRow, RunDetail
 from scenario_tui.dashboard.recorded_traces import (
@@ -22,6 +22,8 @@ from scenario_tui.dashboard.recorded_traces import (
 )
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.maps import MapActions
+from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_log import log_text
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
@@ -60,7 +62,7 @@ _VAST: Final = 170
 """Columns from which on map and signals stand side by side."""
 
 
-class RunScreen(PlayingScreen, SteeringScreen):
+class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
     """A run by its id; one that is over is played as soon as its trace is read."""
 
     # More than twenty methods: ten answer what its two bases ask of a screen, and each of the
@@ -94,16 +96,16 @@ class RunScreen(PlayingScreen, SteeringScreen):
         """Words on the left; map and signals on the right, or one of them alone."""
         yield StaticText(id="now")
         with Horizontal(id="desk"):
-            with Vertical(id="left"):
-                with VerticalScroll(id="words"):
-                    yield StaticText(id="run-text")
-                yield VerdictList(id="decided")
-                with VerticalScroll(id="log"):
+            with Vertical(id="left", classes="part in-verdicts in-log"):
+                with ContentSwitcher(id="told", initial="words", classes="part in-verdicts"):
+                    with VerticalScroll(id="words"):
+                        yield StaticText(id="run-text")
+                    yield VerdictList(id="decided")
+                with VerticalScroll(id="log", classes="part in-log"):
                     yield StaticText(id="log-text")
-            with Vertical(id="right"):
-                yield StaticText(id="starting")
-                yield RunMap()
-                with Vertical(id="along"):
+            with Vertical(id="right", classes="part in-signals in-map"):
+                yield RunMap().add_class("part", "in-map")
+                with Vertical(id="along", classes="part in-signals"):
                     yield StaticText(id="untold")
                     yield TimelineView(id="signals")
                     yield StaticText(SIGNS, id="signs")
@@ -194,10 +196,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
         result, judgement = detail.row.result, track.judgement if track else None
         so_far = judgement.verdicts if judgement else ()
         judged = result is not None or bool(so_far)
-        if judged and not self.has_class("-judged"):
+        told = self.query_one(ContentSwitcher)
+        if judged and told.current != "decided":
             self.call_after_refresh(self.view_changed)
-        self.set_class(judged, "-judged")
-        self.set_class(result is None and judgement is None, "-unlogged")
+        told.current = "decided" if judged else "words"
         if result is not None:
             self.query_one(VerdictList).show(result.verdicts)
         elif so_far:
@@ -229,8 +231,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         # Where the words are not beside the map, the first line has no room for all of it.
         starting = track.snapshot.waiting if track and not self.has_class("-wide") else ""
         above.explain(why)
-        self.query_one("#starting", Static).update(Text(starting))
-        self.set_class(bool(starting), "-starting")
+        above.note(starting)
         if live.grow(detail) and live.timeline is not None:
             self._grow(signals, live.timeline)
         reason = live.why_untold(detail, self.dashboard.clock() - self._since)
@@ -268,7 +269,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
         elif track is not None:
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
             said.append_text(live_text(track, silence, self.transport, self.key("end"), wide=wide))
-        tabs = "" if self.has_class("-wide") else self.tabs()
+        tabs = self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
 
@@ -288,7 +289,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def view_changed(self) -> None:
         """Give the keys to what is shown."""
-        wanted = {"verdicts": "#decided", "log": "#log"}.get(self.VIEWS[self._part])
+        wanted = {"verdicts": "#decided", "log": "#log"}.get(self.part)
         if wanted is None and self.has_class("-wide"):
             wanted = "#decided"  # in view as well, and the only part of these that takes keys
         if wanted is not None and self.query(wanted):
@@ -322,7 +323,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
             return  # it was executed or judged again while this was read
         self._playback = playback
         self.query_one(RunMap).explain("")
-        self.remove_class("-untold", "-starting")
+        self.query_one(RunMap).note("")
+        self.remove_class("-untold")
         self.query_one("#untold").display = False
         signals = self.query_one("#signals", TimelineView)
         signals.display = self.query_one("#signs").display = True

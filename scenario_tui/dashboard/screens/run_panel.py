@@ -6,6 +6,7 @@ from bisect import bisect_right
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rich.text import Text
 from textual.app import ComposeResult
 from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Static
@@ -38,6 +39,7 @@ class RunMap(Vertical):
     def compose(self) -> ComposeResult:
         """Lay out map, legend, and what is said instead of them."""
         yield StaticText(id="unseen")
+        yield StaticText(id="note")
         yield TopView(id="map")
         yield MapLegend()
 
@@ -49,6 +51,12 @@ class RunMap(Vertical):
         """Say ``why`` there is no map; show the map when that is empty."""
         show_message_or(self.query_one("#unseen"), self.query_one(TopView), why)
         self.query_one("#legend").display = not why
+
+    def note(self, words: str) -> None:
+        """Say something above the map, or nothing."""
+        note = self.query_one("#note", Static)
+        note.update(Text(words))
+        note.display = bool(words)
 
 
 class RunPanel(Vertical):

@@ -15,16 +15,13 @@ from daemon.model.trials import smallest_margin
 from daemon.search.answers.sentences import margin_words, phase_words, search_word
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.screens.map_actions import MapActions
+from scenario_tui.dashboard.screens.maps import MapActions
+from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.searches import NotableTrial, SearchTrials, notable_trials
 from scenario_tui.dashboard.state import DashboardState, Query
-from scenario_tui.dashboard.widgets.search_curve import (
-    SearchCurveView,
-    curve_legend,
-    search_curve,
-)
+from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView, search_curve
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, margin
@@ -40,21 +37,16 @@ _TABS: Final = 66
 """Columns from which on all parts of the screen are named."""
 
 
-class SearchScreen(SteeringScreen, MapActions):
+class SearchScreen(SteeringScreen, MapActions, Parts):
     """A search by its id; one of its runs is in front: its parameters, its map, its replay."""
 
     VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
-    """Parts of the screen; the class of the one shown where there is no room for all."""
     IN_FOOTER = (
         "open", "back", "view", "next-found", "rerun", "all-runs", "help", "quit",
     )  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "open", "Open", id="open",
                 tooltip="The run in front, at the moment that decided it"),
-        Binding("tab,v", "view(1)", "View", key_display="tab", id="view",
-                tooltip="The next part of the screen, where there is no room for all"),
-        Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
-                tooltip="The part before"),
         Binding("n", "found(1)", "Next", id="next-found",
                 tooltip="The next of best, first, nearest, findings, as written"),
         Binding("N", "found(-1)", "Before", show=False, id="previous-found",
@@ -62,9 +54,6 @@ class SearchScreen(SteeringScreen, MapActions):
         Binding("x", "rerun", "Rerun", id="rerun",
                 tooltip="Copy what to type to execute the run in front again"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the search"),
-        Binding("z", "zoom", "Zoom", show=False, id="zoom",
-                tooltip="Nearer to the robot, then all of it"),
-        Binding("Z", "fit", "Fit", show=False, id="fit", tooltip="All of the map again"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str) -> None:
@@ -79,23 +68,18 @@ class SearchScreen(SteeringScreen, MapActions):
         yield StaticText(id="now")
         yield StaticText(id="empty")
         with Horizontal(id="searched"):
-            with Vertical(id="course"):
-                yield SearchCurveView(id="curve")
-                yield StaticText(id="curve-legend")
-                yield KeyedTable(_COLUMNS, id="notable")
-                answer = VerticalScroll(id="answer")
+            with Vertical(id="course", classes="part in-found in-answer in-curve"):
+                yield SearchCurveView(id="curve").add_class("part", "in-curve")
+                yield StaticText(LEGEND, id="curve-legend").add_class("part", "in-curve")
+                yield KeyedTable(_COLUMNS, id="notable").add_class("part", "in-found")
+                answer = VerticalScroll(id="answer", classes="part in-answer")
                 answer.border_title = "answer "
                 with answer:
                     yield StaticText(id="answer-text")
-            with Vertical(id="point"):
-                with VerticalScroll(id="parameters"):
+            with Vertical(id="point", classes="part in-values in-map"):
+                with VerticalScroll(id="parameters", classes="part in-values"):
                     yield StaticText(id="parameters-text")
-                yield RunMap()
-
-    def on_mount(self) -> None:
-        """Begin with what was found."""
-        self.show_view(0)
-        super().on_mount()
+                yield RunMap().add_class("part", "in-map")
 
     def on_resize(self) -> None:
         """Draw everything for the new size."""
@@ -104,7 +88,7 @@ class SearchScreen(SteeringScreen, MapActions):
 
     def state_query(self) -> Query:
         """The search; the run in front where its map is seen."""
-        seen = self.has_class("-wide") or self.VIEWS[self._part] == "map"
+        seen = self.has_class("-wide") or self.part == "map"
         front = self._front()
         if front is None or not seen:
             return Query(search=self._campaign)
@@ -152,8 +136,6 @@ class SearchScreen(SteeringScreen, MapActions):
             if table.display and self.focused is None:
                 table.focus()
             self.query_one(SearchCurveView).show(search_curve(search))
-            legend = curve_legend(search.row.task.drawn_word)
-            self.query_one("#curve-legend", Static).update(legend)
             answer = Text("\n").join(answer_lines(search.row))
             self.query_one("#answer-text", Static).update(answer)
             self._show_point()
@@ -184,9 +166,7 @@ class SearchScreen(SteeringScreen, MapActions):
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
         after = len(search.trials) - len(explored)
         said.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
-        tabs = "" if self.has_class("-wide") else self.tabs()
-        if self.size.width < _TABS:
-            tabs = f"[{self.VIEWS[self._part]}]"
+        tabs = self.tabs() if self.size.width >= _TABS else f"[{self.part}]"
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
 

@@ -1,4 +1,4 @@
-"""The margins of a search over its runs: what fails, the best so far, the space-filling part."""
+"""The margins of a search over its runs: failures, and the best margin so far."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from scenario_tui.dashboard.searches import SearchTrials
 from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes, write_text
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE
 
-_LIMIT, _RUN, _BASELINE, _BEST, _FAIL, _WORDS, _LOST = range(7)
+_LIMIT, _RUN, _BEST, _FAIL, _WORDS, _LOST = range(6)
 _STYLES: Final = (
     Style(color=UNSURE),
     Style(color=QUIET),
-    Style(color=UNSURE, bold=True),
     Style(color=BUSY, bold=True),
     Style(color=BAD, bold=True),
     Style(color=QUIET),
@@ -34,19 +33,19 @@ _GUTTER: Final = 11
 """Columns for the margins beside the graph."""
 _FIRST_RUNS: Final = 60
 """Runs the graph has room for at first; it doubles when they are there, up to the budget."""
-_DASH, _DOTS = 8, 4
-"""Dots of a dash with its gap, and from one dot of the limit to the next."""
+_DOTS: Final = 4
+"""Dots from one dot of the limit to the next."""
+LEGEND: Final = "• run  ✗ fails  ━ best so far  ┈ limit"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchCurve:
-    """What is drawn of a search: ``at`` (n,) are positions of runs that have a margin.
+    """The runs of a search: ``at`` (n,) are positions of runs that have a margin.
 
     ``value`` (n,) is what is compared: the margin in ``unit``, or its multiple of the scale of its
-    oracle where that is empty. ``fails`` (n,) says so of each run. ``best`` and
-    ``baseline`` (m,) are the smallest value so far at each of the ``m`` runs known, of all
-    proposals and of those chosen without looking at results; NaN before the first. ``phases`` are
-    the positions at which phases begin. ``room`` is how many runs the graph is wide.
+    oracle where that is empty. ``fails`` (n,) says whether each of them fails. ``best`` (m,) is the
+    smallest value so far at each of the ``m`` runs known, NaN before the first. ``phases`` are the
+    positions at which phases begin. ``room`` is how many runs the graph is wide.
     """
 
     unit: str
@@ -55,23 +54,16 @@ class SearchCurve:
     value: Floats
     fails: npt.NDArray[np.bool_]
     best: Floats
-    baseline: Floats
     unknown: tuple[tuple[int, str], ...] = ()
     phases: tuple[tuple[int, str], ...] = ()
 
 
-def curve_legend(drawn: str) -> str:
-    """Return what the lines are; ``drawn`` is what runs are called that were not guided."""
-    return f"• run  ✗ fails  ━ best  ╌ best {drawn}  ┈ limit"
-
-
 def search_curve(search: SearchTrials) -> SearchCurve:
-    """Return what is drawn of a search."""
+    """Return the curve of a search."""
     trials, task = search.trials, search.row.task
     value = np.array([one.compared for one in trials], dtype=np.float64)
     known = np.isfinite(value)
-    best = [one.compared if one.explores else math.nan for one in trials]
-    drawn = [math.nan if one.proposal.guided else v for one, v in zip(trials, best, strict=True)]
+    explored = (one.compared if one.explores else math.nan for one in trials)
     phases: dict[str, int] = {}
     for at, one in enumerate(trials):
         phases.setdefault(one.proposal.phase, at)
@@ -81,8 +73,7 @@ def search_curve(search: SearchTrials) -> SearchCurve:
         np.flatnonzero(known),
         value[known],
         np.array([one.fails for one in trials], dtype=np.bool_)[known],
-        np.array(smallest_so_far(best)),
-        np.array(smallest_so_far(drawn)),
+        np.array(smallest_so_far(explored)),
         tuple(
             (at, _sign(one))
             for at, one in enumerate(trials)
@@ -119,18 +110,6 @@ def value_limits(curve: SearchCurve) -> tuple[float, float]:
     return low - room, high + room
 
 
-def thinned(column: npt.NDArray[np.int64], value: Floats) -> npt.NDArray[np.int64]:
-    """Return the indices of the least and the middle value in each column, of (n,) values.
-
-    Of thousands of runs a graph would otherwise be a cloud that hides its lines.
-    """
-    order = np.lexsort((value, column))
-    starts = np.flatnonzero(np.diff(column[order], prepend=-1))
-    middles = (starts + np.append(starts[1:], len(order))) // 2
-    kept: npt.NDArray[np.int64] = np.unique(order[np.concatenate([starts, middles])])
-    return kept
-
-
 class _Graph:
     """The cells of a graph with its margins at the left and its runs below."""
 
@@ -154,20 +133,19 @@ class _Graph:
         return dots
 
     def _draw(self) -> None:
-        curve, canvas = self._curve, self._canvas
+        canvas = self._canvas
         x = np.arange(0.0, canvas.width, _DOTS)
         canvas.points(np.column_stack([x, np.full(len(x), self._down(0.0))]), _LIMIT)
-        self._steps(curve.baseline, _BASELINE, np.arange(canvas.width) % _DASH < _DASH // 2)
-        self._steps(curve.best, _BEST, np.ones(canvas.width, dtype=np.bool_))
+        self._best()
         self._runs()
         codes, owners = canvas.cells()
         self.codes[:-1, self._gutter :], self.owners[:-1, self._gutter :] = codes, owners
         self._margins()
         self._axis()
 
-    def _steps(self, values: Floats, layer: int, shown: npt.NDArray[np.bool_]) -> None:
-        """Draw values that hold until the next run, a column of dots after the other."""
-        width = self._canvas.width
+    def _best(self) -> None:
+        """Draw the best value so far, a column of dots after the other."""
+        values, width = self._curve.best, self._canvas.width
         if not len(values):
             return
         # The last run that falls into a column: of many the smallest so far.
@@ -175,29 +153,23 @@ class _Graph:
         at = np.minimum(np.floor(edges).astype(np.int64), len(values) - 1)
         y = self._down(values[at])
         reached = np.arange(width) <= self._across(len(values) - 1) + 1
-        x = np.flatnonzero(np.isfinite(y) & reached & shown)
+        x = np.flatnonzero(np.isfinite(y) & reached)
         before = np.where(np.isfinite(y[np.maximum(x - 1, 0)]), y[np.maximum(x - 1, 0)], y[x])
-        self._canvas.lines(np.column_stack([x, before, x, y[x]]), layer)
+        self._canvas.lines(np.column_stack([x, before, x, y[x]]), _BEST)
 
     def _runs(self) -> None:
         """Draw every run as a dot, larger while there is room; of failures the worst by sign."""
         curve, canvas = self._curve, self._canvas
         x, y = self._across(curve.at), self._down(curve.value)
         dots = np.column_stack([x, y])
-        for layer, those in ((_RUN, ~curve.fails), (_FAIL, curve.fails)):
-            kept = np.flatnonzero(those)
-            if curve.room > canvas.width:
-                kept = kept[thinned(np.floor(x[kept]).astype(np.int64), curve.value[kept])]
-            canvas.points(dots[kept], layer)
+        canvas.points(dots[~curve.fails], _RUN)
+        canvas.points(dots[curve.fails], _FAIL)
         if curve.room <= canvas.width:
             for at in np.flatnonzero(~curve.fails).tolist():
                 canvas.glyph(x[at], y[at], "•", _RUN)
-        worst: dict[int, int] = {}
-        for at in np.flatnonzero(curve.fails).tolist():
-            column = int(x[at] // 2)
-            if column not in worst or curve.value[at] < curve.value[worst[column]]:
-                worst[column] = at
-        for at in worst.values():
+        failed = np.flatnonzero(curve.fails)
+        signs = {int(x[at] // 2): at for at in failed[np.argsort(-curve.value[failed])].tolist()}
+        for at in signs.values():
             canvas.glyph(x[at], y[at], GLYPHS["fail"], _FAIL)
 
     def _margins(self) -> None:

@@ -15,7 +15,7 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.run_timeline import RunTimeline, common_clock, shift_to_clock
 from scenario_tui.dashboard.screens.compare import CompareScreen
-from scenario_tui.dashboard.screens.replay import ReplayApp
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import (
     margin_change,
@@ -126,7 +126,7 @@ def both(tmp_path_factory):
 
 
 def opened(both, size=(80, 24)):
-    return ReplayApp(CompareScreen(*both, clock=lambda: 0.0)).run_test(size=size)
+    return StandaloneApp(CompareScreen(*both, clock=lambda: 0.0)).run_test(size=size)
 
 
 def shown(pilot):
@@ -178,4 +178,4 @@ async def test_tiny_terminals_are_no_trouble(both, size):
 
 def test_what_it_looks_like(snap_compare, both):
     screen = CompareScreen(*both, clock=lambda: 0.0)
-    assert snap_compare(ReplayApp(screen), terminal_size=(120, 40), press=["n"])
+    assert snap_compare(StandaloneApp(screen), terminal_size=(120, 40), press=["n"])

@@ -8,7 +8,8 @@ from daemon.live.simulation import LiveSimulation, LiveThread
 from grammars.model.geometry import Twist2
 from grammars.model.robot import Drive
 from scenario_tui.dashboard.screens.help import Help
-from scenario_tui.dashboard.screens.live import LiveApp, LiveScreen
+from scenario_tui.dashboard.screens.live import LiveScreen
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.teleoperation import Teleoperation
 from tests.daemon.live.worlds import HandClock, demo_spec, demo_submission, go
 from tests.scenario_tui.dashboard.inline import screen_text
@@ -31,7 +32,7 @@ class Shown:
         )
 
     def opened(self, size=(80, 24)):
-        return LiveApp(self.screen).run_test(size=size)
+        return StandaloneApp(self.screen).run_test(size=size)
 
     async def passes(self, pilot, seconds):
         """Let time pass in the world, and return what is seen then."""

@@ -15,12 +15,12 @@ from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question, TextDialog
 from scenario_tui.dashboard.screens.help import Help
-from scenario_tui.dashboard.screens.live import LiveApp
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
-from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.terminal.filters import PrintableText
@@ -156,12 +156,12 @@ async def walk_through_what_moves(trace, campaigns):
         ReplayScreen(playback, 0.6, clock=lambda: 0.0),
         CompareScreen(playback, playback, clock=lambda: 0.0),
     ):
-        async with ReplayApp(screen).run_test(size=WIDE) as pilot:
+        async with StandaloneApp(screen).run_test(size=WIDE) as pilot:
             await pilot.pause(0)
             look(pilot, type(screen))
     shown = Shown(campaigns, to_type=f"relay{NAME}")
     shown.connected = [f"Foxglove {POISON}"]
-    async with LiveApp(shown.screen).run_test(size=WIDE) as pilot:
+    async with StandaloneApp(shown.screen).run_test(size=WIDE) as pilot:
         await shown.passes(pilot, 1.0)
         look(pilot, type(shown.screen))
 

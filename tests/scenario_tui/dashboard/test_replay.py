@@ -4,7 +4,8 @@ import pytest
 
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.help import Help
-from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
@@ -27,7 +28,7 @@ class Clock:
 
 def opened(playback, begin=2.0, size=(80, 24)):
     screen = ReplayScreen(playback, begin, clock=Clock())
-    return ReplayApp(screen).run_test(size=size)
+    return StandaloneApp(screen).run_test(size=size)
 
 
 def shown(pilot):
@@ -87,7 +88,7 @@ async def test_contacts_are_not_missed_between_two_frames(playback):
 
 
 async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback):
-    async with opened(playback) as pilot:
+    async with opened(playback, size=(80, 60)) as pilot:
         await pilot.press("z")
         assert pilot.app.screen.query_one(TopView)._zoom == 2
         await pilot.press("z", "Z")
@@ -118,4 +119,4 @@ async def test_it_fits_into_any_terminal(playback, size):
 
 def test_what_it_looks_like(snap_compare, playback):
     screen = ReplayScreen(playback, HIT, clock=Clock())
-    assert snap_compare(ReplayApp(screen), terminal_size=(80, 24), press=["space"])
+    assert snap_compare(StandaloneApp(screen), terminal_size=(80, 24), press=["space"])

@@ -17,8 +17,9 @@ from daemon.model.sut import (
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.playback import Playback
-from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run_panel import tracked_view
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.screens.unfinished_run import live_text
 from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.dashboard.widgets.map_style import Layer
@@ -84,7 +85,7 @@ def test_the_costmap_is_seen_where_it_was_asked_for():
 
 
 async def test_a_key_shows_the_other_costmap_or_none():
-    async with ReplayApp(ReplayScreen(playback(), 2.5)).run_test(size=(100, 30)) as pilot:
+    async with StandaloneApp(ReplayScreen(playback(), 2.5)).run_test(size=(100, 30)) as pilot:
         await pilot.pause(0)
         screen = "\n".join(screen_text(pilot))
         assert "collision monitor: stop by Front" in screen

@@ -1,0 +1,60 @@
+"""Keys of the maps of a screen: zoom, pan, follow the robot, choose a costmap."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+
+from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.top_view import TopView
+
+
+class MapActions(Screen[None]):
+    """A screen with a :class:`TopView`, or several, that all do the same."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
+        Binding("Z", "fit", "Fit", show=False, id="fit",
+                tooltip="All of the map and of the time again"),
+        Binding("F", "follow", "Follow", show=False, id="follow",
+                tooltip="Follow the robot when zoomed, or stay"),
+        Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
+        Binding("J", "pan(0, -1)", "Pan down", show=False, id="pan-down", tooltip="When zoomed"),
+        Binding("K", "pan(0, 1)", "Pan up", show=False, id="pan-up", tooltip="When zoomed"),
+        Binding("L", "pan(1, 0)", "Pan right", show=False, id="pan-right", tooltip="When zoomed"),
+        Binding("O", "costmap", "Costmap", show=False, id="costmap",
+                tooltip="Another costmap of the stack on the map, or none"),
+    ]  # fmt: skip
+
+    def action_zoom(self) -> None:
+        """Come nearer to the robot on the map."""
+        for top in self.query(TopView):
+            top.zoom()
+
+    def action_fit(self) -> None:
+        """Show all of the map and of the time again."""
+        for top in self.query(TopView):
+            top.fit()
+        for signals in self.query(TimelineView):
+            signals.fit_time()
+
+    def action_follow(self) -> None:
+        """Follow the robot on the map, or stay where it is now."""
+        followed = [top.follow() for top in self.query(TopView)]
+        self.notify("following the robot" if any(followed) else "staying here")
+
+    def action_costmap(self) -> None:
+        """Show another costmap on the map, or none."""
+        names = [name for top in self.query(TopView) if (name := top.next_costmap()) is not None]
+        if not names:
+            self.notify("no costmap was recorded")
+        else:
+            self.notify(f"{names[0]} costmap" if names[0] else "no costmap")
+
+    def action_pan(self, right: int, up: int) -> None:
+        """Look to a side on the map."""
+        panned = [top.pan(right, up) for top in self.query(TopView)]
+        if not any(panned):
+            self.notify("everything is in view: z comes nearer")

@@ -1,0 +1,58 @@
+"""The parts of a screen, shown one at a time where there is no room for all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+
+
+class Parts(Screen[None]):
+    """A screen of parts; a widget of the class ``part`` is in view with those it names.
+
+    ``in-map``, for example, is the class of everything in the part ``map``. On narrow screens the
+    style sheet hides what is not ``-shown``.
+    """
+
+    VIEWS: ClassVar[Sequence[str]] = ()
+    """Names of the parts, in the order of the key that goes through them."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab,v", "view(1)", "View", key_display="tab", id="view",
+                tooltip="The next part of the screen, where there is room for one only"),
+        Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
+                tooltip="The part before"),
+    ]  # fmt: skip
+
+    _part = 0
+
+    @property
+    def part(self) -> str:
+        """The part in view where there is room for one only."""
+        return self.VIEWS[self._part]
+
+    def on_mount(self) -> None:
+        """Begin with the first part."""
+        self.show_view(self._part)
+
+    def show_view(self, part: int) -> None:
+        """Show one part of the screen where there is room for one only."""
+        self._part = part % len(self.VIEWS)
+        for widget in self.query(".part"):
+            widget.set_class(widget.has_class(f"in-{self.part}"), "-shown")
+        self.call_after_refresh(self.view_changed)
+
+    def view_changed(self) -> None:
+        """Give the part that came the keys, if it takes any."""
+
+    def tabs(self) -> str:
+        """Return the parts of the screen, the one shown in brackets; empty where all are."""
+        if self.has_class("-wide"):
+            return ""
+        return "".join(f"[{name}]" if name == self.part else f" {name} " for name in self.VIEWS)
+
+    def action_view(self, step: int) -> None:
+        """Show the next part of the screen, or the one before."""
+        self.show_view(self._part + step)

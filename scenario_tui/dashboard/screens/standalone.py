@@ -1,0 +1,60 @@
+"""Screens that also stand alone: over the dashboard, or in an app with nothing else."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+
+from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.themes import ThemedApp
+
+
+class StandaloneScreen(Screen[None]):
+    """A screen that has the keys of its own which the dashboard has otherwise."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("escape", "leave", "Back", id="leave", tooltip="To where this came from"),
+    ]
+
+    def action_keys(self) -> None:
+        """Show the keys."""
+        self.app.push_screen(Help(self.app.screen))
+
+    def action_leave(self) -> None:
+        """Go back to where this came from; leave the app when nothing lies below."""
+        if len(self.app.screen_stack) > 1:
+            self.app.pop_screen()
+        else:
+            self.app.exit()
+
+
+class StandaloneApp(ThemedApp):
+    """Nothing but a replay, a comparison or a live world."""
+
+    TITLE = "scenario"
+    CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q", "quit", "Quit", id="quit", tooltip="Leave the program"),
+        Binding("ctrl+c", "quit", "Quit", show=False, priority=True, id="quit-at-once",
+                tooltip="Leave from anywhere"),
+    ]  # fmt: skip
+
+    def __init__(self, screen: Screen[None]) -> None:
+        super().__init__()
+        self._first = screen
+
+    def get_default_screen(self) -> Screen[None]:
+        """Begin with the screen."""
+        return self._first
+
+
+def run_alone(screen: Screen[None]) -> int:
+    """Show a screen until somebody leaves it; return the exit code of the app."""
+    app = StandaloneApp(screen)
+    app.limit_to_terminal()
+    app.run()
+    return app.return_code or 0
