@@ -51,15 +51,18 @@ PAUSE: Final = CampaignAction(
     "paused {campaign}; {runs} wait until `{resume}`",
     "P",
     "Pause",
-    "Start no more runs of the campaign, or go on",
+    "Start no more runs of the campaign",
 )
 RESUME: Final = CampaignAction(
     "pause",
     lambda daemon, campaign: daemon.steer(campaign, paused=False),
     "resumed {campaign}, {runs} queued",
+    "P",
+    "Resume",
+    "Go on with the paused campaign",
     options=("--off",),
 )
-"""Has no key of its own: the one that pauses resumes a paused campaign."""
+"""Has the key of :data:`PAUSE`, which is in effect for a campaign that is not paused."""
 CANCEL: Final = CampaignAction(
     "cancel",
     lambda daemon, campaign: daemon.cancel(campaign),

@@ -21,6 +21,7 @@ from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.dialogs import Refusal
 from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 
@@ -139,8 +140,8 @@ class Dashboard(BaseDashboard):
         # What checks campaigns takes a while to load, and the dashboard is to be there at once.
         from scenario_tui.dashboard.screens.submit import SubmitScreen
 
-        if self.may_steer():
-            self.push_screen(SubmitScreen())
+        why = self.why_not_steer()
+        self.push_screen(Refusal(why) if why else SubmitScreen())
 
     def open_matrix(self, campaign: str) -> None:
         """Show a campaign judged."""

@@ -1,7 +1,4 @@
-"""What the dashboard has done elsewhere: in threads, or by ``scenario`` commands as children.
-
-Also which file is to be checked next, when people choose faster than files are checked.
-"""
+"""Work outside of the thread that draws: in other threads, or by ``scenario`` commands."""
 
 from __future__ import annotations
 
@@ -9,22 +6,17 @@ import json
 import os
 import subprocess
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
-from grammars.text.diagnostics import Finding, InputError, Where
+from grammars.text.diagnostics import InputError
 from grammars.text.words import command_line
-from scenario_tui.campaign_files import newest_change
-
-if TYPE_CHECKING:
-    from scenario_tui.library.submission import CheckedFile
 
 T = TypeVar("T")
 
@@ -148,77 +140,3 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
     if answer.get("schema") == _ERROR:
         raise DaemonError(f"{command_line(*arguments)}: {answer['error']}")
     return answer
-
-
-_AT_ONCE: Final = 2
-"""Files checked at a time: one that takes long, and the one looked at. Every check is a process of
-100 MB, and who holds a cursor key passes by many files.
-"""
-
-
-class CheckQueue:
-    """What is known of files; ``on_checked`` is called when there is more to know.
-
-    A check says as of when it is true: the newest change of anything in the folder, because
-    campaigns name robots, floor plans and oracles that lie beside them.
-    """
-
-    def __init__(
-        self,
-        tasks: BackgroundTasks,
-        check_file: Callable[..., CheckedFile],
-        on_checked: Callable[[], None],
-    ) -> None:
-        self._tasks, self._check_file, self._on_checked = tasks, check_file, on_checked
-        self.state: Path | None = None
-        """The state directory of the daemon, when it is on this machine."""
-        self._checked: dict[Path, tuple[float, CheckedFile]] = {}
-        self._checking: set[Path] = set()
-
-    def found(self, path: Path) -> CheckedFile | None:
-        """Return what was found of a file, if it was checked."""
-        return self._checked[path][1] if path in self._checked else None
-
-    def check(self, path: Path) -> None:
-        """Check a file, unless that was done, or enough of them are being checked."""
-        if path in self._checked or path in self._checking or len(self._checking) >= _AT_ONCE:
-            return
-        self._checking.add(path)
-        self._tasks.start(
-            partial(self._check_now, path), partial(self._note, path), partial(self._fail, path)
-        )
-
-    def forget(self, path: Path) -> None:
-        """Know nothing of a file any more."""
-        self._checked.pop(path, None)
-
-    def look_again(self, path: Path) -> None:
-        """Check a file again if it was edited since, or one beside it."""
-        if path in self._checked:
-            self._tasks.start(
-                partial(newest_change, path.parent),
-                partial(self._note_change, path),
-                partial(self._fail, path),
-            )
-
-    def _check_now(self, path: Path) -> tuple[float, CheckedFile]:
-        # The time first: what is saved while the check goes on makes it out of date.
-        return newest_change(path.parent), self._check_file(path, state=self.state)
-
-    def _note_change(self, path: Path, changed: float) -> None:
-        # What was found before stays on the screen until the next check is done: no flicker.
-        if path in self._checked and changed > self._checked[path][0]:
-            del self._checked[path]
-            self.check(path)
-
-    def _fail(self, path: Path, why: str) -> None:
-        # It knows the daemon's records, which take longer to load than the first screen.
-        from scenario_tui.library.submission import CheckedFile
-
-        found = CheckedFile("", (Finding(Where(str(path)), why),))
-        self._note(path, (time.time(), found))
-
-    def _note(self, path: Path, found: tuple[float, CheckedFile]) -> None:
-        self._checking.discard(path)
-        self._checked[path] = found
-        self._on_checked()

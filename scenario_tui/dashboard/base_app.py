@@ -125,18 +125,18 @@ class BaseDashboard(ThemedApp):
         """Show one run."""
         raise NotImplementedError
 
-    def may_steer(self) -> bool:
-        """Whether anything may be changed from here; says so when not."""
+    def why_not_steer(self) -> str:
+        """Return why nothing can be changed from here, empty if it can."""
         # Only what people see here is barred: who may do what, the daemon decides by their key.
         if self.read_only:
-            self.problem("read-only: nothing is changed from this dashboard")
-        elif not self.daemon_state.connected:
-            self.problem("no daemon answers: nothing was done")
-        return self.daemon_state.connected and not self.read_only
+            return "read-only: nothing is changed from this dashboard"
+        return "" if self.daemon_state.connected else "no daemon answers: nothing was done"
 
     def steer(self, action: Action, command: str) -> None:
-        """Have the daemon do something; what comes of it is said with what to type instead."""
-        if self.may_steer():
+        """Have the daemon do something; its outcome is shown with the command for the same."""
+        if why := self.why_not_steer():
+            self.problem(why)
+        else:
             self.feed.enqueue_action(lambda daemon: f"{action(daemon)}\nsame as: {command}")
 
     def say(self, text: str, command: str) -> None:

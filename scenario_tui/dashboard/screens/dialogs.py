@@ -1,17 +1,19 @@
-"""Questions, menus and prompts over the screen they are about; each says what to type instead."""
+"""Dialogs over the screen they are about: questions, menus, prompts, and refusals.
+
+Each but the last says what to type instead. All leave with the answer as text, or with ``None``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
-from rich.console import RenderableType
 from rich.style import Style
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Vertical, VerticalScroll
+from textual.containers import Vertical
 from textual.events import Key
 from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
@@ -19,26 +21,24 @@ from textual.widgets.option_list import Option
 
 from scenario_tui.text.formatting import BAD, QUIET
 
+YES: Final = "yes"
+_TYPED_ON: Final = frozenset(
+    (*"0123456789jk", "minus", "backspace", "delete", "up", "down", "left", "right", "home", "end")
+)
+"""Keys after which the dialog that was expected would wait for another one."""
+
 
 def same_as(command: str) -> Text:
     """Return the words about what to type to do the same."""
     return Text(f"same as: {command}" if command else "", style=QUIET)
 
 
-def move_cursor(options: OptionList, step: int) -> None:
-    """Go to the next option, or with a negative ``step`` to the one before."""
-    if step > 0:
-        options.action_cursor_down()
-    else:
-        options.action_cursor_up()
-
-
-class Question(ModalScreen[bool]):
-    """A yes-or-no question; ``command`` is what to type to do the same."""
+class Question(ModalScreen[str]):
+    """A yes-or-no question; ``command`` is what to type to do the same. The answer is `YES`."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("y", "answer(True)", "Yes", id="yes", tooltip="Do it"),
-        Binding("n,escape,q", "answer(False)", "No", id="no", tooltip="Leave it as it is"),
+        Binding("y", f"dismiss('{YES}')", "Yes", id="yes", tooltip="Do it"),
+        Binding("n,escape,q", "dismiss", "No", id="no", tooltip="Leave it as it is"),
     ]
 
     def __init__(self, text: str, command: str) -> None:
@@ -48,8 +48,8 @@ class Question(ModalScreen[bool]):
     def compose(self) -> ComposeResult:
         """Lay out the question; its answers can be clicked on."""
         text = Text(self._text + "\n\n")
-        for key, word, answer in (("y", "yes", True), ("n", "no", False)):
-            click = Style.from_meta({"@click": f"screen.answer({answer})"})
+        for key, word, action in (("y", "yes", f"dismiss('{YES}')"), ("n", "no", "dismiss")):
+            click = Style.from_meta({"@click": f"screen.{action}"})
             text.append_text(Text.assemble((key, Style(bold=True) + click), (f" {word}", click)))
             text.append("   ")
         text.append("\n\n")
@@ -57,43 +57,68 @@ class Question(ModalScreen[bool]):
         with Vertical(classes="dialog"):
             yield Static(text)
 
-    def action_answer(self, yes: bool) -> None:
-        """Leave with the answer."""
-        self.dismiss(yes)
+
+class Refusal(ModalScreen[None]):
+    """The reason why a key does nothing, in the place of the dialog that it would have opened.
+
+    Keys typed for that dialog end here and do nothing on the screen below.
+    """
+
+    def __init__(self, why: str) -> None:
+        super().__init__()
+        self._why = why
+
+    def compose(self) -> ComposeResult:
+        """Lay out the reason."""
+        with Vertical(classes="dialog"):
+            yield Static(Text(self._why))
+            yield Static(Text("enter closes this", style=QUIET), classes="note")
+
+    def on_key(self, event: Key) -> None:
+        """Close, unless more is to be expected."""
+        event.stop()
+        if event.key not in _TYPED_ON:
+            self.dismiss()
+
+    def on_click(self) -> None:
+        """Close."""
+        self.dismiss()
 
 
 @dataclass(frozen=True, slots=True)
 class MenuChoice:
-    """A line of a menu: its key if it has one, its meaning, the command that does the same.
+    """A line of a menu: its answer, its key, its meaning, the command that does the same.
 
     ``why_not`` says why it cannot be chosen.
     """
 
+    answer: str
     key: str
     text: str
-    command: str = ""
+    command: str
     why_not: str = ""
 
 
-def numbered_choices(lines: Sequence[tuple[str, str]], first: int) -> list[MenuChoice]:
-    """Return a choice for each text and its command; digits from ``first`` on are their keys."""
-    return [
-        MenuChoice(str(number) if number < 10 else "", text, command)
-        for number, (text, command) in enumerate(lines, first)
-    ]
-
-
-class Menu(ModalScreen[int]):
-    """A choice of several; leaves with the index of the one chosen."""
+class Menu(ModalScreen[str]):
+    """A choice of several; leaves with the answer of the one chosen."""
 
     AUTO_FOCUS = "OptionList"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,q", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
-        Binding("j", "move(1)", "Down", id="down", show=False, tooltip="The next choice"),
-        Binding("k", "move(-1)", "Up", id="up", show=False, tooltip="The choice before"),
+        Binding(
+            "j",
+            "app.simulate_key('down')",
+            "Down",
+            id="down",
+            show=False,
+            tooltip="The next choice",
+        ),
+        Binding(
+            "k", "app.simulate_key('up')", "Up", id="up", show=False, tooltip="The choice before"
+        ),
     ]
 
-    def __init__(self, text: str, choices: Sequence[MenuChoice], note: str = "") -> None:
+    def __init__(self, text: str, choices: Sequence[MenuChoice], note: str) -> None:
         super().__init__()
         self._text, self._choices, self._note = text, tuple(choices), note
 
@@ -101,16 +126,9 @@ class Menu(ModalScreen[int]):
         """Lay out the choices, and below them what to type instead."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
-            yield OptionList(*(self._option(choice) for choice in self._choices), compact=True)
+            yield OptionList(*map(_option, self._choices), compact=True)
             yield Static(id="same")
-            if self._note:
-                yield Static(Text(self._note), classes="note")
-
-    def _option(self, choice: MenuChoice) -> Option:
-        text = Text.assemble((choice.key or " ", "bold"), f"  {choice.text}")
-        if choice.why_not:
-            text.append(f"  ({choice.why_not})", style=QUIET)
-        return Option(text, disabled=bool(choice.why_not))
+            yield Static(Text(self._note), classes="note")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Say what to type for the choice the cursor came to."""
@@ -118,20 +136,23 @@ class Menu(ModalScreen[int]):
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Leave with the choice."""
-        self.dismiss(event.option_index)
+        self.dismiss(self._choices[event.option_index].answer)
 
     def on_key(self, event: Key) -> None:
         """Choose by the key of a line."""
         # Not bindings, which belong to a class: the choices differ from menu to menu.
-        for index, choice in enumerate(self._choices):
-            if choice.key and choice.key == event.character and not choice.why_not:
+        for choice in self._choices:
+            if choice.key == event.character and not choice.why_not:
                 event.stop()
-                self.dismiss(index)
+                self.dismiss(choice.answer)
                 return
 
-    def action_move(self, step: int) -> None:
-        """Move the cursor."""
-        move_cursor(self.query_one(OptionList), step)
+
+def _option(choice: MenuChoice) -> Option:
+    text = Text.assemble((choice.key, "bold"), f"  {choice.text}")
+    if choice.why_not:
+        text.append(f"  ({choice.why_not})", style=QUIET)
+    return Option(text, disabled=bool(choice.why_not))
 
 
 class Prompt(ModalScreen[str]):
@@ -165,27 +186,3 @@ class Prompt(ModalScreen[str]):
         """Leave with the answer, when it is one."""
         if not self._wrong(event.value.strip()):
             self.dismiss(event.value.strip())
-
-
-class TextDialog(ModalScreen[None]):
-    """Something longer to read."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,q,enter", "dismiss", "Close", id="close", tooltip="Back to the screen"),
-        Binding("j", "scroll(1)", "Down", id="down", show=False, tooltip="A line further"),
-        Binding("k", "scroll(-1)", "Up", id="up", show=False, tooltip="A line back"),
-    ]
-
-    def __init__(self, body: RenderableType, command: str = "") -> None:
-        super().__init__()
-        self._body, self._command = body, command
-
-    def compose(self) -> ComposeResult:
-        """Lay out what is told; it scrolls when it is long."""
-        with VerticalScroll(classes="dialog"):
-            yield Static(self._body)
-            yield Static(same_as(self._command))
-
-    def action_scroll(self, lines: int) -> None:
-        """Scroll."""
-        self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)

@@ -70,10 +70,6 @@ class MatrixScreen(SteeringScreen):
         runs = f"{cell.scenario}/{cell.sut}/"
         return self._line("results", self._campaign, "--filter", runs)
 
-    def cursor_lines(self) -> list[tuple[str, str]]:
-        """Return what can be typed about the cell."""
-        return [("runs of the cell", self.cursor_command())]
-
     def trail(self) -> str:
         """Where we are, how it stands, how far it is."""
         parts = [f"campaigns › {self._campaign} › matrix"]

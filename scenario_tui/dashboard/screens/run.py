@@ -75,6 +75,8 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
     )  # fmt: skip
 
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
+        Binding("space", "stay", "Stay", id="replay-play", tooltip="At this moment of the run"),
         Binding("p", "replay", "Play", show=False, id="play",
                 tooltip="Watch the recorded run from above, the map alone"),
         Binding("C", "compare", "Compare", id="compare",
@@ -119,10 +121,6 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
         """This run, and how it is judged while it runs."""
         return Query(run=self._run, judged=True)
 
-    def rejudge_target(self) -> str:
-        """This run alone is judged again."""
-        return self._run
-
     def command(self) -> str:
         """Return what to type to be told of it."""
         return self._line("show", self._run)
@@ -134,17 +132,19 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
             return self.command()
         return self._line("replay", self._run, "--frame", chosen.oracle)
 
-    def cursor_lines(self) -> list[tuple[str, str]]:
-        """Return what can be typed about the verdict and its run."""
-        return [("the verdict's moment", self.cursor_command()), *self.run_lines(self._run)]
-
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
         return self.dashboard.daemon_state.campaign(self._run.rpartition(".")[0])
 
-    def renamed_keys(self) -> dict[str, str]:
-        """What follows a run that goes on is stopped by the key that plays."""
-        return super().renamed_keys() | ({"replay-play": "Stay"} if follows(self.transport) else {})
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """One key plays a run, and stays where it is in one that is followed."""
+        if action in ("play", "stay") and follows(self.transport) != (action == "stay"):
+            return False
+        return super().check_action(action, parameters)
+
+    def action_stay(self) -> None:
+        """Stay at the moment shown of a run that goes on."""
+        self.action_play()
 
     def trail(self) -> str:
         """Where we are."""

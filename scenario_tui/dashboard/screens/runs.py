@@ -179,11 +179,6 @@ class RunsScreen(SteeringScreen):
         run = self.query_one(KeyedTable).key
         return self._line("show", run) if run else self.command()
 
-    def cursor_lines(self) -> list[tuple[str, str]]:
-        """Return what can be typed about the run under the cursor."""
-        run = self.query_one(KeyedTable).key
-        return self.run_lines(run) if run else []
-
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown, or that of the run under the cursor."""
         wanted = self._wanted.campaign

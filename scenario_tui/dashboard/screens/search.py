@@ -107,11 +107,6 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
         front = self._front()
         return self.command() if front is None else self._line("show", front.trial.run)
 
-    def cursor_lines(self) -> list[tuple[str, str]]:
-        """Return what can be typed about the run in front."""
-        front = self._front()
-        return [] if front is None else self.run_lines(front.trial.run)
-
     def trail(self) -> str:
         """Where we are, and what is going on."""
         parts = [f"campaigns › {self._campaign} › search"]

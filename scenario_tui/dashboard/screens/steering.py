@@ -1,20 +1,31 @@
-"""Steering a campaign: pause, priority, cancel, retry; judging it again and its report."""
+"""Steering a campaign by keys, and its report.
+
+A key with nothing to do is grey. Pressed all the same, it says why (:class:`Refusal`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from textual.app import SystemCommand
+from textual.actions import parse
 from textual.binding import Binding, BindingType
+from textual.events import Key
+from textual.screen import ModalScreen
 
-from grammars.text.words import count_noun
+from daemon.batch.paths import StatePaths
+from grammars.text.words import command_line, count_noun
 from scenario_tui.campaign_actions import (
     ACKNOWLEDGE,
     CANCEL,
     DELETE,
-    KEYED,
     PAUSE,
     PRIORITY,
     RESUME,
@@ -23,25 +34,18 @@ from scenario_tui.campaign_actions import (
     deletion_text,
 )
 from scenario_tui.dashboard.screens.base import BaseScreen
-from scenario_tui.dashboard.screens.dialogs import (
-    Menu,
-    MenuChoice,
-    Prompt,
-    Question,
-    numbered_choices,
-)
-from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
+from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question, Refusal
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow
     from daemon.model.verbs import DaemonClient
+    from scenario_tui.dashboard.background import CommandAnswer
 
-_ABOUT_CAMPAIGN: Final = frozenset(
-    {"matrix", "judge", "report", "commands", *(action.command for action in KEYED)}
-)
-"""Ids of the keys that do something about a campaign."""
+CommandLine = Callable[..., str]
+"""Quotes a command about the daemon of this dashboard."""
+
 _LOST: Final = "lost|cancelled"
-"""What `scenario retry` queues again without --only."""
+"""Runs that `scenario retry` queues again without --only."""
 _KINDS: Final = (
     ("l", "lost and cancelled", _LOST),
     ("f", "failed", "fail"),
@@ -49,6 +53,125 @@ _KINDS: Final = (
     ("i", "inconclusive", "inconclusive"),
     ("a", "all that are over", "all"),
 )
+_SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
+_DISPLAYS: Final = ("DISPLAY", "WAYLAND_DISPLAY")
+_OPENERS: Final = ("xdg-open", "open")
+
+
+@dataclass(frozen=True, slots=True)
+class _Steering:
+    """An action with a key: why it is impossible, empty if it is not, and the dialog before it.
+
+    ``arguments`` makes the options of the command and the keywords of the request of an answer.
+    """
+
+    action: CampaignAction
+    why_not: Callable[[CampaignRow], str]
+    dialog: Callable[[CampaignRow, CommandLine], ModalScreen[str]] | None = None
+    arguments: Callable[[str], tuple[tuple[str, ...], dict[str, Any]]] = lambda _: ((), {})
+
+
+def _question(
+    action: CampaignAction, text: Callable[[CampaignRow], str]
+) -> Callable[[CampaignRow, CommandLine], Question]:
+    return lambda row, line: Question(text(row), line(action.command, row.id))
+
+
+def _ask_priority(row: CampaignRow, line: CommandLine) -> Prompt:
+    from daemon.model.messages import HIGHEST_PRIORITY
+
+    span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
+
+    def wrong(answer: str) -> str:
+        try:
+            possible = -HIGHEST_PRIORITY <= int(answer) <= HIGHEST_PRIORITY
+        except ValueError:
+            return "write a whole number, such as 5 or -5"
+        return "" if possible else f"at least −{HIGHEST_PRIORITY}, at most {HIGHEST_PRIORITY}"
+
+    return Prompt(
+        f"Priority of {row.id}\n{span}, usual is 0; the highest goes first",
+        str(row.priority),
+        wrong,
+        lambda answer: line(PRIORITY.command, row.id, str(int(answer))),
+    )
+
+
+def _ask_kind(row: CampaignRow, line: CommandLine) -> Menu:
+    choices = []
+    for key, words, only in _KINDS:
+        runs = _over(row, only)
+        text = f"{words}: {runs:,}" if runs else words
+        command = line(RETRY.command, row.id, *_only(only))
+        choices.append(MenuChoice(only, key, text, command, "" if runs else "none"))
+    waits = "It is paused: they wait until it is resumed. " if row.paused else ""
+    note = f"{waits}Runs that have a result keep it: running them again checks it."
+    return Menu(f"Retry which runs of {row.id}?", choices, note)
+
+
+def _over(row: CampaignRow, only: str) -> int:
+    """Return how many runs of a kind can be queued again."""
+    return {
+        _LOST: row.lost + row.cancelled,
+        "fail": row.failed,
+        "error": row.errors,
+        "inconclusive": row.inconclusive,
+        "all": row.done + row.lost + row.cancelled,
+    }[only]
+
+
+def _only(kind: str) -> tuple[str, ...]:
+    """Return the option that retries runs of a kind; lost and cancelled ones need none."""
+    return () if kind == _LOST else ("--only", kind)
+
+
+_STEERING: Final[Mapping[str, _Steering]] = {
+    "pause": _Steering(
+        PAUSE,
+        lambda row: f"{row.id} is finished: there is nothing to pause." if row.finished else "",
+    ),
+    "resume": _Steering(RESUME, lambda row: ""),
+    "cancel": _Steering(
+        CANCEL,
+        lambda row: (
+            "" if row.queued + row.running else f"{row.id} is finished: nothing is left to cancel."
+        ),
+        _question(
+            CANCEL,
+            lambda row: (
+                f"Cancel {count_noun(row.queued + row.running, 'unfinished run')} of {row.id}? "
+                "Its results are kept."
+            ),
+        ),
+    ),
+    "retry": _Steering(
+        RETRY,
+        lambda row: "" if _over(row, "all") else f"No run of {row.id} is over: nothing to retry.",
+        _ask_kind,
+        lambda answer: (_only(answer), {"only": answer}),
+    ),
+    "acknowledge": _Steering(
+        ACKNOWLEDGE,
+        lambda row: f"{row.id} is acknowledged, and nothing is new." if row.acknowledged else "",
+    ),
+    "priority": _Steering(
+        PRIORITY,
+        lambda row: f"{row.id} is finished: its priority has no effect." if row.finished else "",
+        _ask_priority,
+        lambda answer: ((answer,), {"priority": int(answer)}),
+    ),
+    "delete": _Steering(
+        DELETE,
+        lambda row: "" if row.finished else f"{row.id} is not finished: cancel it, then delete it.",
+        _question(
+            DELETE,
+            lambda row: (
+                f"Delete {row.id} with its {count_noun(row.total, 'run')}, results and traces?\n"
+                "Nothing brings them back."
+            ),
+        ),
+    ),
+}
 
 
 class SteeringScreen(BaseScreen):
@@ -57,32 +180,20 @@ class SteeringScreen(BaseScreen):
     BINDINGS: ClassVar[list[BindingType]] = [
         *(
             Binding(
-                action.key, action.command, action.name, show=False, id=action.command,
-                tooltip=action.tooltip,
+                one.action.key, f"steer('{name}')", one.action.name, show=False,
+                id=one.action.command, tooltip=one.action.tooltip,
             )
-            for action in KEYED
-        ),
-        Binding(
-            "E", "judge", "Judge again", show=False, id="judge",
-            tooltip="By other oracles, say",
+            for name, one in _STEERING.items()
         ),
         Binding(
             "o", "report", "Report", show=False, id="report",
             tooltip="Write it as a page with figures",
-        ),
-        Binding(
-            "Y", "commands", "Commands", show=False, id="commands",
-            tooltip="All commands about it and its campaign, to copy",
         ),
     ]  # fmt: skip
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the keys are about."""
         raise NotImplementedError
-
-    def rejudge_target(self) -> str:
-        """Return the run that is judged again, empty for all of the campaign."""
-        return ""
 
     def command(self) -> str:
         """Return what to type for the results of the campaign."""
@@ -91,254 +202,157 @@ class SteeringScreen(BaseScreen):
             return super().command()
         return self._line("search" if row.search else "results", row.id)
 
-    def cursor_lines(self) -> list[tuple[str, str]]:
-        """Return what can be typed about what the cursor is on: in words, and the commands."""
-        return []
-
-    def run_lines(self, run: str) -> list[tuple[str, str]]:
-        """Return what can be typed about a run."""
-        return [
-            ("show the run", self._line("show", run)),
-            ("watch it", self._line("replay", run)),
-            ("draw its signals", self._line("plot", run)),
-            ("execute it again", self._line("verify", run)),
-        ]
-
-    def pointless_keys(self) -> frozenset[str]:
-        """Return the ids of keys with nothing to do now: they are not about such a campaign."""
-        row, barred = self.campaign(), super().pointless_keys()
-        if row is None:
-            # Before anything is known, nothing is known to be missing.
-            return barred | _ABOUT_CAMPAIGN if self.dashboard.daemon_state.at else barred
-        if row.search:
-            barred |= {"matrix"}
-        if row.finished:
-            barred |= {"pause", "cancel", "priority"}
-        else:
-            barred |= {"delete"}
-        return barred if _over(row, "all") else barred | {"retry", "report", "judge"}
-
-    def update_from_state(self) -> None:
-        """Bring everything up to date; the key that pauses is also the one that resumes."""
-        super().update_from_state()
-        if not self._composed or not self.app.is_running:
-            return
-        renamed = self.renamed_keys()
-        pointless = self.pointless_keys()
-        if (self._renamed, self._pointless) != (renamed, pointless):
-            self._renamed, self._pointless = renamed, pointless
-            self.refresh_bindings()
-
-    def renamed_keys(self) -> dict[str, str]:
-        """Return what keys are called just now, by their id."""
-        row = self.campaign()
-        return {"pause": "Resume"} if row is not None and row.paused else {}
-
-    _pointless: frozenset[str] = frozenset()
-    """The ids of keys that are not offered, as they are shown."""
-
-    def palette_commands(self) -> Iterable[SystemCommand]:
-        """Yield retrying of each kind: the key only opens a menu of them."""
-        for _, words, only in _KINDS:
-            retry = partial(self._retry_only, only)
-            yield SystemCommand(f"Retry {words}", "Queue these runs again", retry)
-
     def _line(self, command: str, *arguments: str) -> str:
         return self.dashboard.command_lines.daemon_line(command, *arguments)
 
-    def _about(self, *, steering: bool = True) -> CampaignRow | None:
-        """Return the campaign to do something about; say so when there is none, or it is barred."""
-        if steering and not self.dashboard.may_steer():
-            return None
+    def why_not(self, action: str, *parameters: object) -> str:
+        """Return why an action is impossible now, empty if it is possible; its key is grey."""
+        # Before anything is known, nothing is known to be missing.
+        if action not in ("steer", "report", "matrix") or not self.dashboard.daemon_state.at:
+            return ""
+        if action == "steer" and (why := self.dashboard.why_not_steer()):
+            return why
         row = self.campaign()
         if row is None:
-            self.notify("there is no campaign here to do that with")
+            return "There is no campaign here to do that with."
+        if action == "steer":
+            return _STEERING[str(parameters[0])].why_not(row)
+        if action == "report":
+            return self._why_no_report(row)
+        return f"{row.id} is a search: nothing was expected of its runs." if row.search else ""
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Make impossible keys grey; of pausing and resuming, which have one key, hide one."""
+        if action == "steer" and parameters[0] in ("pause", "resume"):
+            row = self.campaign() if self._composed else None
+            if (row is not None and row.paused) != (parameters[0] == "resume"):
+                return False
+        if self.why_not(action, *parameters):
+            return None
+        return super().check_action(action, parameters)
+
+    def on_key(self, event: Key) -> None:
+        """Say why a grey key does nothing, in a dialog that takes what is typed behind it."""
+        active = self.active_bindings.get(event.key)
+        # What was typed before a dialog opened may arrive here afterwards, and is for the dialog.
+        if active is not None and not active.enabled and self.is_current:
+            _, action, parameters = parse(active.binding.action)
+            if why := self.why_not(action, *parameters):
+                event.stop()
+                self.app.push_screen(Refusal(why))
+
+    def update_from_state(self) -> None:
+        """Bring everything up to date, also which keys do something."""
+        super().update_from_state()
+        if self._composed and self.app.is_running:
+            enabled = {one.binding: one.enabled for one in self.active_bindings.values()}
+            if enabled != self._enabled:
+                self._enabled = enabled
+                self.refresh_bindings()
+
+    _enabled: Mapping[Binding, bool] = {}
+
+    def _row(self) -> CampaignRow | None:
+        """Return the campaign, or refuse what was asked for before anything is known."""
+        row = self.campaign()
+        if row is None:
+            self.app.push_screen(Refusal("The daemon has not answered yet."))
         return row
-
-    def _steer(
-        self,
-        action: CampaignAction,
-        row: CampaignRow,
-        *options: str,
-        ending: str = "",
-        **given: object,
-    ) -> None:
-        """Have the daemon do something to a campaign; say what came of it."""
-
-        def act(daemon: DaemonClient) -> str:
-            runs = action.request(daemon, row.id, **given)
-            return action.outcome_text(row.id, runs, self._line, **given)
-
-        line = self._line(action.command, row.id, *action.options, *options)
-        self.dashboard.steer(lambda daemon: act(daemon) + ending, line)
 
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""
-        row = self._about(steering=False)
-        if row is not None and row.search:
-            self.notify(f"{row.id} is a search: nothing was expected of its runs")
-        elif row is not None:
+        if (row := self._row()) is not None:
             self.dashboard.open_matrix(row.id)
 
-    def action_pause(self) -> None:
-        """Pause, or go on with, the campaign."""
-        row = self._about()
+    def action_steer(self, name: str) -> None:
+        """Do something to the campaign, after a dialog if the action has one."""
+        steering, row = _STEERING[name], self._row()
         if row is None:
             return
-        if row.paused:
-            self._steer(RESUME, row)
-        elif row.finished:
-            self.notify(f"{row.id} is finished, there is nothing to pause")
-        else:
-            self._steer(PAUSE, row)
-
-    def action_acknowledge(self) -> None:
-        """Note that what went wrong in the campaign is known."""
-        if row := self._about():
-            self._steer(ACKNOWLEDGE, row)
-
-    def action_priority(self) -> None:
-        """Ask for another priority."""
-        row = self._about()
-        if row is None:
-            return
-        if row.finished:
-            self.notify(f"{row.id} is finished, its priority says nothing any more")
+        if steering.dialog is None:
+            self._steer(steering, row, "")
             return
 
-        def decided(answer: str | None) -> None:
+        def decide(answer: str | None) -> None:
             if answer is not None:
-                self._steer(PRIORITY, row, answer, priority=int(answer))
+                self._steer(steering, row, answer)
 
-        from daemon.model.messages import HIGHEST_PRIORITY
+        self.app.push_screen(steering.dialog(row, self._line), decide)
 
-        span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
-        text = f"Priority of {row.id}\n{span}, usual is 0; the highest goes first"
-        prompt = Prompt(
-            text,
-            str(row.priority),
-            _no_priority,
-            lambda answer: self._line("priority", row.id, str(int(answer))),
-        )
-        self.app.push_screen(prompt, decided)
+    def _steer(self, steering: _Steering, row: CampaignRow, answer: str) -> None:
+        """Have the daemon do it; its outcome is shown with the command that does the same."""
+        action = steering.action
+        options, keywords = steering.arguments(answer)
 
-    def action_cancel(self) -> None:
-        """Ask whether to cancel, then do it."""
-        row = self._about()
-        if row is None:
-            return
-        waiting = row.queued + row.running
-        if not waiting:
-            self.notify(f"{row.id} is finished, there is nothing to cancel")
-            return
+        def act(daemon: DaemonClient) -> str:
+            done = action.request(daemon, row.id, **keywords)
+            if action is DELETE:
+                return deletion_text(done)
+            return action.outcome_text(row.id, done, self._line, **keywords)
 
-        def decided(yes: bool | None) -> None:
-            if yes:
-                self._steer(CANCEL, row)
+        line = self._line(action.command, row.id, *action.options, *options)
+        self.dashboard.steer(act, line)
 
-        text = f"Cancel {count_noun(waiting, 'unfinished run')} of {row.id}? Its results are kept."
-        self.app.push_screen(Question(text, self._line("cancel", row.id)), decided)
-
-    def action_delete(self) -> None:
-        """Ask whether to remove the campaign, then do it."""
-        row = self._about()
-        if row is None:
-            return
-        if not row.finished:
-            self.notify(f"{row.id} is not finished: cancel it before it is deleted")
-            return
-
-        def decided(yes: bool | None) -> None:
-            if yes:
-                self.dashboard.steer(
-                    lambda daemon: deletion_text(DELETE.request(daemon, row.id)),
-                    self._line("delete", row.id),
-                )
-
-        text = (
-            f"Delete {row.id} with its {count_noun(row.total, 'run')}, results and traces?\n"
-            "Nothing brings them back."
-        )
-        self.app.push_screen(Question(text, self._line("delete", row.id)), decided)
-
-    def action_retry(self) -> None:
-        """Ask which runs to queue again."""
-        row = self._about()
-        if row is None:
-            return
-        choices = [self._choice(row, key, words, only) for key, words, only in _KINDS]
-        if all(choice.why_not for choice in choices):
-            self.notify(f"no run of {row.id} is over: there is nothing to retry yet")
-            return
-
-        def decided(index: int | None) -> None:
-            if index is not None:
-                self._retry(row, _KINDS[index][2])
-
-        note = "Runs that have a result keep it: running them again checks it."
-        self.app.push_screen(Menu(f"Retry which runs of {row.id}?", choices, note), decided)
-
-    def _retry_only(self, only: str) -> None:
-        """Queue runs of one kind again."""
-        row = self._about()
-        if row is None:
-            return
-        if not _over(row, only):
-            self.notify(f"{row.id} has no such run")
-            return
-        self._retry(row, only)
-
-    def _retry(self, row: CampaignRow, only: str) -> None:
-        waits = "; it is paused, they wait until it is resumed" if row.paused else ""
-        self._steer(RETRY, row, *_only(only), ending=waits, only=only)
-
-    def _choice(self, row: CampaignRow, key: str, words: str, only: str) -> MenuChoice:
-        runs = _over(row, only)
-        why_not = "" if runs else "none"
-        text = f"{words}: {runs:,}" if runs else words
-        return MenuChoice(key, text, self._line("retry", row.id, *_only(only)), why_not)
-
-    def action_judge(self) -> None:
-        """Ask by which oracles, then judge the recorded runs again."""
-        row = self._about(steering=False)
-        if row is not None:
-            judge_again(self.dashboard, row, self.rejudge_target() or row.id)
+    def _why_no_report(self, row: CampaignRow) -> str:
+        overview = self.dashboard.daemon_state.overview
+        assert overview is not None
+        if not StatePaths(Path(overview.state)).ledger.is_file():
+            where = f"{overview.state} on the daemon's machine"
+            return f"The traces of {row.id} are not on this machine ({where})."
+        return "" if row.done else f"No run of {row.id} has a result yet."
 
     def action_report(self) -> None:
-        """Write the report."""
-        row = self._about(steering=False)
-        if row is not None:
-            make_report(self.dashboard, row)
-
-    def action_commands(self) -> None:
-        """Show what to type about the campaign, to copy a line of it."""
-        row = self._about(steering=False)
-        if row is None:
+        """Write the report; when it is there, show it where that can be seen."""
+        dashboard, row = self.dashboard, self._row()
+        overview = dashboard.daemon_state.overview
+        if row is None or overview is None:
             return
-        lines = self._lines(row)
+        page = Path.cwd() / f"{row.id}.html"
+        arguments = dashboard.command_lines.local_arguments(
+            Path(overview.state), "report", row.id, "-o", page.name
+        )
+        command, doing = command_line(*arguments), f"writing the report of {row.id}"
+        if doing in dashboard.running_jobs:
+            dashboard.notify(f"… {doing} already", markup=False)
+            return
+        dashboard.running_jobs.add(doing)
+        dashboard.say(f"{doing} …", command)
 
-        def decided(index: int | None) -> None:
-            if index is not None:
-                self.dashboard.copy(lines[index][1])
+        def done(answer: CommandAnswer) -> None:
+            dashboard.running_jobs.discard(doing)
+            opened = open_in_browser(page, os.environ)
+            where = "opened in the browser" if opened else "open it in a browser"
+            dashboard.say(f"{answer['answer']}\n{page} ({where})", command)
 
-        menu = Menu("Copy which command?", numbered_choices(lines, 1))
-        self.app.push_screen(menu, decided)
+        def failed(why: str) -> None:
+            dashboard.running_jobs.discard(doing)
+            dashboard.problem(why)
 
-    def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
-        other = "resume" if row.paused else "pause"
-        about = [
-            *self.cursor_lines(),
-            ("what this screen shows", self.command()),
-            ("results of the campaign", self._line("results", row.id)),
-            ("write its report", self._line("report", row.id)),
-            (f"{other} it", self._line("pause", row.id, *(["--off"] if row.paused else []))),
-            ("cancel it", self._line("cancel", row.id)),
-            ("retry what failed", self._line("retry", row.id, "--only", "fail")),
-            ("retry what was lost or cancelled", self._line("retry", row.id)),
-            ("give it priority 1", self._line("priority", row.id, "1")),
-            ("delete it", self._line("delete", row.id)),
-        ]
-        return [(words, line) for line, words in {line: words for words, line in about}.items()]
+        dashboard.background_tasks.start(partial(dashboard.run_command, arguments), done, failed)
+
+
+def has_display(environ: Mapping[str, str]) -> bool:
+    """Whether somebody sits at this machine's own screen; never over SSH."""
+    # Even with a forwarded display: a browser over the line is not what anybody waits for.
+    if any(environ.get(name) for name in _SSH):
+        return False
+    return sys.platform == "darwin" or any(environ.get(name) for name in _DISPLAYS)
+
+
+def open_in_browser(page: Path, environ: Mapping[str, str]) -> bool:
+    """Open a page in the browser of this machine's screen; return whether there is one."""
+    opener = next(filter(None, map(shutil.which, _OPENERS)), None)
+    if opener is None or not has_display(environ):
+        return False
+    # A browser outlives the dashboard and must not write over it.
+    subprocess.Popen(
+        [opener, page.as_uri()],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    return True
 
 
 def schedule_marks(row: CampaignRow) -> list[str]:
@@ -351,34 +365,3 @@ def schedule_marks(row: CampaignRow) -> list[str]:
 def priority_text(priority: int) -> str:
     """Return ``priority −5``."""
     return f"priority {priority}".replace("-", "−")
-
-
-def _over(row: CampaignRow, only: str) -> int:
-    """Return how many runs of a kind there are to be queued again."""
-    return {
-        _LOST: row.lost + row.cancelled,
-        "fail": row.failed,
-        "error": row.errors,
-        "inconclusive": row.inconclusive,
-        "all": row.done + row.lost + row.cancelled,
-    }[only]
-
-
-def _only(kind: str) -> tuple[str, ...]:
-    """Return the option that retries runs of a kind: lost and cancelled ones need none."""
-    return () if kind == _LOST else ("--only", kind)
-
-
-def _no_priority(answer: str) -> str:
-    """Return why an answer is no priority, empty when it is one."""
-    from daemon.model.messages import HIGHEST_PRIORITY
-
-    try:
-        number = int(answer)
-    except ValueError:
-        return "write a whole number, such as 5 or -5"
-    return (
-        ""
-        if -HIGHEST_PRIORITY <= number <= HIGHEST_PRIORITY
-        else f"at least −{HIGHEST_PRIORITY}, at most {HIGHEST_PRIORITY}"
-    )

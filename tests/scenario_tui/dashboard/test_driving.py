@@ -6,17 +6,9 @@ from collections import Counter
 import pytest
 
 from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
-from grammars.text.codec import to_plain
-from scenario_tui.dashboard.screens import trace_actions
+from scenario_tui.dashboard.screens import steering
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
-from scenario_tui.dashboard.screens.dialogs import (
-    Menu,
-    Prompt,
-    Question,
-    TextDialog,
-    numbered_choices,
-)
+from scenario_tui.dashboard.screens.dialogs import Menu, Prompt, Question, Refusal
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
@@ -82,8 +74,9 @@ async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake):
         assert "‖ paused" in shown(pilot)
         assert "P Resume" in shown(pilot)
         assert f"same as: scenario pause {CAMPAIGN}" in notices(pilot)
-        await press(pilot, "r", "f")
-        assert "again; it is paused, they wait until it is resumed" in notices(pilot)
+        await press(pilot, "r")
+        assert "It is paused: they wait until it is resumed." in shown(pilot)
+        await press(pilot, "f")
         await press(pilot, "P")
         await settle(pilot)
         assert f"same as: scenario pause {CAMPAIGN} --off" in notices(pilot)
@@ -129,63 +122,6 @@ async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake):
         assert "all that are over: 8" in shown(pilot)
 
 
-async def test_what_is_over_is_neither_paused_nor_preferred_nor_cancelled(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "down", "P", "number_sign", "c")
-        assert isinstance(pilot.app.screen, CampaignsScreen)
-        assert notices(pilot).count(f"{OLD} is finished") == 3
-
-
-async def test_nothing_is_retried_before_a_run_is_over(fake):
-    fake.rows = (make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),)
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "r")
-        assert isinstance(pilot.app.screen, CampaignsScreen)
-        assert "nothing to retry yet" in notices(pilot)
-
-
-async def test_without_a_campaign_every_key_says_so(fake):
-    fake.empty = True
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await pilot.press("P", "c", "r", "number_sign", "E", "o", "Y", "m")
-        assert notices(pilot).count("there is no campaign here") == 8
-
-
-async def test_without_a_daemon_nothing_is_done_later(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        fake.reachable = False
-        await settle(pilot)
-        await press(pilot, "P")
-        assert "no daemon answers: nothing was done" in notices(pilot)
-        fake.reachable = True
-        await settle(pilot)
-    assert not fake.told("steer")
-
-
-async def test_a_read_only_dashboard_looks_and_says_so(fake):
-    async with opened(fake, config=configured(read_only=True)) as pilot:
-        await settle(pilot)
-        assert "read-only" in screen_text(pilot)[1]
-        await pilot.press("P", "c", "r", "number_sign", "s")
-        assert isinstance(pilot.app.screen, CampaignsScreen)
-        assert notices(pilot).count("read-only: nothing is changed") == 5
-        bindings = {a.binding.id: a.enabled for a in pilot.app.screen.active_bindings.values()}
-        assert not bindings["cancel"]
-        assert bindings["matrix"]
-    assert {call[0] for call in fake.calls} <= {
-        "open",
-        "overview",
-        "campaigns",
-        "declared",
-        "origin",
-        "runs",
-    }
-
-
 async def test_answers_can_be_clicked_on(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
@@ -196,13 +132,6 @@ async def test_answers_can_be_clicked_on(fake):
         await settle(pilot)
         assert not isinstance(pilot.app.screen, Question)
     assert fake.told("cancel") == [(CAMPAIGN,)]
-
-
-async def test_a_line_of_the_commands_is_copied(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "Y", "5")
-        assert pilot.app.clipboard == f"scenario retry {CAMPAIGN} --only fail"
 
 
 def test_outside_of_tmux_its_buffer_is_left_alone():
@@ -226,7 +155,7 @@ async def test_every_command_shown_is_one_of_the_command_line(fake, scenario):
 
 
 async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch):
-    monkeypatch.setattr(trace_actions, "open_in_browser", lambda page, environ: False)
+    monkeypatch.setattr(steering, "open_in_browser", lambda page, environ: False)
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})
@@ -244,41 +173,42 @@ async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypa
     assert ask.asked == [("report", CAMPAIGN, "-o", page, "--state", str(tmp_path))]
 
 
-async def test_traces_on_another_machine_are_not_judged_here(fake):
-    ask = Commands()
-    async with opened(fake, run_command=ask) as pilot:
+REFUSALS = {
+    "finished": {"P": "nothing to pause", "c": "nothing is left", "number_sign": "no effect"},
+    "waiting": {"r": "nothing to retry", "D": "cancel it, then delete it"},
+    "empty": dict.fromkeys(("P", "c", "r", "number_sign", "o", "m"), "no campaign here"),
+    "elsewhere": {"o": "are not on this machine"},
+    "unreachable": dict.fromkeys(("P", "c", "r", "number_sign", "s"), "no daemon answers"),
+    "read-only": dict.fromkeys(("P", "c", "r", "number_sign", "s"), "read-only"),
+}
+"""What cannot be done, and the words of the reason of each key."""
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+async def test_a_key_that_can_do_nothing_says_why_and_takes_what_is_typed_behind_it(fake, case):
+    if case == "waiting":
+        fake.rows = (make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),)
+    fake.empty = case == "empty"
+    async with opened(fake, config=configured(read_only=case == "read-only")) as pilot:
         await settle(pilot)
-        await press(pilot, "o", "E")
-        assert notices(pilot).count("are not on this machine") == 2
-    assert not ask.asked
-
-
-async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypatch):
-    from daemon.analysis.rejudge import RejudgedTrace, Rejudgement
-    from tests.scenario_tui.fake import make_result
-
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "ledger.db").touch()
-    (tmp_path / "strict.oracles.yaml").write_text("a: never(contact)\n")
-    fake.state = str(tmp_path)
-    good, bad = (make_result(fake.rows[i]).verdicts for i in (0, 5))
-    found = RejudgedTrace("run.mcap", "S1/pilot/0", "0" * 64, Outcome.FAIL, bad, Outcome.PASS, good,
-                     "ledger")  # fmt: skip
-    ask = Commands(to_plain(Rejudgement("", (found,))))
-    async with opened(fake, run_command=ask, command_lines=local(tmp_path)) as pilot:
+        if case == "finished":
+            await press(pilot, "down")
+        if case == "unreachable":
+            fake.reachable = False
+            await settle(pilot)
+        clipboard = pilot.app.clipboard
+        for key, why in REFUSALS[case].items():
+            await press(pilot, key)
+            assert isinstance(pilot.app.screen, Refusal)
+            assert why in shown(pilot)
+            await press(pilot, "7", "j", "y")
+            assert isinstance(pilot.app.screen, CampaignsScreen)
+            bindings = pilot.app.screen.active_bindings
+            assert key == "s" or not bindings[key].enabled
+        assert pilot.app.clipboard == clipboard
+        fake.reachable = True
         await settle(pilot)
-        await press(pilot, "E")
-        await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
-        assert "1  strict.oracles.yaml" in shown(pilot)
-        ask.done.set()
-        await press(pilot, "1")
-        await until(pilot, lambda: isinstance(pilot.app.screen, TextDialog))
-        assert "1 verdict changed" in shown(pilot)
-        assert "✓ pass → ✗ fail  S1/pilot/0" in shown(pilot)
-        await press(pilot, "q", "enter", "enter", "E")
-        await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
-        assert f"Judge {CAMPAIGN}.0 again by" in shown(pilot)
-    assert ask.asked[0][:4] == ("judge", CAMPAIGN, "--oracles", "strict.oracles.yaml")
+    assert not {"steer", "cancel", "retry", "delete"} & {call[0] for call in fake.calls}
 
 
 @pytest.mark.parametrize(
@@ -291,38 +221,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
     ],
 )
 def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there):
-    assert trace_actions.has_display(environ) is there
-
-
-async def test_the_palette_does_what_has_no_key_of_its_own(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await choose_from_palette(pilot, "retry fail", "Retry failed")
-    assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
-
-
-async def test_space_chooses_no_command(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "Y")
-        before = pilot.app.clipboard
-        await press(pilot, "space")
-        assert isinstance(pilot.app.screen, Menu)
-        assert pilot.app.clipboard == before
-
-
-async def test_only_lines_with_a_key_are_chosen_by_one(fake):
-    chosen = []
-    lines = [(f"line {number}", f"command {number}") for number in range(1, 13)]
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        pilot.app.push_screen(Menu("Which?", numbered_choices(lines, 1)), chosen.append)
-        await settle(pilot)
-        await press(pilot, "space")
-        assert isinstance(pilot.app.screen, Menu)
-        assert chosen == []
-        await press(pilot, "9")
-    assert chosen == [8]
+    assert steering.has_display(environ) is there
 
 
 async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake):

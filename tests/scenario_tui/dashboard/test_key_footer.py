@@ -27,7 +27,7 @@ async def test_the_line_of_keys_is_made_when_it_says_something_else(monkeypatch)
 
 async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch):
     absent = set()
-    pointless, make_anew = CampaignsScreen.pointless_keys, KeyFooter.recompose
+    check, make_anew = CampaignsScreen.check_action, KeyFooter.recompose
 
     async def recompose(self):
         absent.add("matrix")  # after the line was told of its keys, before it is made of them
@@ -36,10 +36,14 @@ async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch)
     async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         screen = pilot.app.screen
-        monkeypatch.setattr(CampaignsScreen, "pointless_keys", lambda it: pointless(it) | absent)
+        monkeypatch.setattr(
+            CampaignsScreen,
+            "check_action",
+            lambda it, action, given: action not in absent and check(it, action, given),
+        )
         with monkeypatch.context() as meanwhile:
             meanwhile.setattr(KeyFooter, "recompose", recompose)
-            absent.add("open")
+            absent.add("steer")
             screen.refresh_bindings()
             await until_idle(pilot.app)
         assert "Matrix" not in screen_text(pilot)[-1]
@@ -47,4 +51,4 @@ async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch)
         screen.refresh_bindings()
         await until_idle(pilot.app)
         assert "Matrix" in screen_text(pilot)[-1]
-        assert "Open" not in screen_text(pilot)[-1]
+        assert "Cancel" not in screen_text(pilot)[-1]

@@ -13,7 +13,7 @@ from textual.screen import Screen
 from scenario_tui.dashboard import screens
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
-from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question, TextDialog
+from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question, Refusal
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
@@ -135,9 +135,9 @@ async def walk_through_dialogs(trace):
     dashboard = make_dashboard(daemon(trace))
     dialogs = (
         Question(f"sure?{POISON}", f"scenario cancel {NAME}"),
-        Menu(f"which?{POISON}", [MenuChoice("1", f"this{POISON}", NAME)], f"note{POISON}"),
+        Menu(f"which?{POISON}", [MenuChoice("a", "1", f"this{POISON}", NAME)], f"note{POISON}"),
         Prompt(f"what?{POISON}", f"value{NAME}", lambda _: f"wrong{NAME}", lambda _: NAME),
-        TextDialog(f"read{POISON}", f"scenario judge {NAME}"),
+        Refusal(f"no{POISON}"),
     )
     async with dashboard.run_test(size=WIDE) as pilot:
         await settle(pilot)

@@ -111,6 +111,7 @@ async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folde
         await until(pilot, lambda: "not submitted: " in notices(pilot))
         assert isinstance(pilot.app.screen, SubmitScreen)
         (folder / "broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
+        await press(pilot, "enter")
         await until(pilot, lambda: "senarios" in about(pilot))
         await press(pilot, "escape")
         assert pilot.app.screen.query_one(Input).value == ""
@@ -119,26 +120,28 @@ async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folde
     assert not fake.told("submit")
 
 
-async def test_where_there_is_no_campaign_the_screen_says_where_to_look(fake, folder, monkeypatch):
+async def test_somebody_new_is_offered_the_demo(fake, folder, monkeypatch):
     monkeypatch.chdir(folder / "robots")
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "s")
-        await until(pilot, lambda: "No campaign file here" in "\n".join(screen_text(pilot)))
-        await press(pilot, "enter")
-        assert "there is no campaign file to submit" in notices(pilot)
+        await until(pilot, lambda: "✓" in about(pilot))
+        assert screen_text(pilot)[3].strip() == "the demo that comes with scenario"
+        assert "3 scenarios, 15 runs" in about(pilot)
 
 
-async def test_only_a_second_click_on_a_file_submits_it(fake, folder):
+async def test_what_was_submitted_last_is_offered_first_among_ones_own(fake, folder):
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
-        await press(pilot, "s")
-        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[4])
-        await pilot.click(offset=(5, 4))
-        await until(pilot, lambda: "✗" in about(pilot))
-        assert not notices(pilot)
-        await pilot.click(offset=(5, 4))
-        await until(pilot, lambda: "not submitted: " in notices(pilot))
+        for first in (["demo/campaign.yaml", "broken.yaml"], ["broken.yaml", "demo/campaign.yaml"]):
+            await press(pilot, "s")
+            await until(
+                pilot, lambda: "broken.yaml" in screen_text(pilot)[5] + screen_text(pilot)[4]
+            )
+            assert [line.strip() for line in screen_text(pilot)[4:6]] == first
+            assert f"scenario submit {first[0]}" in about(pilot)
+            await press(pilot, "escape")
+            pilot.app.remember(folder / "broken.yaml", "")
 
 
 def test_campaigns_near_are_found_those_changed_last_first(folder):
