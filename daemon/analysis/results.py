@@ -58,7 +58,8 @@ class CampaignResults:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_by_id", {row.id: row for row in self.rows})
-        object.__setattr__(self, "expectations", find_marks(self.assessment, self.rows))
+        marks = find_marks(self.declared, self.assessment, self.rows)
+        object.__setattr__(self, "expectations", marks)
 
     @property
     def judged(self) -> JudgedCampaign:

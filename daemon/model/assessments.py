@@ -381,3 +381,19 @@ class Assessment:
     comparisons: tuple[ComparisonVerdict, ...]
     surprises: tuple[UnexpectedVerdict, ...]
     exit_code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Mark of a verdict: ``letter`` is the sign to show, ``!`` for news, ``reason`` its meaning.
+
+    ``known``: every failure was expected, and ``reason`` is the one people gave. Letters of known
+    failures may follow the sign of news. Without a kind there is nothing to say.
+    """
+
+    kind: Literal["news", "known", ""] = ""
+    letter: str = ""
+    reason: str = ""
+
+
+NO_MARK: Final = Mark()

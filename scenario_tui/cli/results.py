@@ -19,11 +19,11 @@ from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.cli.search import search_answer
 from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
-from scenario_tui.text.formatting import glyph_word, margin, run_label, run_word
+from scenario_tui.text.formatting import margin, run_label
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults, ComparedResults
-    from daemon.judging.assessment import CampaignDifference
+    from daemon.judging.assessment import CampaignDifference, Expectations
     from daemon.model.status import RunRow
     from scenario_tui.cli.values import SearchResult
 
@@ -101,7 +101,7 @@ def results(
         return replace(answer, text=partial(_print_search, answer, rows, runs), code=code)
     whole = replace(whole, row=with_time_left(whole.row, target))
     between = compare_with_baseline(whole, baseline, worse_by, target)
-    print_text = partial(_print_listed, rows)
+    print_text = partial(_print_listed, rows, whole)
     if not is_listed:
         print_text = partial(_print_results, whole, between, runs, target)
     value = ComparedResults.of(replace(whole, rows=rows), between)
@@ -140,7 +140,7 @@ def _print_results(
     row, rows = results.row, results.rows
     print_summary(results, comparison)
     if listed:
-        _print_runs(rows)
+        _print_runs(rows, results.expectations)
     _print_folder(rows)
     more = (target.command("results", row.id, "--runs"), "every run and its trace")
     if listed and rows:
@@ -162,16 +162,23 @@ def _print_folder(rows: tuple[RunRow, ...]) -> None:
         print_line(where)
 
 
-def _print_listed(rows: tuple[RunRow, ...]) -> None:
+def _print_listed(rows: tuple[RunRow, ...], results: CampaignResults) -> None:
+    from scenario_tui.text.run_text import known_text
+
     if not rows:
         print_line("no run matches")
         return
-    _print_runs(rows)
+    marks = results.expectations
+    _print_runs(rows, marks)
+    letters = "".join(marks.mark(row).letter for row in rows)
+    for mark in marks.known:
+        if mark.letter in letters:
+            print_line(known_text(mark))
     _print_folder(rows)
 
 
-def _print_runs(rows: tuple[RunRow, ...]) -> None:
-    from rich.text import Text
+def _print_runs(rows: tuple[RunRow, ...], expectations: Expectations | None = None) -> None:
+    from scenario_tui.text.run_text import marked_word
 
     console = stdout_console()
     # Paths would be folded into columns of letters; below, the folder of all of them is said.
@@ -182,13 +189,13 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     # Names are there to be copied: where it is narrow the places of runs are shortened.
     table.columns[0].no_wrap, table.columns[1].overflow = True, "ellipsis"
     for row in rows:
-        word = Text(glyph_word(run_word(row)), style=run_word(row))
         value = margin(row.margin, row.unit) if row.oracle else ""
         # In a folder a run is called as its trace; the folder of all of them is said below.
         name = row.id if paths or row.id != row.trace else row.id.rpartition("/")[2]
         remark = (paths and row.trace != row.id and row.trace) or row.reason
         if row.cached:
             remark += " (cached)" if remark else "cached"
-        cells = (name, run_label(row), word, row.oracle, value, *([remark] if remarks else ()))
-        table.add_row(*cells)
+        word = marked_word(row, expectations)
+        more = (remark,) if remarks else ()
+        table.add_row(name, run_label(row), word, row.oracle, value, *more)
     console.print(table)

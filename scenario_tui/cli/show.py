@@ -23,6 +23,7 @@ from scenario_tui.text.formatting import SHOWN_LINES, last_lines, printed_lines,
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
+    from daemon.judging.assessment import Expectations
     from daemon.model.live_judgement import LogLine
     from daemon.model.status import RunDetail
     from daemon.model.verbs import CampaignSource
@@ -86,10 +87,17 @@ def show(
                 text = partial(_print_output, run_log.printed[output])
             return Answer("logs", run_log, text)
         search = source.search_row(detail.row.campaign)
+        declared = source.declared(detail.row.campaign)
     summary = RunSummary(detail, search.task if search else None, standing)
+    expectations = None
+    if search is None and detail.row.result is not None:
+        from daemon.judging.assessment import assess, find_marks
+
+        expectations = find_marks(declared, assess(declared, (detail.row,)), (detail.row,))
+        summary = replace(summary, marks=expectations.mark_verdicts(detail.row))
     if detail.row.state == RunState.RUNNING:
         summary = _with_progress(summary, target)
-    return Answer("run", summary, partial(_print_run, summary, target))
+    return Answer("run", summary, partial(_print_run, summary, expectations, target))
 
 
 def _with_progress(summary: RunSummary, target: DaemonTarget) -> RunSummary:
@@ -105,13 +113,15 @@ def _with_progress(summary: RunSummary, target: DaemonTarget) -> RunSummary:
     return summary
 
 
-def _print_run(summary: RunSummary, target: DaemonTarget) -> None:
+def _print_run(
+    summary: RunSummary, expectations: Expectations | None, target: DaemonTarget
+) -> None:
     """Print what it was and what each oracle says, then what to type next."""
     from scenario_tui.text.run_text import run_text
     from scenario_tui.text.search_text import proposal_text
 
     row = summary.run.row
-    print_line(run_text(summary.run, summary.live))
+    print_line(run_text(summary.run, summary.live, expectations))
     is_starting = row.state == RunState.RUNNING and summary.live is None
     if is_starting or (row.state == RunState.QUEUED and not row.reason):
         print_line(f"{summary.standing}\n")

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
+
+from rich.text import Text
 
 from daemon.batch.errors import Unavailable
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.source import DaemonTarget
-from scenario_tui.text.formatting import GLYPHS, age_text, rate_text, run_counts
+from scenario_tui.text.formatting import age_text, rate_text, run_counts
+from scenario_tui.text.styles import GLYPHS, KNOWN, NEWS
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import CampaignRow, DaemonOverview
+    from daemon.model.verbs import DaemonClient
     from scenario_tui.cli.values import DaemonStatus
+    from scenario_tui.text.results import Conclusion
 
 _MAX_CAMPAIGNS: Final = 15
+_MOST_RUNS: Final = 10_000
+"""Runs of campaigns with failures that are judged, to tell news from known failures."""
 _OTHER_COLUMNS: Final = 18
 """Columns that age and gaps take in the list of campaigns."""
 
@@ -35,16 +42,35 @@ def status(target: DaemonTarget) -> Answer[DaemonStatus]:
         overview, workers = daemon.overview(), daemon.workers()
         campaigns: tuple[CampaignRow, ...] = ()
         searches: tuple[SearchRow, ...] = ()
+        conclusions: Mapping[str, Conclusion] = {}
         # A daemon whose disk is full has no more to say than that.
         with suppress(Unavailable):
             campaigns = daemon.campaigns()
+            conclusions = _judge_failures(daemon, campaigns[:_MAX_CAMPAIGNS])
             if any(row.search in ("running", "waiting") for row in campaigns):
                 searches = daemon.searches(unfinished=True)
     value = DaemonStatus(endpoint, overview, campaigns, workers, searches)
-    return Answer("status", value, partial(_print_status, value, target))
+    return Answer("status", value, partial(_print_status, value, conclusions, target))
 
 
-def _print_status(status: DaemonStatus, target: DaemonTarget) -> None:
+def _judge_failures(
+    daemon: DaemonClient, campaigns: Iterable[CampaignRow]
+) -> dict[str, Conclusion]:
+    """Return the conclusions of campaigns with failures, the first ones that have few runs."""
+    from daemon.analysis.results import read_results
+    from scenario_tui.text.results import conclude
+
+    conclusions, runs = {}, 0
+    for row in campaigns:
+        runs += row.total if row.failed and not row.search else 0
+        if row.failed and not row.search and runs <= _MOST_RUNS:
+            conclusions[row.id] = conclude(read_results(daemon, row))
+    return conclusions
+
+
+def _print_status(
+    status: DaemonStatus, conclusions: Mapping[str, Conclusion], target: DaemonTarget
+) -> None:
     """Print the daemon on two lines, and the newest campaigns."""
     campaigns = status.campaigns
     _print_overview(status)
@@ -58,7 +84,8 @@ def _print_status(status: DaemonStatus, target: DaemonTarget) -> None:
         )
         return
     console = stdout_console()
-    console.print(_campaign_table(campaigns[:_MAX_CAMPAIGNS], status.overview.now, console.width))
+    shown, now = campaigns[:_MAX_CAMPAIGNS], status.overview.now
+    console.print(_campaign_table(shown, conclusions, now, console.width))
     if len(campaigns) > _MAX_CAMPAIGNS:
         print_line(f"and {len(campaigns) - _MAX_CAMPAIGNS} older ones")
     if status.searches:
@@ -81,11 +108,11 @@ def _print_overview(status: DaemonStatus) -> None:
         f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
         + (f", {away} away" if away else "")
     )
-    parts = _tally_parts(overview) or ["no runs yet"]
+    parts = _tally_parts(overview) or [Text("no runs yet")]
     if overview.rate > 0:
-        parts.append(rate_text(overview.rate))
+        parts.append(Text(rate_text(overview.rate)))
     if overview.seconds_left is not None:
-        parts.append(f"{duration_text(overview.seconds_left)} left")
+        parts.append(Text(f"{duration_text(overview.seconds_left)} left"))
     console.print(_wrap_parts(parts, console.width))
     if overview.preparing:
         print_line(overview.preparing)
@@ -95,20 +122,36 @@ def _print_overview(status: DaemonStatus) -> None:
         print_line(words, style="yellow")
 
 
-def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
-    """Return how many runs there are of each word, with its glyph."""
-    return [f"{GLYPHS[word]} {count} {word}" for word, count in run_counts(row).items()]
+def _tally_parts(
+    row: CampaignRow | DaemonOverview, conclusion: Conclusion | None = None
+) -> list[Text]:
+    """Return how many runs there are of each word, with its glyph; then news or known failures."""
+    parts = [
+        Text(f"{GLYPHS[word]} {count} {word}", style=word)
+        for word, count in run_counts(row).items()
+    ]
+    if conclusion is not None and conclusion.unexpected:
+        parts.append(Text(f"! {conclusion.unexpected} unexpected", style=NEWS))
+    elif conclusion is not None and conclusion.known:
+        reasons = "; ".join(mark.reason for mark in conclusion.expectations.known)
+        parts.append(Text(f"known: {reasons}", style=KNOWN))
+    return parts
 
 
-def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
+def _campaign_table(
+    campaigns: tuple[CampaignRow, ...],
+    conclusions: Mapping[str, Conclusion],
+    now: float,
+    width: int,
+) -> Table:
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.ended}/{row.total}" for row in campaigns]
     # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
-        parts = _tally_parts(row)
+        parts = _tally_parts(row, conclusions.get(row.id))
         if row.seconds_left is not None:
-            parts.append(f"{duration_text(row.seconds_left)} left")
+            parts.append(Text(f"{duration_text(row.seconds_left)} left"))
         counts = _wrap_parts(parts, max(24, room))
         marks = ["search"] if row.search else []
         marks += [f"priority {row.priority}"] if row.priority else []
@@ -118,12 +161,12 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
     return table
 
 
-def _wrap_parts(parts: Iterable[str], width: int) -> str:
+def _wrap_parts(parts: Iterable[Text], width: int) -> Text:
     """Return parts two blanks apart, in lines of at most ``width`` that begin with a part."""
-    lines: list[str] = []
+    lines: list[Text] = []
     for part in parts:
         if lines and len(lines[-1]) + 2 + len(part) <= width:
-            lines[-1] += f"  {part}"
+            lines[-1].append("  ").append_text(part)
         else:
-            lines.append(part)
-    return "\n".join(lines)
+            lines.append(Text().append_text(part))
+    return Text("\n").join(lines)

@@ -6,10 +6,11 @@ and completion do without.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from daemon.model.assessments import ReferenceComparison
+from daemon.model.assessments import Mark, ReferenceComparison
 from daemon.model.live_judgement import LogLine
 from daemon.model.search import SearchTask
 from daemon.model.search_answer import SearchRow
@@ -34,13 +35,15 @@ class RunSummary:
     """Everything about one run; ``task`` is the search that it belongs to, if any.
 
     ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
-    far one is that runs, if it told within half a second.
+    far one is that runs, if it told within half a second. ``marks`` are those of its verdicts, by
+    the oracle's name: news, and known failures with their reason.
     """
 
     run: RunDetail
     task: SearchTask | None = None
     standing: str = ""
     live: Snapshot | None = None
+    marks: Mapping[str, Mark] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,19 @@ from daemon.analysis.results import read_results
 from daemon.batch.launch import shared_daemon
 from daemon.batch.paths import is_endpoint, parse_endpoint
 from daemon.campaign import campaign_origin, expand
-from daemon.judging.assessment import assess, base_name, expected_verdict
-from daemon.model.assessments import CellVerdict, ComparisonVerdict, ExpectationStatus
+from daemon.judging.assessment import (
+    assess,
+    base_name,
+    expected_verdict,
+    find_marks,
+)
+from daemon.model.assessments import (
+    NO_MARK,
+    CellVerdict,
+    ComparisonVerdict,
+    ExpectationStatus,
+    Mark,
+)
 from daemon.model.run_state import RunState
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
@@ -35,7 +46,7 @@ from scenario_tui.library.campaign import load
 from scenario_tui.library.results import Cell, Results, Run
 from scenario_tui.library.watching import ENDURANCE, PATIENCE, CollectedRuns, watch
 from scenario_tui.source import DaemonTarget
-from scenario_tui.text.assessment_text import Footnotes, comparison_notes, oracle_notes
+from scenario_tui.text.assessment_text import comparison_notes, oracle_notes
 from scenario_tui.text.formatting import glyph_word
 from scenario_tui.text.run_text import by_severity, evidence_parts
 
@@ -371,11 +382,11 @@ class CampaignPart(pytest.Collector):
                 yield CampaignPart.from_parent(self, name=name, part=part)
 
 
-def _words(verdict: CellVerdict | ComparisonVerdict) -> str:
+def _words(verdict: CellVerdict | ComparisonVerdict, mark: Mark) -> str:
     """Return a verdict over all repeats as the dashboard says it."""
     if isinstance(verdict, CellVerdict):
-        return oracle_notes(verdict).plain.strip()
-    return comparison_notes(verdict, Footnotes()).plain.strip()
+        return oracle_notes(verdict, mark).plain.strip()
+    return comparison_notes(verdict, mark).plain.strip()
 
 
 class CampaignItem(pytest.Item):
@@ -393,6 +404,7 @@ class CampaignItem(pytest.Item):
             strict = expected != "any"
             self.add_marker(pytest.mark.xfail(raises=KnownFailureError, strict=strict, reason=why))
         self._verdict: CellVerdict | ComparisonVerdict | None = None
+        self._mark: Mark = NO_MARK
         self._worst: RunRow | None = None
 
     def setup(self) -> None:
@@ -400,7 +412,8 @@ class CampaignItem(pytest.Item):
         with _plain_failures():
             self.file.submit()
             runs = self.file.runs.rows(self.judged.cells)
-        assessment = assess(self.file.runs.campaign.declared, runs)
+        declared = self.file.runs.campaign.declared
+        assessment = assess(declared, runs)
         verdicts: dict[str, CellVerdict | ComparisonVerdict] = {
             **{one.oracle: one for cell in assessment.cells for one in cell.oracles},
             **{one.comparison: one for one in assessment.comparisons},
@@ -409,6 +422,8 @@ class CampaignItem(pytest.Item):
         undecided = verdict is None or verdict.verdict is Outcome.INCONCLUSIVE
         if undecided and (message := _lost(runs)):
             pytest.fail(message, pytrace=False)
+        if verdict is not None:
+            self._mark = find_marks(declared, assessment, runs).mark_verdict(verdict)
         if isinstance(verdict, CellVerdict) and verdict.worst is not None:
             worst = verdict.worst
             run = self._worst = next(run for run in runs if run.id == worst.run)
@@ -428,10 +443,10 @@ class CampaignItem(pytest.Item):
         if verdict.status is ExpectationStatus.MET:
             if expected == "pass" or (expected == "any" and passes):
                 return
-            raise KnownFailureError(_words(verdict), pytrace=False)
+            raise KnownFailureError(_words(verdict, self._mark), pytrace=False)
         if expected != "pass" and passes:
             return  # the strict mark makes this a failure
-        words, plugin = _words(verdict), self.file.runs.plugin
+        words, plugin = _words(verdict, self._mark), self.file.runs.plugin
         if self._worst is not None:
             words += f"\n{plugin.evidence(Run(self._worst, plugin.target))}"
         pytest.fail(words, pytrace=False)

@@ -1,10 +1,9 @@
-"""An assessment as styled text: cells of the matrix, comparisons, footnotes, what to look at."""
+"""An assessment as styled text: cells of the matrix, comparisons, reasons, what to look at."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
@@ -14,6 +13,7 @@ from daemon.model.assessments import (
     CellVerdict,
     ComparisonVerdict,
     ExpectationStatus,
+    Mark,
     UnexpectedVerdict,
     group_errors,
 )
@@ -28,14 +28,14 @@ from scenario_tui.text.formatting import (
     run_label,
     run_word,
 )
-from scenario_tui.text.run_text import evidence_parts
+from scenario_tui.text.run_text import append_mark, evidence_parts, known_text, marked_style
 from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
+    from daemon.judging.assessment import Expectations
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
-_LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 _HYPHEN: Final = re.compile(r"(?<![\w.-])-(?=\d)")
 """A hyphen that is the sign of a number, and no part of a name."""
 _MANY: Final = 20
@@ -44,48 +44,20 @@ MatrixRow = tuple[str, tuple[Text, ...]]
 """The label of a row, and a cell for each column."""
 
 
-@dataclass(slots=True)
-class Footnotes:
-    """Reasons people gave for verdicts that are not pass, each with a letter."""
-
-    letters: dict[str, str] = field(default_factory=dict)
-
-    def mark(self, reasons: Iterable[str]) -> str:
-        """Return the letters of reasons, new ones for those not seen before."""
-        unique = dict.fromkeys(reason for reason in reasons if reason)
-        return "".join(self.letters.setdefault(reason, self._next()) for reason in unique)
-
-    def lines(self) -> list[Text]:
-        """Return a line for each letter."""
-        return [
-            Text.assemble((letter, "bold"), f"  known: {reason}")
-            for reason, letter in self.letters.items()
-        ]
-
-    def _next(self) -> str:
-        count = len(self.letters)
-        return _LETTERS[count] if count < len(_LETTERS) else f"({count + 1})"
+def known_lines(results: CampaignResults) -> list[Text]:
+    """Return a line for each reason of a failure that happened."""
+    return [known_text(mark) for mark in results.expectations.known]
 
 
-def cell_text(
-    cell: CellAssessment,
-    results: CampaignResults,
-    notes: Footnotes,
-    *,
-    alone: bool = False,
-) -> Text:
+def cell_text(cell: CellAssessment, results: CampaignResults, *, alone: bool = False) -> Text:
     """Return a cell in two lines: verdict, counts and mark, then the most telling oracle.
 
-    ``!`` marks a surprise, a letter a known failure. With the row to itself (``alone``) it is one
-    line with a glyph for each repeat.
+    With the row to itself (``alone``) it is one line with a glyph for each repeat.
     """
-    word = cell.word
-    text = Text.assemble((glyph_word(word), word))
+    word, mark = cell.word, results.expectations.mark_cell(cell)
+    text = Text.assemble((glyph_word(word), marked_style(word, mark)))
     text.append(f" {_repeats(cell, results, alone)}")
-    if cell.needs_attention:
-        text.append(" !", style="bold")
-    elif letters := notes.mark(one.why for one in cell.oracles if one.expected != "pass"):
-        text.append(f" {letters}", style="bold")
+    append_mark(text, mark)
     if worst := _worst(cell):
         text.append("  " if alone else "\n")
         text.append(worst, style=QUIET)
@@ -132,18 +104,14 @@ def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
     return not oracle.needs_attention, least is None, least or 0.0
 
 
-def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes) -> Text:
+def comparison_cell_text(cell: ComparisonVerdict, mark: Mark) -> Text:
     """Return a comparison with one system under test: verdict, mean, bounds, pairs, mark."""
-    word = cell.word
-    text = Text.assemble((glyph_word(word), word), f" {margin(cell.mean, cell.unit)}")
+    style = marked_style(cell.word, mark)
+    text = Text.assemble((glyph_word(cell.word), style), f" {margin(cell.mean, cell.unit)}")
     if cell.low is not None and cell.high is not None:
         text.append(f" [{margin(cell.low, '')}, {margin(cell.high, '')}]")
     pairs = f" n={cell.n}" if cell.method != "welch" else f" n={cell.n} unpaired"
-    text.append(pairs, style=QUIET)
-    if cell.needs_attention:
-        text.append(" !", style="bold")
-    elif cell.expected != "pass":
-        text.append(f" {notes.mark([cell.why])}", style="bold")
+    append_mark(text.append(pairs, style=QUIET), mark)
     if cell.note:
         text.append(f"\n{cell.note}", style=QUIET)
     return text
@@ -210,18 +178,15 @@ def _attention_line(word: str, subject: str, more: Iterable[str]) -> Text:
     return text
 
 
-def matrix_rows(
-    results: CampaignResults, notes: Footnotes
-) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
+def matrix_rows(results: CampaignResults) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
     """Return systems under test and, for each scenario, its label with a cell for each of them."""
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     suts = tuple(dict.fromkeys(sut for _, sut in cells))
-    alone = len(suts) == 1
     lines = []
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         row = (cells.get((scenario, sut)) for sut in suts)
-        texts = (c and cell_text(c, results, notes, alone=alone) for c in row)
-        lines.append((scenario, tuple(one or Text(NOTHING, style=QUIET) for one in texts)))
+        texts = (cell and cell_text(cell, results, alone=len(suts) == 1) for cell in row)
+        lines.append((scenario, tuple(text or Text(NOTHING, style=QUIET) for text in texts)))
     return suts, tuple(lines)
 
 
@@ -235,64 +200,60 @@ _WITHOUT_VERDICT: Final = {
 """Sentences about a cell without a verdict, by the state of its runs."""
 
 
-def cell_notes(cell: CellAssessment) -> Text:
+def cell_notes(cell: CellAssessment, marks: Expectations) -> Text:
     """Return a cell oracle by oracle: counts, what they show, the worst run, the expectation."""
     text = Text.assemble((f"{cell.scenario}  {cell.sut}\n", "bold"))
-    for oracle in sorted(
-        cell.oracles, key=lambda o: (not o.needs_attention, SEVERITY.index(o.word))
+    pairs = [(oracle, marks.mark_verdict(oracle)) for oracle in cell.oracles]
+    for oracle, mark in sorted(
+        pairs, key=lambda pair: (pair[1].kind != "news", SEVERITY.index(pair[0].word))
     ):
-        text.append_text(oracle_notes(oracle))
+        text.append_text(oracle_notes(oracle, mark))
     if not cell.oracles:
         runs = count_noun(len(cell.runs), "run")
         text.append(f"{_WITHOUT_VERDICT[cell.state].format(runs)}\n", style=QUIET)
     return text
 
 
-def oracle_notes(oracle: CellVerdict) -> Text:
+def oracle_notes(oracle: CellVerdict, mark: Mark) -> Text:
     """Return an oracle over all repeats: counts, what they show, the worst run, the expectation."""
     text, word = Text(), oracle.word
-    text.append(f"{glyph_word(word)}  ", style=word)
+    text.append(f"{glyph_word(word)}  ", style=marked_style(word, mark))
     text.append(oracle.oracle, style="bold")
-    if oracle.needs_attention:
-        text.append("  ! ", style="bold")
-        text.append(f"expected {oracle.expected}")
+    if mark.kind == "news":
+        append_mark(text.append(" "), mark).append(f" {mark.reason}")
     elif oracle.expected != "pass":
         so_far = "" if oracle.status is ExpectationStatus.MET else "so far "
         text.append(f"  {so_far}as expected ({oracle.expected})")
-    text.append("\n")
-    lines = [oracle.statement]
-    if oracle.worst is not None:
-        evidence = ", ".join(evidence_parts(oracle.worst.verdict))
-        lines.append(f"worst in repeat {oracle.worst.repeat}: {evidence}" if evidence else "")
-    lines.append(oracle.why and f"known: {oracle.why}")
-    for line in lines:
-        text.append(f"  {line}\n" if line else "", style=QUIET)
+    text.append(f"\n  {oracle.statement}\n", style=QUIET)
+    if oracle.worst is not None and (evidence := evidence_parts(oracle.worst.verdict)):
+        worst = f"  worst in repeat {oracle.worst.repeat}: {', '.join(evidence)}\n"
+        text.append(worst, style=QUIET)
+    if mark.kind == "known":
+        text.append("  ").append_text(known_text(mark)).append("\n")
     return text
 
 
-def comparison_notes(cell: ComparisonVerdict, notes: Footnotes) -> Text:
+def comparison_notes(cell: ComparisonVerdict, mark: Mark) -> Text:
     """Return a comparison with one system under test, and what it is to be."""
     text = Text(f"{cell.sut} {cell.comparison}  ")
-    text.append_text(comparison_cell_text(cell, notes))
+    text.append_text(comparison_cell_text(cell, mark))
     return text.append(f"\n    is to be {cell.text}\n", style=QUIET)
 
 
-def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
+def campaign_notes(results: CampaignResults) -> Text:
     """Return the notes on a campaign: surprises, problems, comparisons, known failures."""
-    text = Text()
+    text, comparisons = Text(), results.assessment.comparisons
     for title, lines in attention_lists(results):
         text.append(f"\n{title}\n", style="bold")
         for line in lines:
             text.append_text(line).append("\n")
-    if results.assessment.comparisons:
-        text.append("\ncomparisons\n", style="bold")
-    for cell in results.assessment.comparisons:
-        text.append("  ").append_text(comparison_notes(cell, notes))
-    if results.assessment.comparisons:
-        text.append(f"{BOUNDS}\n", style=QUIET)
+    text.append("\ncomparisons\n" if comparisons else "", style="bold")
+    for cell in comparisons:
+        mark = results.expectations.mark_verdict(cell)
+        text.append("  ").append_text(comparison_notes(cell, mark))
+    text.append(f"{BOUNDS}\n" if comparisons else "", style=QUIET)
     if words := repeatability_text(results):
         text.append(f"\n{words}\n", style=QUIET)
-    if reasons := notes.lines():
+    if reasons := known_lines(results):
         text.append("\n").append_text(Text("\n").join(reasons)).append("\n")
-    text.append(f"\nscenario results {results.row.id}\n", style=QUIET)
-    return text
+    return text.append(f"\nscenario results {results.row.id}\n", style=QUIET)

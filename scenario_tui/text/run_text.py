@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
+from daemon.model.assessments import NO_MARK, Mark
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from grammars.text.words import count_noun, format_quantity
@@ -22,11 +23,12 @@ from scenario_tui.text.formatting import (
     run_label,
     run_word,
 )
-from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
+from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET, SEVERITY
 
 if TYPE_CHECKING:
-    from daemon.model.spec import MapSettings, RunResult, Snapshot
-    from daemon.model.status import RunDetail
+    from daemon.judging.assessment import Expectations
+    from daemon.model.spec import MapSettings, Snapshot
+    from daemon.model.status import RunDetail, RunRow
     from daemon.model.verdicts import Verdict
 
 VERDICT_LINES: Final = 3
@@ -40,21 +42,43 @@ _SO_FAR: Final = {
 }
 
 
+def marked_style(word: str, mark: Mark) -> str:
+    """Return the style of a verdict's word: known failures are amber."""
+    return KNOWN if word == "fail" and mark.kind == "known" else word
+
+
+def marked_word(row: RunRow, expectations: Expectations | None = None) -> Text:
+    """Return the verdict of a run, otherwise its state, with the sign of its mark: ``✗ fail a``."""
+    word = run_word(row)
+    mark = NO_MARK if expectations is None else expectations.mark(row)
+    return append_mark(Text.assemble((glyph_word(word), marked_style(word, mark))), mark)
+
+
+def append_mark(text: Text, mark: Mark) -> Text:
+    """Append the sign of a mark, if any: `` !``, `` a``."""
+    return text.append(f" {mark.letter}" if mark.letter else "", style=mark.kind)
+
+
+def known_text(mark: Mark) -> Text:
+    """Return the reason that people gave for a failure: ``a known: the door is narrow``."""
+    return Text(f"{mark.letter} known: {mark.reason}".lstrip(), style=KNOWN)
+
+
 def by_severity(verdicts: Iterable[Verdict]) -> list[Verdict]:
     """Return verdicts, what people must look at first."""
     return sorted(verdicts, key=lambda v: SEVERITY.index(v.outcome))
 
 
-def verdict_text(verdict: Verdict, *, so_far: bool = False) -> Text:
-    """Return a verdict in a few lines: margin, bar, evidence.
+def verdict_text(verdict: Verdict, mark: Mark = NO_MARK, *, so_far: bool = False) -> Text:
+    """Return a verdict in a few lines: margin, bar, evidence, the reason of a known failure.
 
     ``so_far`` says that the run goes on.
     """
-    text, style = Text(), verdict.outcome
+    text, style = Text(), marked_style(verdict.outcome, mark)
     so_far = so_far and verdict.outcome in _SO_FAR
     word = f"{GLYPHS[verdict.outcome]} {_SO_FAR[verdict.outcome]}" if so_far else ""
-    text.append(f"{word or glyph_word(verdict.outcome)}  ", style=style)
-    text.append(verdict.oracle, style="bold")
+    append_mark(text.append(word or glyph_word(verdict.outcome), style=style), mark)
+    text.append(f"  {verdict.oracle}", style="bold")
     text.append(f"  {_value(verdict)}")
     first, *rest = (*_evidence_lines(verdict), "")
     if (share := margin_share(verdict)) is not None:
@@ -66,6 +90,8 @@ def verdict_text(verdict: Verdict, *, so_far: bool = False) -> Text:
         rest = [first, *rest]
     for line in filter(None, rest):
         text.append(f"\n    {line}", style=QUIET)
+    if mark.kind == "known":
+        text.append("\n    ").append_text(known_text(mark))
     return text
 
 
@@ -156,11 +182,13 @@ _WITHOUT_RESULT: Final = {
 }
 
 
-def run_text(detail: RunDetail, snapshot: Snapshot | None) -> Text:
-    """Return everything about a run, the answer first."""
+def run_text(
+    detail: RunDetail, snapshot: Snapshot | None, expectations: Expectations | None = None
+) -> Text:
+    """Return everything about a run, the answer first; ``expectations`` mark its verdicts."""
     row = detail.row
-    word = run_word(row)
-    text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), word), "\n")
+    text = Text.assemble((run_label(row), "bold"), "  ")
+    text.append_text(marked_word(row, expectations)).append("\n")
     if row.state is RunState.RUNNING:
         _running(text, snapshot)
     elif row.state in _WITHOUT_RESULT and row.reason in ("", row.state):
@@ -169,7 +197,7 @@ def run_text(detail: RunDetail, snapshot: Snapshot | None) -> Text:
         text.append(f"{row.reason.strip()}\n", style="inconclusive")
     text.append("\n")
     if detail.row.result is not None:
-        _verdicts(text, detail.row.result)
+        _verdicts(text, row, expectations)
     else:
         _oracles(text, detail)
     append_facts(text, detail)
@@ -194,13 +222,13 @@ def _running(text: Text, snapshot: Snapshot | None) -> None:
         text.append(f"{more}\n" if more else "", style=QUIET)
 
 
-def _verdicts(text: Text, result: RunResult) -> None:
-    for verdict in by_severity(result.verdicts):
-        text.append(verdict_text(verdict))
-        text.append("\n")
+def _verdicts(text: Text, row: RunRow, expectations: Expectations | None) -> None:
+    marks = expectations.mark_verdicts(row) if expectations is not None else {}
+    for verdict in by_severity(row.verdicts):
+        text.append_text(verdict_text(verdict, marks.get(verdict.oracle, NO_MARK))).append("\n")
     text.append("\n")
-    if result.note:
-        text.append(f"{result.note}\n\n", style="inconclusive")
+    if row.result is not None and row.result.note:
+        text.append(f"{row.result.note}\n\n", style="inconclusive")
 
 
 def _oracles(text: Text, detail: RunDetail) -> None:

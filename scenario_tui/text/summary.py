@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final
 
 from rich.console import RenderableType
@@ -11,13 +11,12 @@ from rich.text import Text
 
 from daemon.analysis.results import CampaignResults
 from daemon.judging.statistics import at_least, cut_percentage
-from daemon.model.assessments import ComparisonVerdict
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.text.assessment_text import (
     BOUNDS,
-    Footnotes,
     attention_lists,
     comparison_cell_text,
+    known_lines,
     matrix_rows,
     repeatability_text,
 )
@@ -30,9 +29,9 @@ _LISTED: Final = 12
 """Most lines of each list of surprises and problems."""
 
 
-def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
+def matrix_table(results: CampaignResults) -> Table:
     """Return one row for each scenario and one column for each system under test."""
-    suts, rows = matrix_rows(results, notes)
+    suts, rows = matrix_rows(results)
     marked = (f"{s} ({NOT_REPEATABLE})" if s in results.not_repeatable else s for s in suts)
     table = plain_table("scenario", *marked)
     for scenario, cells in rows:
@@ -40,16 +39,16 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     return table
 
 
-def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Table:
+def comparison_table(results: CampaignResults) -> Table:
     """Return one row for each comparison and one column for each system under test."""
+    cells, marks = results.assessment.comparisons, results.expectations
     by_name = {(cell.comparison, cell.sut): cell for cell in cells}
     suts = tuple(dict.fromkeys(cell.sut for cell in cells))
     table = plain_table("comparison", *suts, "is to be")
     for name, text in {cell.comparison: cell.text for cell in cells}.items():
         row = (by_name.get((name, sut)) for sut in suts)
-        words = (cell and comparison_cell_text(cell, notes) for cell in row)
-        aim = Text(text, style=QUIET)
-        table.add_row(name, *(one or NOTHING for one in words), aim)
+        words = (cell and comparison_cell_text(cell, marks.mark_verdict(cell)) for cell in row)
+        table.add_row(name, *(one or NOTHING for one in words), Text(text, style=QUIET))
     return table
 
 
@@ -60,15 +59,14 @@ def summary_parts(
 
     ``took`` is the duration [s]. Print them without cropping: some lines are never broken.
     """
-    notes, judged = Footnotes(), results.assessment
     yield _headline(results, took)
     yield ""
-    yield matrix_table(results, notes)
-    if judged.comparisons:
+    yield matrix_table(results)
+    if results.assessment.comparisons:
         yield ""
-        yield comparison_table(judged.comparisons, notes)
+        yield comparison_table(results)
         yield Text(BOUNDS, style="dim")
-    yield from notes.lines()
+    yield from known_lines(results)
     if words := repeatability_text(results):
         yield _unbroken(Text(words, style="dim"))
     yield ""

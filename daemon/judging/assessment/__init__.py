@@ -21,7 +21,7 @@ from daemon.judging.assessment._cell_verdicts import (
     measured_value,
     severity,
 )
-from daemon.judging.assessment._marks import Expectations, Mark, find_marks
+from daemon.judging.assessment._marks import Expectations, find_marks
 from daemon.judging.assessment._references import reference_comparisons
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "ComparedCampaigns",
     "Expectations",
     "JudgedCampaign",
-    "Mark",
     "QuantityChange",
     "VerdictChange",
     "assess",

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Final, Literal
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
 
 from daemon.judging.assessment._cell_verdicts import trusted_verdicts
 from daemon.model.assessments import (
+    NO_MARK,
     Assessment,
+    AssessmentRules,
     CellAssessment,
     CellVerdict,
     ComparisonVerdict,
     ExpectationStatus,
+    Mark,
 )
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
@@ -24,31 +27,32 @@ _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
-    """Mark of a verdict: ``letter`` is the sign to show, ``!`` for news, ``reason`` its meaning.
-
-    ``known``: every failure was expected, and ``reason`` is the one people gave. Letters of known
-    failures may follow the sign of news. Without a kind there is nothing to say.
-    """
-
-    kind: Literal["news", "known", ""] = ""
-    letter: str = ""
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class Expectations:
-    """Marks of the cells, comparisons and runs of a campaign; each known reason has a letter.
+    """Marks of the cells, comparisons and runs of a campaign.
 
-    ``letters`` are in the order of the matrix. Only reasons of failures that happened have one.
+    Each reason that the campaign gives has one of the ``letters``, in the order of its file.
+    ``known`` are the marks of failures that happened. ``oracles`` by cell, (scenario,
+    SUT), are those that fail or contradict; ``runs`` have marks by id and outcome.
     """
 
     letters: Mapping[str, str] = field(default_factory=dict)
+    known: tuple[Mark, ...] = ()
+    oracles: Mapping[tuple[str, str], Mapping[str, CellVerdict]] = field(default_factory=dict)
     runs: Mapping[tuple[str, Outcome | None], Mark] = field(default_factory=dict)
 
     def mark(self, row: RunRow) -> Mark:
         """Return the mark of a run, an empty one for a run that has ended since."""
-        return self.runs.get((row.id, row.outcome), Mark())
+        return self.runs.get((row.id, row.outcome), NO_MARK)
+
+    def mark_verdicts(self, row: RunRow) -> dict[str, Mark]:
+        """Return the marks of the verdicts of a run with its result, by the oracle's name."""
+        oracles = self.oracles.get((row.scenario, row.sut), {})
+        marks = {
+            verdict.oracle: self._mark_outcome(oracles[verdict.oracle], verdict.outcome)
+            for verdict in trusted_verdicts(row)
+            if verdict.oracle in oracles
+        }
+        return {oracle: mark for oracle, mark in marks.items() if mark.kind}
 
     def mark_cell(self, cell: CellAssessment) -> Mark:
         """Return the mark of a cell: news first, with the letters of its known failures."""
@@ -57,45 +61,44 @@ class Expectations:
     def mark_verdict(self, verdict: CellVerdict | ComparisonVerdict) -> Mark:
         """Return the mark of an oracle over all repeats of a cell, or that of a comparison."""
         if verdict.status is ExpectationStatus.CONTRADICTED:
-            return Mark("news", NEWS, _expected_text(verdict))
-        if _fails_as_known(verdict):
-            return Mark("known", self.letters[verdict.why], verdict.why)
-        return Mark()
+            return Mark("news", NEWS, f"expected {verdict.expected}")
+        return self._known(verdict) if _fails_as_known(verdict) else NO_MARK
+
+    def _mark_outcome(self, oracle: CellVerdict, outcome: Outcome) -> Mark:
+        """Return the mark of one repeat."""
+        failed, expects_pass = outcome is Outcome.FAIL, oracle.expected == "pass"
+        if failed and not expects_pass:
+            return self._known(oracle)
+        unexpected = failed if expects_pass else outcome is Outcome.PASS
+        # A policy by rate tolerates some failures of a cell.
+        return self.mark_verdict(oracle) if unexpected else NO_MARK
+
+    def _known(self, verdict: CellVerdict | ComparisonVerdict) -> Mark:
+        return Mark("known", self.letters[verdict.why], verdict.why)
 
 
-def find_marks(assessment: Assessment, records: Iterable[RunRow]) -> Expectations:
+def find_marks(
+    declared: AssessmentRules, assessment: Assessment, records: Iterable[RunRow]
+) -> Expectations:
     """Return the marks of an assessed campaign and of its runs, ``records``."""
-    judged = [oracle for cell in assessment.cells for oracle in cell.oracles]
-    verdicts: list[CellVerdict | ComparisonVerdict] = [*judged, *assessment.comparisons]
-    reasons = dict.fromkeys(one.why for one in verdicts if _fails_as_known(one))
+    reasons = dict.fromkeys(one.why for one in declared.expectations)
     letters = {reason: _letter(index) for index, reason in enumerate(reasons)}
     oracles: dict[tuple[str, str], dict[str, CellVerdict]] = defaultdict(dict)
-    for oracle in judged:
+    concerned = {one.why for one in assessment.comparisons if _fails_as_known(one)}
+    for oracle in (oracle for cell in assessment.cells for oracle in cell.oracles):
         if oracle.failed or oracle.status is ExpectationStatus.CONTRADICTED:
             oracles[oracle.scenario, oracle.sut][oracle.oracle] = oracle
-    marks = (
-        (row, _join(_run_marks(row, found, letters)))
+        if _fails_as_known(oracle):
+            concerned.add(oracle.why)
+    known = tuple(Mark("known", letters[why], why) for why in letters if why in concerned)
+    marks = Expectations(letters, known, dict(oracles))
+    of_runs = (
+        (row, _join(marks.mark_verdicts(row).values()))
         for row in records
-        if (found := oracles.get((row.scenario, row.sut)))
+        if (row.scenario, row.sut) in oracles
     )
-    return Expectations(letters, {(row.id, row.outcome): mark for row, mark in marks if mark.kind})
-
-
-def _run_marks(
-    row: RunRow, oracles: Mapping[str, CellVerdict], letters: Mapping[str, str]
-) -> Iterator[Mark]:
-    """Yield a mark for each verdict of a run that was expected to fail, or not to come out so."""
-    for verdict in trusted_verdicts(row):
-        oracle = oracles.get(verdict.oracle)
-        if oracle is None:
-            continue
-        failed, expects_pass = verdict.outcome is Outcome.FAIL, oracle.expected == "pass"
-        unexpected = failed if expects_pass else verdict.outcome is Outcome.PASS
-        if failed and not expects_pass:
-            yield Mark("known", letters[oracle.why], oracle.why)
-        # A policy by rate tolerates some failures of a cell.
-        elif unexpected and oracle.status is ExpectationStatus.CONTRADICTED:
-            yield Mark("news", NEWS, _expected_text(oracle))
+    runs = {(row.id, row.outcome): mark for row, mark in of_runs if mark.kind}
+    return replace(marks, runs=runs)
 
 
 def _join(marks: Iterable[Mark]) -> Mark:
@@ -112,10 +115,6 @@ def _fails_as_known(verdict: CellVerdict | ComparisonVerdict) -> bool:
     if isinstance(verdict, CellVerdict):
         return verdict.failed > 0 and verdict.expected != "pass"
     return verdict.verdict is Outcome.FAIL and verdict.expected != "pass"
-
-
-def _expected_text(verdict: CellVerdict | ComparisonVerdict) -> str:
-    return f"expected {verdict.expected}" + (f": {verdict.why}" if verdict.why else "")
 
 
 def _letter(index: int) -> str:

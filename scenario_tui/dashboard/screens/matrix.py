@@ -16,7 +16,7 @@ from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_mar
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
-from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes
+from scenario_tui.text.assessment_text import campaign_notes, cell_notes
 from scenario_tui.text.heat_text import heat_legend, heats
 from scenario_tui.text.results import NONE_JUDGED
 
@@ -98,7 +98,7 @@ class MatrixScreen(SteeringScreen):
         self.query_one(CellTable).show(results)
         runs = (run for cell in results.assessment.cells for run in heats(cell, results))
         self.query_one("#legend", Static).update(heat_legend(runs))
-        self._rest = campaign_notes(results, Footnotes(dict(results.expectations.letters)))
+        self._rest = campaign_notes(results)
         self._describe()
         if self.focused is None:
             self.query_one(CellTable).focus()
@@ -118,8 +118,8 @@ class MatrixScreen(SteeringScreen):
         return "… judging" if self.dashboard.daemon_state.connected else ""
 
     def _describe(self) -> None:
-        cell = self.query_one(CellTable).cell
-        about = Text() if cell is None else cell_notes(cell)
+        cell, results = self.query_one(CellTable).cell, self._shown
+        about = cell_notes(cell, results.expectations) if cell and results else Text()
         self.query_one("#about", Static).update(about + self._rest)
 
     def on_data_table_cell_highlighted(self) -> None:

@@ -60,10 +60,19 @@ def test_what_is_known_is_no_surprise_and_says_why(scenario, fake):
     fake.rows = fake.rows[:4] + fake.rows[5:7]
     said = scenario("results", "--exit-status")
     assert "✗ fail 0/2 ✗✗ a  no-contact" in said.out
-    assert "a  known: the door is fast" in said.out
+    assert "a known: the door is fast" in said.out
     assert "everything is as expected" in said.out
     assert "2 of 2 shows a pass rate of at least 22.3 %" in said.out, "of the runs that are there"
     assert (said.code, "unexpected" in said.out) == (0, False)
+    assert "known: the door is fast" in scenario("status").out
+    listed = scenario("results", "--outcome", "fail").out
+    assert listed.count("✗ fail a") == 2
+    assert "a known: the door is fast" in listed
+
+
+def test_news_are_marked_in_status_and_in_lists(scenario):
+    assert "! 1 unexpected" in scenario("status").out
+    assert scenario("results", "--runs").out.count("✗ fail ! ") == 2
 
 
 def test_a_pass_nobody_expected_is_red_too(scenario, fake):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
+from daemon.model.assessments import Expectation
 from daemon.model.messages import ReleaseRequest
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
@@ -21,12 +22,23 @@ NOW = 1_000_000.0
 def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario):
     said = scenario("show", f"{CAMPAIGN}.5")
     assert (said.code, said.err) == (0, "")
-    assert said.out.startswith("S2/pilot/0  ✗ fail\n")
-    assert "✗ fail  no-contact  −0.0312 m" in said.out
+    assert said.out.startswith("S2/pilot/0  ✗ fail !\n")
+    assert "✗ fail !  no-contact  −0.0312 m" in said.out
     assert "at 512.2 s, door-1" in said.out
     assert f"scenario replay {CAMPAIGN}.5 --from no-contact" in said.out
     assert f"scenario blame {CAMPAIGN}.5" in said.out
     assert "blame" not in scenario("show", f"{CAMPAIGN}.0").out
+
+
+def test_a_known_failure_says_why(scenario, fake):
+    known = Expectation("S2", "no-contact", ("pilot",), "mixed", "the door is fast")
+    fake.declares = replace(fake.declares, expectations=(known,))
+    said = scenario("show", f"{CAMPAIGN}.5").out
+    assert "✗ fail a  no-contact  −0.0312 m" in said
+    assert "a known: the door is fast" in said
+    body = json.loads(scenario("show", f"{CAMPAIGN}.5", "--json").out)
+    mark = {"kind": "known", "letter": "a", "reason": "the door is fast"}
+    assert body["marks"] == {"no-contact": mark}
 
 
 def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake):

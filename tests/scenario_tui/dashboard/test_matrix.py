@@ -46,7 +46,7 @@ async def test_m_shows_the_campaign_judged(judged):
         "▃✗▃ ! ✗ fail 2/3",  # a surprise
         "−0.0312 m no-contact",
         "▃▃▶ ▶ running 2/3",
-        "a  known: violated at the closed door",
+        "a known: violated at the closed door",
         "▁ tight █ clear pass",
         "1 not executed",
         "! lost  S3/a2s/2  worker bench-1 went away",

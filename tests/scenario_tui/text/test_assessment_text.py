@@ -37,17 +37,18 @@ def record(repeat, state, outcome=None):
     return run_row(f"c.{repeat}", repeat=repeat, result=result, state=RunState(state))
 
 
-def judged(*records, expected="pass", **policy):
+def judged(*records, expected="pass", finished=True, **policy):
     rules = AssessmentRules(
         RepeatPolicy(n=len(records), **policy),
         expectations=(Expectation("S1", "buffer", (), expected, "it is narrow"),),
     )
-    return assess(rules, records)
+    row = replace(campaign_row("first", "first-1", (), 0.0), queued=0 if finished else 1)
+    return CampaignResults(row, records, rules, assess(rules, records))
 
 
-def notes(*records, expected="pass", **policy):
-    (cell,) = judged(*records, expected=expected, **policy).cells
-    return cell_notes(cell).plain
+def notes(*records, **more):
+    results = judged(*records, **more)
+    return cell_notes(results.assessment.cells[0], results.expectations).plain
 
 
 @pytest.mark.parametrize("state", UNFINISHED)
@@ -88,7 +89,7 @@ def test_a_cell_without_a_verdict_says_why(state, words):
 
 
 def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
-    (cell,) = judged(record(0, "queued"), record(1, "running"), record(2, "lost")).cells
+    (cell,) = judged(record(0, "queued"), record(1, "running"), record(2, "lost")).assessment.cells
     assert (cell.word, cell.state) == ("running", "running")
 
 
@@ -106,17 +107,12 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
     ],
 )
 def test_the_conclusion_is_about_what_was_judged(records, finished, words):
-    assert concluded(records, finished=finished).glyph_text == words
-
-
-def concluded(records, *, finished=True, **more):
-    row = replace(campaign_row("first", "first-1", (), 0.0), queued=0 if finished else 1)
-    return conclude(CampaignResults(row, records, AssessmentRules(), judged(*records, **more)))
+    assert conclude(judged(*records, finished=finished)).glyph_text == words
 
 
 def test_a_conclusion_counts_verdicts_runs_and_known_failures():
     runs = (record(0, "done", Outcome.FAIL), record(1, "lost"))
-    known = concluded(runs, expected="mixed")
+    known = conclude(judged(*runs, expected="mixed"))
     assert (known.verdicts, known.runs, known.known, known.unexpected) == (1, 2, 1, 0)
     assert (known.margins, known.expectations.mark(runs[0]).letter) == ((0.1,), "a")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from daemon.judging.assessment import Mark, assess, find_marks
-from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy
+from daemon.judging.assessment import assess, find_marks
+from daemon.model.assessments import AssessmentRules, Expectation, Mark, RepeatPolicy
 from tests.daemon.judging.assessment.records import cell, record, verdict
 
 KNOWN = Mark("known", "a", "it is narrow")
@@ -16,13 +16,13 @@ def marks_of(runs, wanted="pass", policy="all"):
         expectations=(Expectation("S1", "clear", (), wanted, "it is narrow"),),
     )
     assessment = assess(declared, runs)
-    found = find_marks(assessment, runs)
+    found = find_marks(declared, assessment, runs)
     return found.mark_cell(assessment.cells[0]), [found.mark(run) for run in runs]
 
 
 def test_a_failure_that_nobody_expected_is_news():
     whole, (passing, failing) = marks_of(cell([0.1, -0.1]))
-    assert (whole.kind, whole.letter, whole.reason) == ("news", "!", "expected pass: it is narrow")
+    assert (whole.kind, whole.letter, whole.reason) == ("news", "!", "expected pass")
     assert (passing, failing) == (Mark(), whole)
 
 
