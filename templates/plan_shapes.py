@@ -15,7 +15,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from grammars.model.geometry import Floats, Point2, Pose2
+from grammars.model.geometry import Floats, Point2, Pose2, Ring
 from grammars.model.kinematics import driven_joints, is_cut, link_poses, placed_links
 from grammars.model.mission import Mission
 from grammars.model.movers import is_mover
@@ -57,6 +57,8 @@ class ShapeRole(StrEnum):
     NEAR_TRAIL = "near trail"
     TOUCHING_TRAIL = "touching trail"
     CONTACT = "contact"
+    FAILURE = "failure"
+    DECISION = "decision"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,13 +66,30 @@ class PlanShape:
     """Something seen from above.
 
     ``parts`` are rings of an ``area`` (even-odd) or an ``outline``, lines, or single ``dots``.
-    ``text`` is a name, whose parts are the rings of what it names, or the number of a waypoint.
+    ``text`` is a name, whose parts are the rings of what it names, the number of a waypoint, or
+    the measure of what decides.
     """
 
     role: ShapeRole
     form: Form
     parts: tuple[Points, ...]
     text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredMark:
+    """An object that decides, or a nearest place, in the map frame [m]; red if it ``fails``.
+
+    ``line`` goes from the robot to the object called ``name``, ``words`` are its measure.
+    ``rings`` outline the object, ``place`` is an area on the floor or a waypoint.
+    """
+
+    name: str
+    line: tuple[Point2, Point2]
+    words: str
+    rings: tuple[Ring, ...] = ()
+    place: Ring = ()
+    fails: bool = True
 
 
 def is_below(solid: Solid, cut: float) -> bool:
@@ -231,3 +250,12 @@ def trail_shapes(
         lines = tuple(points[a : b + 1] for a, b in spans if pieces[a] == grade)
         if lines:
             yield PlanShape(role, "line", lines)
+
+
+def mark_shapes(mark: MeasuredMark) -> Iterator[PlanShape]:
+    """Yield the object that decides, the line to it, and the point with its measure."""
+    role = ShapeRole.FAILURE if mark.fails else ShapeRole.DECISION
+    yield PlanShape(role, "area", mark.rings)
+    yield PlanShape(role, "outline", (mark.place,))
+    yield PlanShape(role, "line", (mark.line,))
+    yield PlanShape(role, "dots", ((mark.line[1],),), mark.words)

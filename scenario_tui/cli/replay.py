@@ -106,6 +106,10 @@ def _print_frame(playback: Playback, moment: str) -> None:
     # What is printed may go anywhere: only who says so gets ASCII.
     plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
     blocks: Blocks = "cells" if plain else "quadrants"
-    for line in render_frame(playback, time, size.columns, size.lines - 1, blocks=blocks):
+    verdict = next((one for one in playback.verdicts if one.oracle == moment), None)
+    lines = render_frame(
+        playback, time, size.columns, size.lines - 1, blocks=blocks, verdict=verdict
+    )
+    for line in lines:
         text = text_in_ascii(line) if plain else line
         stdout_console().print(text, no_wrap=True, soft_wrap=True)

@@ -31,6 +31,7 @@ from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_he
 from scenario_tui.terminal.capabilities import Blocks
 from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET
 from scenario_tui.text.run_text import verdict_lines
+from templates.plan_shapes import MeasuredMark
 
 RAYS: Final = 120
 """Laser returns shown of one scan at most: more of them fall into the same dots."""
@@ -43,7 +44,8 @@ _CHROME: Final = 2
 class Playback:
     """A trace made ready for looking at any of its moments; ``verdicts`` are those shown.
 
-    ``outputs`` is what an external system under test printed, by name.
+    ``outputs`` is what an external system under test printed, by name; ``marks`` are the objects
+    that decide, by oracle.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class Playback:
         verdicts: Sequence[Verdict],
         label: str = "",
         outputs: Mapping[str, str] | None = None,
+        marks: Mapping[str, MeasuredMark] | None = None,
     ) -> None:
         way = trace.ground_truth
         if not len(way.time):
@@ -61,6 +64,7 @@ class Playback:
         self.trace = replace(trace, scans=None)
         self.verdicts = tuple(verdicts)
         self.outputs = dict(outputs or {})
+        self._marks = dict(marks or {})
         spec = trace.spec
         self.label = label or f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
         self.start, self.end = float(way.time[0]), float(way.time[-1])
@@ -140,8 +144,12 @@ class Playback:
         records = self.trace.contacts
         return tuple(dict.fromkeys(c.point for c in records if time - window < c.time <= time))
 
-    def view(self, time: float, *, window: float = FLASH) -> View:
-        """Return the top view at ``time`` [s], with the contacts of the ``window`` before it."""
+    def view(self, time: float, *, window: float = FLASH, verdict: Verdict | None = None) -> View:
+        """Return the top view at ``time`` [s], with the contacts of the ``window`` before it.
+
+        What decides ``verdict`` is on it if that was in the window, too. Without a verdict it is
+        the last one decided against the run.
+        """
         trace = self.trace
         count = int(np.searchsorted(self._trail_times, time + 1e-9, side="right"))
         here = self.pose(time)
@@ -160,7 +168,18 @@ class Playback:
             self.spread(time),
             *self._clearances(count),
             self._costmaps(time),
+            self._decisive(time, window, verdict),
         )
+
+    def _decisive(self, time: float, window: float, verdict: Verdict | None) -> MeasuredMark | None:
+        against = [one for one in self.verdicts if one.outcome is Outcome.FAIL]
+        # What never happened is decided by the end of the run.
+        moments = {
+            one.oracle: self.end if one.moment is None else one.moment
+            for one in ([verdict] if verdict else against)
+        }
+        recent = [o for o, moment in moments.items() if time - window < moment <= time + 1e-9]
+        return self._marks.get(max(recent, key=moments.__getitem__, default=""))
 
     def stack_line(self, time: float) -> str:
         """Return what the stack reported of itself last until ``time``, empty without reports."""
@@ -274,12 +293,17 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
 
     Raises :class:`daemon.trace.TraceError` for what is no usable trace.
     """
-    from daemon.judging.oracles import judge
+    from daemon.analysis.deciding import deciding_mark, robot_mark
+    from daemon.judging.oracles import SignalSampler, judge, trace_problems
 
     trace = read_trace(path, scans=True, views=True)
     if verdicts is None:
         verdicts = judge(trace, trace.spec.oracles)
-    return Playback(trace, verdicts, outputs=read_outputs(path))
+    marks = {}
+    if not trace_problems(trace):
+        sampler = SignalSampler(trace)
+        marks = {v.oracle: deciding_mark(sampler, v) or robot_mark(sampler, v) for v in verdicts}
+    return Playback(trace, verdicts, outputs=read_outputs(path), marks=marks)
 
 
 def read_playback(path: Path, verdicts: Sequence[Verdict]) -> Playback:
@@ -324,16 +348,20 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
 
 def render_frame(
     playback: Playback, time: float, width: int, height: int, *, zoom: int = 1,
-    blocks: Blocks = "quadrants",
+    blocks: Blocks = "quadrants", verdict: Verdict | None = None,
 ) -> list[Text]:  # fmt: skip
-    """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells."""
+    """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells.
+
+    The object that decides ``verdict`` is marked, see :meth:`Playback.view`.
+    """
     verdicts = verdict_lines(playback.verdicts, time)
     if stack := playback.stack_line(time):
         verdicts.insert(0, Text(stack, style=QUIET))
-    view = playback.view(time)
+    view = playback.view(time, verdict=verdict)
     # Drawn once to know what its legend has to say, and how many lines that takes.
     rows = max(3, height - _CHROME - len(verdicts) - 1)
-    signs = MapSigns(draw_view(view, width, rows, zoom=zoom, blocks=blocks).layers, view.limit)
+    layers = draw_view(view, width, rows, zoom=zoom, blocks=blocks).layers
+    signs = MapSigns(layers, view.limit, view.decisive.name if view.decisive else "")
     legend = legend_lines([signs], width, legend_height(height))
     rows = max(3, rows - (len(legend) - 1))
     codes, owners = draw_view(view, width, rows, zoom=zoom, blocks=blocks).cells()

@@ -7,7 +7,7 @@ from templates.picture._compose import draw_world
 from templates.picture._drawing import Drawing
 from templates.picture._files import PNG_SCALE, page_svg, picture_svg, write_drawing, write_picture
 from templates.picture._page import LARGE, MOMENT, SMALL
-from templates.picture._run import DrivenWay, MeasuredMark, RunOverlay
+from templates.picture._run import DrivenWay, RunOverlay
 
 __all__ = [
     "LARGE",
@@ -16,7 +16,6 @@ __all__ = [
     "SMALL",
     "Drawing",
     "DrivenWay",
-    "MeasuredMark",
     "RunOverlay",
     "draw_world",
     "page_svg",

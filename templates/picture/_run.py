@@ -16,7 +16,7 @@ from grammars.model.geometry import Point2, Ring
 from templates.picture._drawing import Colour, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import Page, legend_row
 from templates.picture._scene import spots_around
-from templates.plan_shapes import ShapeRole, trail_shapes
+from templates.plan_shapes import MeasuredMark, ShapeRole, trail_shapes
 
 Samples: TypeAlias = npt.NDArray[np.floating[Any]]
 _DEVIATION: Final = 0.15
@@ -46,21 +46,6 @@ class DrivenWay:
     limit: float = 0.0
     repeat: int = 0
     time: Samples = field(default_factory=lambda: np.empty(0))
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredMark:
-    """An object that decides, or a nearest place, in the map frame [m]; red if it ``fails``.
-
-    ``line`` goes from the robot to the object, ``words`` are its measure. ``rings`` outline the
-    object, ``place`` is an area on the floor or a waypoint.
-    """
-
-    line: tuple[Point2, Point2]
-    words: str
-    rings: tuple[Ring, ...] = ()
-    place: Ring = ()
-    fails: bool = True
 
 
 @dataclass(frozen=True, slots=True)

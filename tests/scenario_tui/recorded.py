@@ -48,7 +48,7 @@ def record_run(path, *, index=5, speed=0.5, outputs=None, robot=ROBOT):
                 trace.estimate(Estimate(now, Pose2(pose.x + 0.2, pose.y), np.eye(3)))
             if abs(now - HIT) < 0.01:
                 front = (pose.x + 0.35, 2.0)
-                trace.contact(now, "robot", "door-1/leaf", front, (1.0, 0.0), 0.01)
+                trace.contact(now, "robot", "door-1.leaf", front, (1.0, 0.0), 0.01)
             if step in (0, 120):
                 done = int(step == 120)
                 trace.progress(now, Progress(done, done, "active"))

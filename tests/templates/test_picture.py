@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from daemon.analysis.campaign_worlds import worlds_of_campaign
-from templates.picture import SMALL, DrivenWay, MeasuredMark, RunOverlay, draw_world, write_drawing
+from templates.picture import SMALL, DrivenWay, RunOverlay, draw_world, write_drawing
 from templates.picture._drawing import Disc, Shape, TextLabel
+from templates.plan_shapes import MeasuredMark
 from tests.templates.worlds import box, world
 
 ROOT = Path(__file__).parents[2]
@@ -146,7 +147,7 @@ def test_what_a_run_lacks_is_neither_drawn_nor_in_the_key():
 @pytest.mark.parametrize("gap", [0.5, 0.02])
 def test_what_decides_is_found_and_its_measure_is_on_the_page(gap):
     line = ((1.0, 0.5), (1.0 + gap, 0.5))
-    mark = MeasuredMark(line, "0.5 m", (box(1.0 + gap, 0.0, 2.0, 1.0),))
+    mark = MeasuredMark("wall", line, "0.5 m", (box(1.0 + gap, 0.0, 2.0, 1.0),))
     figure = draw_world(world(), RunOverlay(driven((0.4, 0.3), line[0]), mark=mark, closely=True))
     items = figure.groups["mark"]
     thing, measured = (item for item in items if isinstance(item, Shape))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -17,15 +17,15 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from daemon.analysis.report._data import ReportData
-from daemon.analysis.report._deciding import (
+from daemon.analysis.deciding import (
     current_waypoint,
     deciding_mark,
     deciding_time,
     joint_positions,
-    nearest_mark,
+    metres_text,
     pose_at,
 )
+from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
@@ -47,6 +47,7 @@ from templates.picture import (
     page_svg,
     write_drawing,
 )
+from templates.plan_shapes import MeasuredMark
 from templates.world import ArtefactWorld, BehaviourDraw
 
 _POINTS: Final = 2000
@@ -134,12 +135,23 @@ def draw_ways(
         ways,
         contacts=tuple((x, y) for run in runs.values() for _, _, x, y in run.contacts),
         positions=positions,
-        mark=mark or nearest_mark(runs.values()),
+        mark=mark or _nearest_mark(runs.values()),
         closely=True,
     )
     world = ArtefactWorld(name=scene.name, scene=scene)
     figure = draw_world(world, overlay, SMALL)
     return page_svg(figure, label)
+
+
+def _nearest_mark(runs: Iterable[RunTracks]) -> MeasuredMark | None:
+    """Return where a robot came nearest to an obstacle; ``None`` if no clearance is known."""
+    measured = [run for run in runs if not np.isnan(run.clearance).all()]
+    if not measured:
+        return None
+    run = min(measured, key=lambda run: float(np.nanmin(run.clearance)))
+    index = int(np.nanargmin(run.clearance))
+    place, clearance = (float(run.x[index]), float(run.y[index])), float(run.clearance[index])
+    return MeasuredMark("", (place, place), metres_text(clearance), fails=clearance <= 0.0)
 
 
 def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> Markup | None:

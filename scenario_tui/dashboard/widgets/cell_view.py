@@ -76,20 +76,21 @@ class Canvas:
         """Set the dots (rows, columns) besides those that are set."""
         self._dots[layer] |= dots
 
-    def points(self, dots: Floats, layer: int) -> None:
-        """Set dots, shape (n, 2) as x, y; what lies outside is left out."""
+    def points(self, dots: Floats, layer: int, size: int = 1) -> None:
+        """Set dots, shape (n, 2) as x, y, or squares of ``size`` dots; ignore those outside."""
         whole = np.rint(dots).astype(np.int64)
+        whole = np.vstack([whole + square for square in np.ndindex(size, size)])
         inside = np.all((whole >= 0) & (whole < (self.width, self.height)), axis=1)
         x, y = whole[inside].T
         bits = DOT_BITS[y % 4, x % 2]
         # With .at every dot counts: of several in one cell plain indexing would keep the last.
         np.bitwise_or.at(self._dots[layer], (y // 4, x // 2), bits)
 
-    def lines(self, segments: Floats, layer: int) -> None:
-        """Draw straight lines, shape (n, 4) as x0, y0, x1, y1 in dots."""
+    def lines(self, segments: Floats, layer: int, size: int = 1) -> None:
+        """Draw straight lines, shape (n, 4) as x0, y0, x1, y1 in dots, ``size`` dots thick."""
         if len(segments) == 0:
             return
-        self.points(points_along(segments), layer)
+        self.points(points_along(segments), layer, size)
 
     def bars(self, columns: Codes, tops: Floats, bottoms: Floats, layer: int) -> None:
         """Fill columns of dots (n,) from ``tops`` to ``bottoms`` (n,), the rows of both included.

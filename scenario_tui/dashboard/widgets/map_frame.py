@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -14,39 +14,34 @@ from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
-from scenario_tui.dashboard.widgets.block_cells import area_dots, ring_edges
+from scenario_tui.dashboard.widgets.block_cells import Mask, area_dots, ring_edges
 from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, Codes, write_text
-from scenario_tui.dashboard.widgets.map_names import MapName, Place, name_thing, take_place
+from scenario_tui.dashboard.widgets.map_names import MapText, Place, place_beside
 from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
     AHEAD,
     ARROWS,
     CONTACT,
+    DECISION,
     ESTIMATE,
+    FAILURE,
     LAYER_OF,
     REACHED,
     TOUCHING,
     Layer,
 )
-from scenario_tui.dashboard.widgets.still_map import EYE_HEIGHT, StillMap, still_map
+from scenario_tui.dashboard.widgets.still_map import EYE_HEIGHT, StillMap, box_of, still_map
 from scenario_tui.terminal.capabilities import Blocks
-from scenario_tui.text.formatting import keep_start
 from templates import plan_shapes
-from templates.plan_shapes import PlanShape, Points, ShapeRole
+from templates.plan_shapes import MeasuredMark, PlanShape, Points, ShapeRole
 
 _DOT_GAP: Final = 3.0
 """Dots of the canvas from one dot of a plan to the next."""
-_THICK: Final = ((0.001, 0.001), (1.001, 0.001), (0.001, 1.001), (1.001, 1.001))
-"""Where the four dots of a thick line lie, seen from the dot of a thin one.
-
-Not whole numbers: halves are rounded to even ones, and two lines could fall on each other.
-"""
+_THICK: Final = 2
+"""Dots across the trail near something, told from the rest without colours, and a costmap's cell,
+which leaves gaps otherwise."""
 _LEAST_BODY: Final = 4.0
 """Dots a robot is long at least to be shown with a line to its nose."""
-_CELL: Final = (2.0, 4.0)
-"""Dots across and down a cell."""
-_MOST_NUMBERS: Final = 7
-"""Letters beside a waypoint at most: several may lie in one cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +53,7 @@ class View:
     covariance [m²]. ``clearances`` [m] belong to the points of the ``trail``, as many, NaN where
     unknown, or there are none; ``limit`` [m] is the clearance an oracle asks for. ``costmaps`` are
     the middles of their cells that block the robot, by name, the one shown unless another is
-    chosen first.
+    chosen first. ``decisive`` is what decides a verdict at this moment.
     """
 
     scene: Scene
@@ -76,6 +71,7 @@ class View:
     clearances: tuple[float, ...] = ()
     limit: float | None = None
     costmaps: Mapping[str, Points] = field(default_factory=dict, compare=False)
+    decisive: MeasuredMark | None = None
 
     @property
     def where(self) -> Pose2:
@@ -104,6 +100,8 @@ def shapes_of(view: View, costmap: str | None = None) -> Iterator[PlanShape]:
         yield PlanShape(ShapeRole.ESTIMATE, "dots", ((where,),))
     yield plan_shapes.footprint_shape(view.where, view.robot)
     yield plan_shapes.heading_shape(view.where, view.robot)
+    if view.decisive is not None:
+        yield from plan_shapes.mark_shapes(view.decisive)
     yield PlanShape(ShapeRole.CONTACT, "dots", (view.contacts,))
 
 
@@ -115,8 +113,9 @@ class MapFrame:
         self.canvas = Canvas(still.columns, still.rows, len(Layer))
         self.canvas.merge(still.low.layer(0), Layer.LOW)
         self._glyphs: dict[Place, tuple[str, Layer]] = {}
-        self._numbers: dict[Place, dict[str, Layer]] = {}
+        self._waypoints: dict[Place, Layer] = {}
         self._movers: dict[str, Floats] = {}
+        self._measure: tuple[str, Layer, Floats] | None = None
         self._shown: set[Layer] = set()
 
     @property
@@ -126,36 +125,34 @@ class MapFrame:
 
     def draw(self, shape: PlanShape) -> None:
         """Draw a shape that moves."""
-        layer = LAYER_OF[shape.role]
+        role, layer = shape.role, LAYER_OF[shape.role]
         points = [np.asarray(part, dtype=np.float64) for part in shape.parts if len(part)]
         # A recording may have poses that are no numbers: they are nowhere.
         points = [part[np.isfinite(part).all(axis=1)] for part in points]
-        points = [part for part in points if len(part) > (shape.role is ShapeRole.HEADING)]
+        points = [part for part in points if len(part) > (role is ShapeRole.HEADING)]
         if not points:
             return
         # All at once: each call of numpy takes its time.
         dots = self.still.projection.dots(np.vstack(points))
         parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
-        if shape.role is ShapeRole.MOVER:
+        if role is ShapeRole.MOVER:
             self._movers[shape.text] = dots
         if shape.form == "dots":
             self._mark(shape, layer, dots)
-        elif shape.role is ShapeRole.HEADING:
+        elif role is ShapeRole.HEADING:
             self._head(parts[0], layer)
-        elif shape.role is ShapeRole.TOUCHING_TRAIL:
+        elif role is ShapeRole.TOUCHING_TRAIL:
             for x, y in np.vstack([_along(part, 1.0) for part in parts]).tolist():
                 self._glyph(x, y, TOUCHING, layer)
-        elif shape.role is ShapeRole.PLAN:
+        elif role is ShapeRole.PLAN:
             self.canvas.points(np.vstack([_along(part, _DOT_GAP) for part in parts]), layer)
         elif shape.form == "line":
             lines = np.vstack([np.hstack((part[:-1], part[1:])) for part in parts])
-            # Told from the rest without colours by twice the thickness.
-            for off in _THICK if shape.role is ShapeRole.NEAR_TRAIL else _THICK[:1]:
-                self.canvas.lines(lines + np.array(off * 2), layer)
+            self.canvas.lines(lines, layer, _THICK if role is ShapeRole.NEAR_TRAIL else 1)
         else:
             edges = ring_edges(parts)
             self.canvas.lines(edges, layer)
-            if shape.form == "area" and shape.role is not ShapeRole.ROBOT:
+            if shape.form == "area" and role is not ShapeRole.ROBOT:
                 self.canvas.merge(area_dots(edges, self.canvas.columns, self.canvas.rows), layer)
         marked = any(owner is layer for _, owner in self._glyphs.values())
         if marked or self.canvas.layer(layer).any():
@@ -164,14 +161,16 @@ class MapFrame:
     def _mark(self, shape: PlanShape, layer: Layer, dots: Floats) -> None:
         sign = _GLYPHS.get(shape.role)
         if sign is None:
-            # Cells hardly wider than a dot would leave gaps.
-            for off in _THICK if shape.role is ShapeRole.COSTMAP else _THICK[:1]:
-                self.canvas.points(dots + np.array(off), layer)
+            self.canvas.points(dots, layer, _THICK if shape.role is ShapeRole.COSTMAP else 1)
             return
         for x, y in dots.tolist():
             self._glyph(x, y, sign, layer)
-            if shape.text:
-                self._numbers.setdefault(cell_of(x, y), {})[shape.text] = layer
+        if layer in (Layer.REACHED, Layer.WAYPOINT):
+            # Reached ones come first: a cell with another one in it is still ahead.
+            self._waypoints |= {cell_of(x, y): layer for x, y in dots.tolist()}
+        elif shape.text:
+            # With its sign: that of a contact may be in its place.
+            self._measure = (f"{sign} {shape.text}", layer, dots)
 
     def _head(self, line: Floats, layer: Layer) -> None:
         """Draw the way a robot looks: a line to its nose where it is large, and an arrow."""
@@ -188,11 +187,8 @@ class MapFrame:
         if inside and (place not in self._glyphs or self._glyphs[place][1] <= layer):
             self._glyphs[place] = (sign, layer)
 
-    def cells(self, names: dict[MapName, Place] | None = None) -> tuple[Codes, Codes]:
-        """Return code points and styles, shape (rows, columns) each; style -1 is empty.
-
-        ``names`` remembers where each name stood last: it stays there as long as it can.
-        """
+    def cells(self) -> tuple[Codes, Codes]:
+        """Return code points and styles, shape (rows, columns) each; style -1 is empty."""
         walls = self.still.walls
         shape = (self.canvas.rows, self.canvas.columns)
         dots, owners = np.zeros(shape, dtype=np.uint8), np.full(shape, -1, dtype=np.int32)
@@ -210,52 +206,45 @@ class MapFrame:
         codes[plain] = walls.codes[plain]
         owners[plain] = Layer.WALL
         owners[lit] = Layer.LIT
-        self._write_names(codes, owners, {} if names is None else names)
-        self._write_signs(codes, owners)
-        for text in self.still.texts:
-            write_text(codes, owners, text.row, text.column, text.text, Layer.SCALE)
-        return codes, owners
-
-    def _write_names(self, codes: Codes, owners: Codes, names: dict[MapName, Place]) -> None:
-        """Write every name at the first of its places that nothing of the run is in."""
-        taken = owners >= Layer.TRAIL
-        for row, column in self._glyphs:
-            taken[row, column] = True
-        for name in self.still.names:
-            before = names.get(name)
-            for row, column in (*((before,) if before in name.spots else ()), *name.spots):
-                if not taken[row : row + len(name.lines), column : column + name.width].any():
-                    names[name] = (row, column)
-                    # With a cell on either side, as where it was found room for.
-                    beside = slice(max(column - 1, 0), column + name.width + 1)
-                    taken[row : row + len(name.lines), beside] = True
-                    for below, line in enumerate(name.lines):
-                        shift = (name.width - len(line)) // 2
-                        write_text(codes, owners, row + below, column + shift, line, name.layer)
-                    break
-        walls = self.still.walls.dots > 0
-        free = ~(taken | walls)
-        for text, dots in self._movers.items() if self.still.names else ():
-            box = [*((dots.min(axis=0) + 0.5) / _CELL), *((dots.max(axis=0) + 0.5) / _CELL)]
-            called = name_thing(text, Layer.DOOR_NAME, box, free, walls)
-            if called is not None:
-                write_text(codes, owners, *called.spots[0], text, called.layer)
-                take_place(called, free)
-
-    def _write_signs(self, codes: Codes, owners: Codes) -> None:
-        """Write the numbers of waypoints beside them, then the signs, higher layers last."""
-        solid = self.still.walls.dots > 0
-        for (row, column), numbers in self._numbers.items():
-            if not (0 <= row < self.canvas.rows and 0 <= column < self.canvas.columns):
-                continue
-            text = keep_start(",".join(numbers), _MOST_NUMBERS)
-            left, right = column - len(text), column + 1
-            # On the other side where a wall would be covered, if that has room.
-            full = right + len(text) > codes.shape[1] or solid[row, right : right + len(text)].any()
-            aside = full and left >= 0 and not solid[row, left:column].any()
-            write_text(codes, owners, row, left if aside else right, text, max(numbers.values()))
+        for text in (*self._texts(owners), *self.still.edge):
+            write_text(codes, owners, text.row, text.column, text.text, text.layer)
         for place, (sign, layer) in sorted(self._glyphs.items(), key=lambda item: item[1][1]):
             codes[place], owners[place] = ord(sign), layer
+        return codes, owners
+
+    def _texts(self, owners: Codes) -> list[MapText]:
+        """Return the texts that have room, those that matter most first."""
+        still, walls = self.still, self.still.walls.dots > 0
+        free = np.ones(owners.shape, dtype=np.bool_)
+        for place in self._glyphs:
+            free[place] = False
+        numbers = (
+            replace(number, layer=layer)
+            for place, layer in self._waypoints.items()
+            if (number := still.numbers.get(place))
+        )
+        texts = _with_room(numbers, free)
+        if self._measure is not None:
+            words, layer, dots = self._measure
+            box = box_of(dots)
+            measure = place_beside(words, layer, box, free & ~walls)
+            texts += _with_room([measure or place_beside(words, layer, box, free)], free)
+        free &= owners < Layer.TRAIL
+        texts += _with_room(still.names, free)
+        free &= ~walls
+        # Names of what moves, where the map is large enough for names.
+        for text, dots in self._movers.items() if still.names else ():
+            name = place_beside(text, Layer.DOOR_NAME, box_of(dots), free)
+            texts += _with_room([name], free)
+        return texts
+
+
+def _with_room(texts: Iterable[MapText | None], free: Mask) -> list[MapText]:
+    """Return the texts whose cells are ``free`` (rows, columns); these are so no longer."""
+    found = [text for text in texts if text is not None and free[text.cells].all()]
+    for text in found:
+        text.take_place(free)
+    return found
 
 
 _GLYPHS: Final = {
@@ -263,8 +252,10 @@ _GLYPHS: Final = {
     ShapeRole.REACHED: REACHED,
     ShapeRole.ESTIMATE: ESTIMATE,
     ShapeRole.CONTACT: CONTACT,
+    ShapeRole.FAILURE: FAILURE,
+    ShapeRole.DECISION: DECISION,
 }
-_TOLD: Final = (ShapeRole.WAYPOINT, ShapeRole.REACHED, ShapeRole.MOVER)
+_TEXTS: Final = (ShapeRole.MOVER, ShapeRole.FAILURE, ShapeRole.DECISION)
 """Roles whose texts are written beside their shapes."""
 
 
@@ -280,7 +271,7 @@ def _along(dots: Floats, gap: float) -> Floats:
 def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
     """Yield neighbours that are alike as one, for every drawing takes its time."""
     for (role, form, text), same in itertools.groupby(
-        shapes, key=lambda one: (one.role, one.form, one.text if one.role in _TOLD else "")
+        shapes, key=lambda one: (one.role, one.form, one.text if one.role in _TEXTS else "")
     ):
         yield PlanShape(role, form, tuple(part for one in same for part in one.parts), text)
 

@@ -1,135 +1,79 @@
-"""Names on a map of cells: where each may stand without covering what is drawn there."""
+"""Texts on a map of cells: each has one place, on one line, where it covers nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.widgets.block_cells import Mask, fill_areas, ring_edges
 
-_SPOTS: Final = 4
-"""Places to go to when something comes by."""
-_ASIDE: Final = 2
-"""Rows above or below a thing in which its name may stand."""
-
 Place = tuple[int, int]
-"""Row and column of the first letter."""
+"""Row and column of a cell."""
+Box = tuple[int, int, int, int]
+"""First column and row, last column and row of some cells."""
 
 
 @dataclass(frozen=True, slots=True)
-class MapName:
-    """A name of one or two lines and the ``spots`` it may stand at, the best first."""
+class MapText:
+    """A text from the cell at ``row`` and ``column`` on."""
 
-    lines: tuple[str, ...]
+    row: int
+    column: int
+    text: str
     layer: int
-    spots: tuple[Place, ...]
 
     @property
-    def width(self) -> int:
-        """Cells of the longest line."""
-        return max(map(len, self.lines))
+    def cells(self) -> tuple[int, slice]:
+        """Index of the cells it covers."""
+        return self.row, slice(self.column, self.column + len(self.text))
+
+    def take_place(self, free: Mask) -> None:
+        """Mark its cells, with one on either side, as no longer ``free`` (rows, columns)."""
+        free[self.row, max(self.column - 1, 0) : self.column + len(self.text) + 1] = False
 
 
-def name_area(name: str, layer: int, rings: Sequence[Floats], free: Mask) -> MapName | None:
-    """Return a name that stands within an area, as near to its middle as there is room.
+def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> MapText | None:
+    """Return a text within an area, as near to its middle as there is room.
 
     ``rings`` (n, 2) are in cells from the upper left corner; ``free`` (rows, columns) are cells
     with nothing in them.
     """
     rows, columns = free.shape
     inside = fill_areas(ring_edges(rings), columns, rows, even_odd=True)
-    if not inside.any():
+    # With a cell on either side: letters that touch a wall are hard to read.
+    width = len(text) + 2
+    if not inside.any() or columns < width:
         return None
-    row, column = (float(at.mean()) for at in np.nonzero(inside))
-    room = inside & free
-    for lines in _broken(name):
-        width = max(map(len, lines))
-        fits = _runs(room, width)
-        for below in range(1, len(lines)):
-            fits[:-below] &= fits[below:]
-            fits[-below:] = False
-        at = np.argwhere(fits)
-        if len(at) == 0:
-            continue
-        # A cell is twice as high as wide.
-        far = np.abs(2.0 * (at[:, 0] + (len(lines) - 1) / 2 - row))
-        far += np.abs(at[:, 1] + (width - 1) / 2 - column)
-        return MapName(lines, layer, tuple(_apart(at[np.argsort(far, kind="stable")], width)))
-    return None
+    sums = np.pad(np.cumsum(inside & free, axis=1), ((0, 0), (1, 0)))
+    at = np.argwhere(sums[:, width:] - sums[:, :-width] == width)
+    if len(at) == 0:
+        return None
+    row, column = (float(where.mean()) for where in np.nonzero(inside))
+    # A cell is twice as high as wide.
+    far = np.abs(2.0 * (at[:, 0] - row)) + np.abs(at[:, 1] + (width - 1) / 2 - column)
+    best, first = at[far.argmin()].tolist()
+    return MapText(best, first + 1, text, layer)
 
 
-def name_thing(
-    name: str, layer: int, box: Sequence[float], free: Mask, walls: Mask
-) -> MapName | None:
-    """Return a name beside a thing, on this side of the ``walls`` (rows, columns) around it.
+def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> MapText | None:
+    """Return a text beside a ``box``: to the right, to the left, at most two rows above or below.
 
-    ``box`` is left, top, right, bottom of it in cells.
+    It has ``gap`` cells on either side that are ``free`` (rows, columns), too.
     """
     rows, columns = free.shape
-    left, top, right, bottom = (int(np.floor(edge)) for edge in box)
+    left, top, right, bottom = box
     if right < 0 or bottom < 0 or left >= columns or top >= rows:
         return None
-    width = len(name)
+    width = len(text)
     middle, centre = (top + bottom) // 2, (left + right) // 2 - (width - 1) // 2
-    wanted = [(middle, right + 2), (middle, left - width - 1)]
-    across = slice(max(left, 0), right + 1)
-    for step in range(1, _ASIDE + 1):
-        for row, between in (
-            (top - step, walls[max(top - step + 1, 0) : max(top, 0), across]),
-            (bottom + step, walls[bottom + 1 : bottom + step, across]),
-        ):
-            if not between.any():
-                wanted += [(row, column) for column in (centre, right + 1, left - width)]
-    spots = [
-        (row, column)
-        for row, column in wanted
-        if 0 <= row < rows
-        and 0 <= column <= columns - width
-        and free[row, max(column - 1, 0) : column + width + 1].all()
-    ]
-    return MapName((name,), layer, tuple(spots[:_SPOTS])) if spots else None
-
-
-def take_place(name: MapName, free: Mask) -> None:
-    """Mark where a name stands, with a cell on either side, as no longer free."""
-    row, column = name.spots[0]
-    free[row : row + len(name.lines), max(column - 1, 0) : column + name.width + 1] = False
-
-
-def _broken(name: str) -> Iterator[tuple[str, ...]]:
-    """Yield a name as it is, then broken behind the underscore nearest to its middle."""
-    yield (name,)
-    cuts = [index + 1 for index, sign in enumerate(name[:-1]) if sign == "_"]
-    if cuts:
-        cut = min(cuts, key=lambda at: abs(2 * at - len(name)))
-        yield name[:cut], name[cut:]
-
-
-def _runs(room: Mask, width: int) -> Mask:
-    """Return where ``width`` cells to the right, and one more on either side, have room."""
-    rows, columns = room.shape
-    found = np.zeros(room.shape, dtype=np.bool_)
-    # With a cell on either side: letters that touch a wall are hard to read.
-    if columns < width + 2:
-        return found
-    sums = np.zeros((rows, columns + 1), dtype=np.int64)
-    np.cumsum(room, axis=1, out=sums[:, 1:])
-    length = width + 2
-    found[:, 1 : columns - width] = sums[:, length:] - sums[:, : columns + 1 - length] == length
-    return found
-
-
-def _apart(places: npt.NDArray[np.intp], width: int) -> list[Place]:
-    """Return the first few places of which none covers much of another."""
-    found: list[Place] = []
-    for row, column in places[:400].tolist():
-        if all(abs(row - r) > 1 or abs(column - c) > width for r, c in found):
-            found.append((row, column))
-            if len(found) == _SPOTS:
-                break
-    return found
+    spots = [(middle, right + 1 + gap), (middle, left - width - gap)]
+    for row in (top - 1, bottom + 1, top - 2, bottom + 2):
+        spots += [(row, column) for column in (centre, right + 1, left - width)]
+    for row, column in spots:
+        is_inside = 0 <= row < rows and 0 <= column <= columns - width
+        if is_inside and free[row, max(column - gap, 0) : column + width + gap].all():
+            return MapText(row, column, text, layer)
+    return None

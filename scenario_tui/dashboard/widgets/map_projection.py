@@ -1,4 +1,4 @@
-"""Where the metres of a map lie on the dots of a canvas: turned so that it fills the pane."""
+"""Metres of a map on the dots of a canvas; each building has one orientation in every pane."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 
 from grammars.model.geometry import Floats, Point2
 
-_BETTER: Final = 1.15
-"""A map is turned when it becomes larger by this: people know their map as it is drawn."""
+_STRAIGHT: Final = math.radians(1.0)
+"""Walls at a smaller angle are straight on a screen: people know their map as it is drawn."""
+_UPRIGHT: Final = 2.0
+"""A straight map that is this many times as high as wide is laid down: terminals are wide."""
 _BINS: Final = 90
 """Directions of walls are counted by the degree, from 0 to 90: all four sides of a room are one."""
 _NEAR: Final = math.radians(2.0)
@@ -63,29 +65,34 @@ def cell_of(x: float, y: float) -> tuple[int, int]:
     return math.floor((y + 0.5) / 4), math.floor((x + 0.5) / 2)
 
 
-def fit(points: Floats, axis: float, width: int, height: int) -> MapProjection:
-    """Return the projection that has all ``points`` (n, 2) [m] on ``width`` x ``height`` dots.
+def map_turn(axis: float, corners: Floats) -> float:
+    """Return how far to turn a map to the left [rad] so that its walls are straight on the screen.
 
-    Along ``axis`` [rad], or across, where the map becomes notably larger by that; else as it is.
+    ``axis`` [rad] is that of most walls, ``corners`` (n, 2) [m] are those of the building. It stays
+    as it is drawn if it is straight; a map that must be turned lies on its longer side.
     """
-    best = _fit(points, 0.0, width, height)
-    turns = {math.remainder(quarter - axis, math.pi) for quarter in (0.0, math.pi / 2)}
-    for turn in sorted(turns, key=abs):
-        other = _fit(points, turn, width, height)
-        if other.scale > best.scale * (_BETTER if best.turn == 0.0 else 1.001):
-            best = other
-    return best
+    turn = -axis if abs(axis) > _STRAIGHT else 0.0
+    width, height = np.ptp(corners @ _rotation(turn), axis=0).tolist()
+    if height > width * (1.0 if turn else _UPRIGHT):
+        turn -= math.copysign(math.pi / 2, turn or -1.0)
+    return turn
 
 
-def _fit(points: Floats, turn: float, width: int, height: int) -> MapProjection:
-    c, s = math.cos(turn), math.sin(turn)
-    turned = points @ np.array([[c, s], [-s, c]])
+def fit(points: Floats, turn: float, width: int, height: int) -> MapProjection:
+    """Return the projection that has all ``points`` (n, 2) [m] on ``width`` x ``height`` dots."""
+    rotation = _rotation(turn)
+    turned = points @ rotation
     low, high = turned.min(axis=0), turned.max(axis=0)
     extent = np.maximum(high - low, 0.1)
     scale = float(min((width - 1) / extent[0], (height - 1) / extent[1]))
-    x, y = ((low + high) / 2).tolist()
-    middle = (c * x + s * y, c * y - s * x)
-    return MapProjection(middle, ((width - 1) / 2, (height - 1) / 2), scale, turn)
+    x, y = (rotation @ (low + high) / 2).tolist()
+    return MapProjection((x, y), ((width - 1) / 2, (height - 1) / 2), scale, turn)
+
+
+def _rotation(turn: float) -> Floats:
+    """Return the matrix (2, 2) that turns rows of points to the left."""
+    c, s = math.cos(turn), math.sin(turn)
+    return np.array([[c, s], [-s, c]])
 
 
 def main_axis(edges: Floats) -> float:

@@ -11,7 +11,17 @@ from rich.style import Style
 from rich.text import Text
 
 from grammars.text.words import format_quantity
-from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
+from scenario_tui.text.formatting import (
+    BAD,
+    BROKEN,
+    BUSY,
+    DOORS,
+    FACT,
+    GLYPHS,
+    GOOD,
+    QUIET,
+    UNSURE,
+)
 from templates.plan_shapes import ShapeRole
 
 WALLS: Final = "#7c818c"
@@ -40,9 +50,11 @@ class Layer(IntEnum):
     WAYPOINT = 16
     ESTIMATE = 17
     ROBOT = 18
-    HEADING = 19
-    CONTACT = 20
-    SCALE = 21
+    DECISION = 19
+    FAILURE = 20
+    HEADING = 21
+    CONTACT = 22
+    SCALE = 23
 
 
 STYLES: Final = tuple(
@@ -68,6 +80,8 @@ STYLES: Final = tuple(
         Layer.WAYPOINT: Style(color=BUSY, bold=True),
         Layer.ESTIMATE: Style(color=BROKEN, bold=True),
         Layer.ROBOT: Style(color=GOOD, bold=True),
+        Layer.DECISION: Style(color=FACT, bold=True),
+        Layer.FAILURE: Style(color=BAD, bold=True),
         Layer.HEADING: Style(color=GOOD, bold=True, reverse=True),
         Layer.CONTACT: Style(color=BAD, bold=True, reverse=True),
         Layer.SCALE: Style(color=QUIET),
@@ -93,12 +107,17 @@ LAYER_OF: Final = {
     ShapeRole.ROBOT: Layer.ROBOT,
     ShapeRole.HEADING: Layer.HEADING,
     ShapeRole.CONTACT: Layer.CONTACT,
+    ShapeRole.DECISION: Layer.DECISION,
+    ShapeRole.FAILURE: Layer.FAILURE,
 }
 ARROWS: Final = "→↗↑↖←↙↓↘"
 """One for each eighth of a turn to the left."""
-AHEAD, REACHED, ESTIMATE, CONTACT, TOUCHING = "◆", "◇", "+", "✱", "×"
+AHEAD, REACHED, ESTIMATE, CONTACT, TOUCHING, DECISION = "◆", "◇", "+", "✱", "×", "●"
+FAILURE: Final = GLYPHS["fail"]
 _SIGNS: Final = (
     (Layer.HEADING, "↑", "robot"),
+    (Layer.FAILURE, FAILURE, "decides"),
+    (Layer.DECISION, DECISION, "decides"),
     (Layer.ESTIMATE, ESTIMATE, "estimate"),
     (Layer.SPREAD, "⢎⡱", "its spread (2σ)"),
     (Layer.WAYPOINT, AHEAD, "waypoint"),
@@ -120,10 +139,14 @@ _MAP_LINES: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class MapSigns:
-    """What is on a map, for its legend: ``limit`` [m] is the clearance an oracle asks for."""
+    """What is on a map, for its legend.
+
+    ``limit`` [m] is the clearance an oracle asks for, ``decisive`` the name of what decides.
+    """
 
     layers: frozenset[Layer] = frozenset()
     limit: float | None = None
+    decisive: str = ""
 
 
 def legend_lines(signs: Collection[MapSigns], width: int, most: int) -> list[Text]:
@@ -152,8 +175,10 @@ def legend_height(height: int) -> int:
 def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:
     shown = {layer for one in signs for layer in one.layers}
     limits = sorted({one.limit for one in signs if one.limit is not None})
+    asked = " / ".join(format_quantity(limit, "m") for limit in limits)
+    decisive = " / ".join(sorted({one.decisive for one in signs if one.decisive}))
     for layer, sign, words in _SIGNS:
         if layer in shown:
-            asked = " / ".join(format_quantity(limit, "m") for limit in limits)
-            text = f"{words} {asked}" if layer is Layer.NEAR else words
-            yield Text.assemble((sign, STYLES[layer]), " ", (text, QUIET))
+            before = f"{decisive} " if layer in (Layer.FAILURE, Layer.DECISION) else ""
+            after = f" {asked}" if layer is Layer.NEAR else ""
+            yield Text.assemble((sign, STYLES[layer]), " ", (f"{before}{words}{after}", QUIET))

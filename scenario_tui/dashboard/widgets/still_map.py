@@ -6,10 +6,10 @@ Made once for a scene, a mission and a size; most of a map's work is here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -23,103 +23,78 @@ from scenario_tui.dashboard.widgets.block_cells import (
     area_dots,
     draw_strokes,
     fill_areas,
-    mask_dots,
     middle_line,
     ring_edges,
     to_blocks,
 )
-from scenario_tui.dashboard.widgets.cell_view import Canvas, Cells
-from scenario_tui.dashboard.widgets.map_names import MapName, name_area, name_thing, take_place
-from scenario_tui.dashboard.widgets.map_projection import MapProjection, cell_of, fit, main_axis
+from scenario_tui.dashboard.widgets.cell_view import Canvas
+from scenario_tui.dashboard.widgets.map_names import (
+    Box,
+    MapText,
+    Place,
+    place_beside,
+    place_inside,
+)
+from scenario_tui.dashboard.widgets.map_projection import (
+    MapProjection,
+    cell_of,
+    fit,
+    main_axis,
+    map_turn,
+)
 from scenario_tui.dashboard.widgets.map_style import ARROWS, Layer
 from scenario_tui.terminal.capabilities import Blocks
+from scenario_tui.text.formatting import keep_start
+from scenario_tui.text.scale import round_step
 from templates import plan_shapes
 from templates.plan_shapes import PlanShape, ShapeRole
 
 EYE_HEIGHT: Final = 0.3
 """The view is cut at this height [m], about where laser scanners look."""
 _LEAST_NAMED: Final = (30, 8)
-"""Columns and rows of a map from which on it has names."""
+"""Columns and rows of a map from which on it has names and a scale."""
 _LEAST_DOOR: Final = 1.5
 """Dots a door is long at least to have its name beside it."""
-_BAR_SHARE: Final = 0.2
-"""Share of the width the bar of the scale has at most."""
-_LEAST_BAR: Final = 3
-_EVERY_OTHER: Final = 0b01010101
-"""Dots of a braille cell that are shown of a dotted line."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Same:
-    """A value that equals itself only: comparing a scene would take as long as drawing it."""
-
-    value: Any
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.value is other.value
-
-    def __hash__(self) -> int:
-        return id(self.value)
+_BAR_SHARE: Final = 0.08
+"""Share of the width the bar of the scale has at least."""
+_MOST_NUMBERS: Final = 7
+"""Letters beside a waypoint at most: several may lie in one cell."""
+_CELL: Final = np.array([2.0, 4.0])
+"""Dots across and down a cell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SceneLines:
-    """A scene in metres, as arrays: edges and middle lines (n, 4), corners (n, 2), its axis."""
+    """A scene in metres, as arrays: edges and middle lines (n, 4), corners (n, 2).
+
+    ``turn`` [rad] is how far it is turned to the left on every screen.
+    """
 
     walls: Floats
     middles: Floats
     low: Floats
-    floors: Floats
     sweeps: Floats
     corners: Floats
-    axis: float
+    turn: float
     spaces: tuple[PlanShape, ...]
     doors: tuple[PlanShape, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeText:
-    """A text on the map's edge: ``row`` and ``column`` of its first letter."""
-
-    row: int
-    column: int
-    text: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class StillMap:
-    """What stands still on ``columns`` x ``rows`` cells; ``low`` are dots of braille."""
+    """What stands still on ``columns`` x ``rows`` cells; ``low`` are dots of braille.
+
+    ``numbers`` are those of waypoints by the cell of their sign.
+    """
 
     columns: int
     rows: int
     projection: MapProjection
     walls: BlockLayer
     low: Canvas
-    names: tuple[MapName, ...]
-    texts: tuple[EdgeText, ...]
-
-
-@lru_cache(maxsize=16)
-def _still_map(
-    scene: _Same, mission: _Same, columns: int, rows: int, zoom: int, middle: Point2 | None,
-    blocks: Blocks,
-) -> StillMap:  # fmt: skip
-    lines = _scene_lines(scene)
-    projection = _projection(lines, mission.value, columns, rows)
-    if zoom > 1:
-        projection = replace(
-            projection, scale=projection.scale * zoom, middle=middle or projection.middle
-        )
-    walls = to_blocks(_wall_mask(lines, projection, columns, rows, blocks), blocks)
-    low = Canvas(columns, rows, 1)
-    low.lines(_in_dots(lines.low, projection), 0)
-    low.merge(_open_borders(_in_dots(lines.floors, projection), walls), 0)
-    texts = _scale_and_axes(projection, columns, rows)
-    names: tuple[MapName, ...] = ()
-    if columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]:
-        free = _free_cells(lines, projection, walls, mission.value, texts)
-        names = tuple(_names(lines, projection, free, walls.dots > 0))
-    return StillMap(columns, rows, projection, walls, low, names, texts)
+    numbers: Mapping[Place, MapText]
+    names: tuple[MapText, ...]
+    edge: tuple[MapText, ...]
 
 
 def still_map(
@@ -127,13 +102,46 @@ def still_map(
     middle: Point2 | None = None, blocks: Blocks = "quadrants",
 ) -> StillMap:  # fmt: skip
     """Return what stands still: the whole map, or ``zoom`` times as large around ``middle`` [m]."""
-    at = middle if zoom > 1 else None
-    return _still_map(_Same(scene), _Same(mission), columns, rows, zoom, at, blocks)
+    return _still_map(scene, mission, columns, rows, zoom, middle if zoom > 1 else None, blocks)
+
+
+@lru_cache(maxsize=16)
+def _still_map(
+    scene: Scene, mission: Mission, columns: int, rows: int, zoom: int, middle: Point2 | None,
+    blocks: Blocks,
+) -> StillMap:  # fmt: skip
+    lines = _scene_lines(scene)
+    stops = np.array([(waypoint.x, waypoint.y) for waypoint in mission.waypoints])
+    # The last row is that of the scale, which is to cover nothing.
+    size = (2 * columns, 4 * max(rows - 1, 1))
+    start = (mission.start.x, mission.start.y)
+    projection = fit(np.vstack([lines.corners, start, stops]), lines.turn, *size)
+    if zoom > 1:
+        projection = replace(
+            projection, scale=projection.scale * zoom, middle=middle or projection.middle
+        )
+    walls = to_blocks(_wall_mask(lines, projection, columns, rows, blocks), blocks)
+    low = Canvas(columns, rows, 1)
+    low.lines(_in_dots(lines.low, projection), 0)
+    has_names = columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]
+    edge = tuple(_scale_and_axes(projection, columns, rows)) if has_names else ()
+    free = np.ones((rows, columns), dtype=np.bool_)
+    for text in edge:
+        text.take_place(free)
+    numbers = _numbers(projection.dots(stops), free, walls.dots > 0)
+    names: tuple[MapText, ...] = ()
+    if has_names:
+        sweeps = Canvas(columns, rows, 1)
+        swept = _in_dots(lines.sweeps, projection)
+        sweeps.lines(swept, 0)
+        sweeps.merge(area_dots(swept, columns, rows), 0)
+        free &= (walls.dots == 0) & (sweeps.layer(0) == 0)
+        names = tuple(_names(lines, projection, free))
+    return StillMap(columns, rows, projection, walls, low, numbers, names, edge)
 
 
 @lru_cache(maxsize=4)
-def _scene_lines(same: _Same) -> _SceneLines:
-    scene: Scene = same.value
+def _scene_lines(scene: Scene) -> _SceneLines:
     solids = list(plan_shapes.solid_shapes(scene, EYE_HEIGHT))
     walls = _rings(shape for shape in solids if shape.role is ShapeRole.WALL)
     low = _rings(shape for shape in solids if shape.role is ShapeRole.LOW)
@@ -143,15 +151,14 @@ def _scene_lines(same: _Same) -> _SceneLines:
     # Of lintels and sills alone, too: a map is as large as its building.
     rings = [np.array(solid.polygon) for solid in scene.solids]
     rings += [np.array(region.outline) for region in scene.regions]
-    edges = ring_edges(walls)
+    edges, corners = ring_edges(walls), np.vstack([*rings, np.empty((0, 2))])
     return _SceneLines(
         walls=edges,
         middles=np.array([middle_line(ring) for ring in walls]).reshape(-1, 4),
         low=ring_edges(low),
-        floors=ring_edges(_rings(plan_shapes.floor_shapes(scene))),
         sweeps=ring_edges(_rings(shape for shape in (*swings, *bodies) if shape.form != "line")),
-        corners=np.vstack(rings) if rings else np.empty((0, 2)),
-        axis=main_axis(edges),
+        corners=corners,
+        turn=map_turn(main_axis(edges), corners) if rings else 0.0,
         spaces=tuple(plan_shapes.space_names(scene)),
         # Whoever walks takes their name along.
         doors=tuple(
@@ -164,13 +171,6 @@ def _scene_lines(same: _Same) -> _SceneLines:
 
 def _rings(shapes: Iterable[PlanShape]) -> list[Floats]:
     return [np.asarray(part, dtype=np.float64) for shape in shapes for part in shape.parts]
-
-
-def _projection(lines: _SceneLines, mission: Mission, columns: int, rows: int) -> MapProjection:
-    points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
-    corners = np.vstack([lines.corners, np.array(points)])
-    # The last row is that of the scale, which is to cover nothing.
-    return fit(corners, lines.axis, 2 * columns, 4 * max(rows - 1, 1))
 
 
 def _in_dots(lines: Floats, projection: MapProjection) -> Floats:
@@ -190,88 +190,62 @@ def _wall_mask(
     return mask
 
 
-def _open_borders(floors: Floats, walls: BlockLayer) -> Cells:
-    """Return every other dot along the border of the floor where no wall is near.
+def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapText]:
+    """Return the numbers of waypoints (n, 2) by the cells of their signs, those in one together.
 
-    Maps that were imported end where nobody has looked.
+    Signs and numbers are no longer ``free``. A number covers a wall only without any other place.
     """
-    rows, columns = walls.codes.shape
-    floor = fill_areas(floors + 0.5, 2 * columns, 4 * rows)
-    # Floor that goes on beyond the edge of the map has no border there.
-    around = np.pad(floor, 1, mode="edge")
-    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:] & floor
-    near = np.zeros((rows + 2, columns + 2), dtype=np.bool_)
-    for down in (0, 1, 2):
-        for right in (0, 1, 2):
-            near[down : down + rows, right : right + columns] |= walls.dots > 0
-    dots = mask_dots(floor & ~inner, 4) & np.uint8(_EVERY_OTHER)
-    return np.where(near[1:-1, 1:-1], 0, dots).astype(np.uint8)
-
-
-def _free_cells(
-    lines: _SceneLines, projection: MapProjection, walls: BlockLayer, mission: Mission,
-    texts: Sequence[EdgeText],
-) -> Mask:  # fmt: skip
-    """Return the cells (rows, columns) a name may cover."""
-    rows, columns = walls.codes.shape
-    taken = Canvas(columns, rows, 1)
-    sweeps = _in_dots(lines.sweeps, projection)
-    taken.lines(sweeps, 0)
-    taken.merge(area_dots(sweeps, columns, rows), 0)
-    free: Mask = (walls.dots == 0) & (taken.layer(0) == 0)
-    points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
-    for x, y in projection.dots(np.array(points)).tolist():
+    signs: dict[Place, list[str]] = {}
+    for number, (x, y) in enumerate(dots.tolist(), start=1):
         row, column = cell_of(x, y)
-        if 0 <= row < rows:
-            free[row, max(column - 1, 0) : max(column + 4, 0)] = False
-    for text in texts:
-        free[text.row, max(text.column - 1, 0) : text.column + len(text.text) + 1] = False
-    return free
+        if 0 <= row < free.shape[0] and 0 <= column < free.shape[1]:
+            signs.setdefault((row, column), []).append(str(number))
+            free[row, column] = False
+    numbers = {}
+    for (row, column), texts in signs.items():
+        words, box = keep_start(",".join(texts), _MOST_NUMBERS), (column, row, column, row)
+        text = place_beside(words, Layer.WAYPOINT, box, free & ~walls, gap=0)
+        text = text or place_beside(words, Layer.WAYPOINT, box, free, gap=0)
+        if text is not None:
+            text.take_place(free)
+            numbers[row, column] = text
+    return numbers
 
 
-def _names(lines: _SceneLines, projection: MapProjection, free: Mask, walls: Mask) -> list[MapName]:
-    found = []
-    cell = np.array([2.0, 4.0])
-    # Doors first, whose names have far fewer places to stand.
+def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> Iterator[MapText]:
+    """Yield the names of doors, which have far fewer places to stand, then those of spaces."""
     for shape in lines.doors:
         dots = np.vstack([projection.dots(np.asarray(part)) for part in shape.parts])
-        if np.ptp(dots, axis=0).max() < _LEAST_DOOR:
-            continue
-        box = [*((dots.min(axis=0) + 0.5) / cell), *((dots.max(axis=0) + 0.5) / cell)]
-        name = name_thing(shape.text, Layer.DOOR_NAME, box, free, walls)
-        if name is not None:
-            take_place(name, free)
-            found.append(name)
+        if np.ptp(dots, axis=0).max() >= _LEAST_DOOR:
+            name = place_beside(shape.text, Layer.DOOR_NAME, box_of(dots), free)
+            if name is not None:
+                name.take_place(free)
+                yield name
     for shape in lines.spaces:
-        rings = [(projection.dots(np.asarray(part)) + 0.5) / cell for part in shape.parts]
-        name = name_area(shape.text, Layer.SPACE_NAME, rings, free)
+        rings = [(projection.dots(np.asarray(part)) + 0.5) / _CELL for part in shape.parts]
+        name = place_inside(shape.text, Layer.SPACE_NAME, rings, free)
         if name is not None:
-            take_place(name, free)
-            found.append(name)
-    return found
+            name.take_place(free)
+            yield name
 
 
-def _scale_and_axes(projection: MapProjection, columns: int, rows: int) -> tuple[EdgeText, ...]:
-    """Return the bar of a round length at the lower left, and the axes of a turned map."""
-    if rows < _LEAST_NAMED[1]:
-        return ()
+def box_of(dots: Floats) -> Box:
+    """Return the first and the last column and row that dots (n, 2) lie in."""
+    left, top = np.floor((dots.min(axis=0) + 0.5) / _CELL).astype(int).tolist()
+    right, bottom = np.floor((dots.max(axis=0) + 0.5) / _CELL).astype(int).tolist()
+    return left, top, right, bottom
+
+
+def _scale_and_axes(projection: MapProjection, columns: int, rows: int) -> Iterator[MapText]:
+    """Yield the bar of a round length at the lower left, and the axes of a turned map."""
     cells_a_metre = projection.scale / 2.0
-    length = _round_length(_BAR_SHARE * columns / cells_a_metre)
-    cells = round(length * cells_a_metre)
-    texts = []
-    if cells >= _LEAST_BAR:
-        # From the middle of its first cell to that of its last.
-        bar = f"├{'─' * (cells - 1)}┤ {length:g} m"
-        texts.append(EdgeText(rows - 1, 0, bar))
+    length = round_step(_BAR_SHARE * columns / cells_a_metre)
+    # From the middle of its first cell to that of its last.
+    bar = f"├{'─' * (round(length * cells_a_metre) - 1)}┤ {length:g} m"
+    yield MapText(rows - 1, 0, bar, Layer.SCALE)
     if projection.turn != 0.0:
-        x, y = (ARROWS[round((projection.turn + way) / (math.pi / 4)) % 8] for way in
-                (0.0, math.pi / 2))  # fmt: skip
+        x, y = (
+            ARROWS[round((projection.turn + way) / (math.pi / 4)) % 8] for way in (0.0, math.pi / 2)
+        )
         axes = f"x{x} y{y}"
-        texts.append(EdgeText(rows - 1, columns - len(axes), axes))
-    return tuple(texts)
-
-
-def _round_length(most: float) -> float:
-    """Return the largest of 1, 2 or 5 times a power of ten that is not above ``most``."""
-    power: float = 10.0 ** math.floor(math.log10(most))
-    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * 1.000001)
+        yield MapText(rows - 1, columns - len(axes), axes, Layer.SCALE)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import ClassVar, Final
 
 from rich.style import Style
+from textual.events import MouseScrollDown, MouseScrollUp
 from textual.reactive import reactive
 
 from grammars.model.geometry import Point2
 from scenario_tui.dashboard.widgets.cell_view import CellView, Codes
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
-from scenario_tui.dashboard.widgets.map_names import MapName, Place
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns
 from scenario_tui.dashboard.widgets.still_map import StillMap, still_map
 from scenario_tui.terminal.capabilities import Blocks
@@ -40,7 +40,6 @@ class TopView(CellView):
         self._zoom = 1
         self._middle: Point2 | None = None
         self._follows = True
-        self._names: dict[MapName, Place] = {}
         self._costmap: str | None = None
 
     @property
@@ -53,20 +52,29 @@ class TopView(CellView):
         other = view is None or self._view is None or view.mission is not self._view.mission
         self._view = view
         if other:
-            self._names.clear()
             self.signs = MapSigns()
         self.redraw()
 
-    def zoom(self) -> int:
-        """Come nearer to the robot, after the nearest back to everything; return how near."""
-        self._zoom = _ZOOMS[(_ZOOMS.index(self._zoom) + 1) % len(_ZOOMS)]
-        self._follows, self._middle = True, None
-        self.redraw()
-        return self._zoom
+    def zoom(self) -> None:
+        """Come nearer to the robot, after the nearest back to everything."""
+        self._show_at(_ZOOMS[(_ZOOMS.index(self._zoom) + 1) % len(_ZOOMS)])
 
     def fit(self) -> None:
         """Show all of the map again."""
-        self._zoom, self._follows, self._middle = 1, True, None
+        self._show_at(1)
+
+    def on_mouse_scroll_up(self, event: MouseScrollUp) -> None:
+        """Come nearer to the robot."""
+        event.stop()
+        self._show_at(min(self._zoom * 2, _ZOOMS[-1]))
+
+    def on_mouse_scroll_down(self, event: MouseScrollDown) -> None:
+        """Go further away."""
+        event.stop()
+        self._show_at(max(self._zoom // 2, 1))
+
+    def _show_at(self, zoom: int) -> None:
+        self._zoom, self._follows, self._middle = zoom, True, None
         self.redraw()
 
     def follow(self) -> bool:
@@ -146,5 +154,6 @@ class TopView(CellView):
         )  # fmt: skip
         # What was there once stays in the legend: a map that changes its height with every contact
         # could not be watched.
-        self.signs = MapSigns(self.signs.layers | frame.layers, view.limit)
-        return frame.cells(self._names)
+        decisive = view.decisive.name if view.decisive else self.signs.decisive
+        self.signs = MapSigns(self.signs.layers | frame.layers, view.limit, decisive)
+        return frame.cells()

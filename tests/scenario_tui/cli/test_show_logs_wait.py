@@ -105,7 +105,7 @@ def test_logs_tell_what_a_trace_recorded(scenario, tmp_path):
     lines = [line.split(maxsplit=3) for line in said.out.splitlines() if " s  " in line]
     assert [(line[0], line[2], line[3]) for line in lines] == [
         ("6.0", "mission", "w1 reached, 1 of 3"),
-        ("6.0", "contact", "robot touches door-1/leaf"),
+        ("6.0", "contact", "robot touches door-1.leaf"),
         ("10.0", "run", "finished"),
     ]
     body = json.loads(scenario("show", str(trace), "--log", "--json").out)

@@ -1,4 +1,4 @@
-"""The map in cells: turned to the building, filled walls, names that cover nothing, the legend."""
+"""The map in cells: one orientation, filled walls, texts that cover nothing, what decides."""
 
 import math
 from dataclasses import replace
@@ -19,9 +19,10 @@ from scenario_tui.dashboard.widgets.block_cells import (
     to_blocks,
 )
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
-from scenario_tui.dashboard.widgets.map_names import name_area, name_thing
-from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis
+from scenario_tui.dashboard.widgets.map_names import place_beside, place_inside
+from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis, map_turn
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
+from templates.plan_shapes import MeasuredMark
 from tests.scenario_tui.fake import MISSION, ROBOT, make_scene
 
 
@@ -63,7 +64,7 @@ def test_a_building_that_stands_askew_fills_the_pane_as_one_that_does_not(degree
     straight = draw_view(askew(0.0), 100, 20).still.projection.scale
     frame = draw_view(askew(degrees), 100, 20)
     assert frame.still.projection.scale == pytest.approx(straight, rel=0.02)
-    assert any("x" in text.text for text in frame.still.texts) == (degrees != 0.0)
+    assert any("x" in text.text for text in frame.still.edge) == (degrees != 0.0)
 
 
 def test_a_robot_on_a_turned_map_points_along_the_building():
@@ -71,16 +72,37 @@ def test_a_robot_on_a_turned_map_points_along_the_building():
     assert "→" in "".join(rows_of(draw_view(shown, 100, 20)))
 
 
-def test_a_map_that_is_hardly_larger_when_turned_stays_as_it_is_drawn():
-    square = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
-    assert fit(square, 0.0, 300, 290).turn == 0.0
+@pytest.mark.parametrize(
+    ("degrees", "size", "turn"),
+    [
+        (0.0, (10.0, 15.0), 0.0),  # people know their map as it is drawn
+        (0.5, (10.0, 5.0), 0.0),
+        (0.0, (5.0, 15.0), 90.0),
+        (20.0, (10.0, 5.0), -20.0),
+        (20.0, (5.0, 10.0), 70.0),
+        (-20.0, (5.0, 10.0), -70.0),
+    ],
+)
+def test_walls_become_straight_and_long_buildings_lie(degrees, size, turn):
+    corners = np.array([(x, y) for x in (0.0, size[0]) for y in (0.0, size[1])])
+    axis = math.radians(degrees)
+    c, s = math.cos(axis), math.sin(axis)
+    found = map_turn(axis, corners @ np.array([[c, s], [-s, c]]))
+    assert math.degrees(found) == pytest.approx(turn)
+
+
+def test_a_map_has_one_orientation_in_every_pane():
+    sizes = [(40, 10), (20, 60), (100, 20), (100, 60), (200, 50)]
+    for shown in (askew(0.0), askew(33.0), askew(90.0)):
+        turns = {draw_view(shown, *size).still.projection.turn for size in sizes}
+        assert len(turns) == 1
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_ways_on_the_screen_and_on_the_map_are_each_others_inverse(axis, right, up):
     corners = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 4.0), (0.0, 4.0)])
     turn = np.array([[math.cos(axis), math.sin(axis)], [-math.sin(axis), math.cos(axis)]])
-    projection = fit(corners @ turn, axis, 200, 80)
+    projection = fit(corners @ turn, -axis, 200, 80)
     assert projection.screen_way(projection.metres(right, up)) == pytest.approx((right, up))
     (a, b) = projection.dots(
         np.array([(1.0, 2.0), np.add((1.0, 2.0), projection.metres(right, up))])
@@ -134,37 +156,56 @@ def test_rooms_and_doors_have_names_that_cover_no_wall():
     assert "hall" in shown
     assert "door-1" in shown
     solid = frame.still.walls.dots > 0
-    for name in frame.still.names:
-        row, column = name.spots[0]
-        assert not solid[row, column : column + name.width].any()
+    assert not any(solid[name.cells].any() for name in frame.still.names)
 
 
-def test_a_name_makes_room_for_the_robot_and_comes_back():
+def test_a_name_makes_room_for_the_robot():
     still = draw_view(view(), 100, 30).still
-    (hall,) = (name for name in still.names if name.lines == ("hall",))
-    row, column = hall.spots[0]
-    off = np.array([2 * column + 4, 4 * row + 2]) - np.array(still.projection.centre)
+    (hall,) = (name for name in still.names if name.text == "hall")
+    off = np.array([2 * hall.column + 4, 4 * hall.row + 2]) - np.array(still.projection.centre)
     way = still.projection.metres(off[0], -off[1])
     x, y = np.add(still.projection.middle, way).tolist()
-    frame = draw_view(view(robot_pose=Pose2(x, y, 0.0)), 100, 30)
-    shown = rows_of(frame)
-    assert shown[row][column : column + 4] != "hall"
-    assert any("hall" in line for line in shown)
+    shown = rows_of(draw_view(view(robot_pose=Pose2(x, y, 0.0)), 100, 30))
+    assert not any("hall" in line for line in shown)
 
 
-def test_a_name_too_long_for_its_room_is_broken_or_left_out():
+def test_a_name_too_long_for_its_room_is_left_out():
     room = [np.array([(0.0, 0.0), (14.0, 0.0), (14.0, 6.0), (0.0, 6.0)])]
     free = np.ones((6, 14), dtype=bool)
-    broken = name_area("living_room_east", Layer.SPACE_NAME, room, free)
-    assert broken is not None
-    assert broken.lines == ("living_", "room_east")
-    assert name_area("x" * 13, Layer.SPACE_NAME, room, free) is None
+    name = place_inside("living_room_", Layer.SPACE_NAME, room, free)
+    assert name is not None
+    assert (name.row, name.column) in ((2, 1), (3, 1))
+    assert place_inside("x" * 13, Layer.SPACE_NAME, room, free) is None
+
+
+def with_waypoints(*places):
+    stops = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(places))
+    return View(make_scene(), ROBOT, replace(MISSION, waypoints=stops), (0.0,))
 
 
 def test_waypoints_carry_their_numbers_those_in_one_cell_together():
-    both = replace(MISSION, waypoints=(*MISSION.waypoints, Waypoint("again", 4.0, 2.0)))
-    shown = "".join(rows_of(draw_view(View(make_scene(), ROBOT, both, (0.0,)), 76, 20)))
+    shown = "".join(rows_of(draw_view(with_waypoints((4, 2), (8, 1), (11, 2), (4, 2)), 76, 20)))
     assert all(mark in shown for mark in ("◆1,4", "◆2", "◆3"))
+
+
+near = st.tuples(st.floats(3.0, 5.0), st.floats(0.3, 3.7))
+
+
+@given(st.lists(near, min_size=1, max_size=9), st.integers(24, 120), st.integers(8, 40))
+def test_numbers_cover_neither_signs_nor_each_other(places, columns, rows):
+    shown = with_waypoints(*places)
+    frame = draw_view(shown, columns, rows)
+    lines = rows_of(frame)
+    covered = set()
+    for number in frame.still.numbers.values():
+        row, cells = number.cells
+        assert lines[row][cells] == number.text
+        mine = {(row, column) for column in range(cells.start - 1, cells.stop + 1)}
+        assert not covered & mine
+        covered |= {(row, column) for column in range(cells.start, cells.stop)}
+    signs = set(frame.still.numbers)
+    assert not covered & signs
+    assert all(lines[row][column] in "◆→" for row, column in signs)
 
 
 @pytest.mark.parametrize("columns", [40, 80, 120, 200])
@@ -227,34 +268,6 @@ def test_zooming_and_panning_keep_what_they_show_where_it_is():
         assert (x, y) == pytest.approx(frame.still.projection.centre)
 
 
-def test_floor_that_ends_without_a_wall_has_a_dotted_border():
-    scene = make_scene()
-    open_end = replace(scene, solids=tuple(s for s in scene.solids if s.owner != "hall-wall-4"))
-    end = []
-    for one in (scene, open_end):
-        still = draw_view(View(one, ROBOT, MISSION, (0.0,)), 100, 30).still
-        ((x, y),) = still.projection.dots(np.array([(12.0, 2.0)]))
-        column, row = int(x // 2), int(y // 4)
-        end.append(still.low.layer(0)[row - 1 : row + 2, column - 1 : column + 2].any())
-    assert end == [False, True]
-
-
-def test_floor_that_goes_on_beyond_the_pane_has_no_border_there():
-    still = draw_view(view(), 40, 10, zoom=8, middle=(6.0, 2.0)).still
-    assert not still.low.layer(0).any()
-
-
-def test_no_name_covers_a_waypoint():
-    for columns in range(40, 140, 7):
-        still = draw_view(view(), columns, 24).still
-        points = np.array([(w.x, w.y) for w in MISSION.waypoints])
-        stops = [cell_of(x, y) for x, y in still.projection.dots(points).tolist()]
-        for name in still.names:
-            for row, column in name.spots:
-                covered = {(row, column + i) for i in range(name.width)}
-                assert not covered & set(stops)
-
-
 def test_middle_lines_end_where_a_wall_is_cut_aslant():
     mitred = np.array([(0.0, 0.0), (10.0, 0.0), (9.0, 1.0), (1.0, 1.0)])
     assert middle_line(mitred) == pytest.approx([0.5, 0.5, 9.5, 0.5])
@@ -272,10 +285,50 @@ def test_whoever_walks_takes_their_name_along():
         assert abs(line.index("visitor") + 3 - at / 2) < 9
 
 
-def test_a_name_stays_on_its_side_of_a_wall():
-    free, walls = np.ones((9, 30), dtype=bool), np.zeros((9, 30), dtype=bool)
-    free[4, :] = False
-    walls[3, :] = True
-    found = name_thing("door", Layer.DOOR_NAME, (12, 4, 14, 4), free & ~walls, walls)
-    assert found is not None
-    assert all(row > 4 for row, _ in found.spots)
+def test_a_text_stands_beside_its_thing_where_there_is_room():
+    free = np.ones((5, 20), dtype=bool)
+    box = (8, 2, 9, 2)
+    places = []
+    while (text := place_beside("door", Layer.DOOR_NAME, box, free)) is not None:
+        places.append((text.row, text.column))
+        text.take_place(free)
+    assert places == [(2, 11), (2, 3), (1, 7), (3, 7), (0, 7), (4, 7)]
+
+
+def marked(**changes):
+    leaf = ((9.0, 1.0), (9.1, 1.0), (9.1, 2.0), (9.0, 2.0))
+    mark = MeasuredMark("door-1.leaf", ((6.3, 1.5), (9.0, 1.5)), "0.03 m, limit 0.05 m", (leaf,))
+    return view(robot_pose=Pose2(6.0, 1.5), decisive=replace(mark, **changes))
+
+
+@pytest.mark.parametrize("size", [(60, 14), (100, 30), (200, 50)])
+def test_what_decides_is_red_with_a_line_and_its_measure(size):
+    frame = draw_view(marked(), *size)
+    codes, owners = frame.cells()
+    red = owners == Layer.FAILURE
+    row, column = cell_at(frame, 9.0, 1.5)
+    assert chr(codes[row, column]) == "✗"
+    for x in (6.8, 7.5, 8.5):
+        assert red[cell_at(frame, x, 1.5)]
+    assert red[cell_at(frame, 9.05, 1.2)]
+    assert "✗ 0.03 m, limit 0.05 m" in "\n".join(rows_of(frame))
+    legend = legend_lines([MapSigns(frame.layers, decisive="door-1.leaf")], 300, 1)
+    assert "✗ door-1.leaf decides" in legend[0].plain
+
+
+def test_what_decides_for_a_run_has_another_sign_and_is_not_red():
+    frame = draw_view(marked(fails=False), 100, 30)
+    assert owners_of(frame, Layer.FAILURE) == 0
+    assert "● 0.03 m" in "\n".join(rows_of(frame))
+
+
+def test_a_measure_covers_no_wall_if_it_can():
+    frame = draw_view(marked(line=((6.0, 3.0), (6.0, 3.9))), 100, 30)
+    ((row, line),) = ((i, line) for i, line in enumerate(rows_of(frame)) if "limit" in line)
+    column = line.index("0.03 m")
+    assert not frame.still.walls.dots[row, column - 2 : column + 20].any()
+
+
+def cell_at(frame, x, y):
+    ((right, down),) = frame.still.projection.dots(np.array([(x, y)])).tolist()
+    return cell_of(right, down)

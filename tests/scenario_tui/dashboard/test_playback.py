@@ -72,6 +72,30 @@ def test_contacts_flash_for_a_moment(playback):
     assert ord("✱") not in draw_view(playback.view(2.0), 60, 20).cells()[0]
 
 
+def test_the_moment_that_decides_a_verdict_shows_the_object_that_does(playback):
+    assert playback.view(HIT - 0.1).decisive is None
+    mark = playback.view(HIT + 0.1).decisive
+    assert (mark.name, mark.fails) == ("door-1.leaf", True)
+    (start, end) = mark.line
+    assert start == pytest.approx((4.0 + 0.35, 2.25), abs=0.1)
+    assert end[1] > 3.0
+    assert playback.view(HIT + 1.0).decisive is None
+    turned = playback.view(TURNED).decisive
+    assert (turned.name, turned.words) == ("robot", "calm −0.4 rad/s")
+
+
+def test_a_verdict_that_is_chosen_shows_its_own_object(playback):
+    slow = next(verdict for verdict in playback.verdicts if verdict.oracle == "slow")
+    mark = playback.view(slow.moment, verdict=slow).decisive
+    assert (mark.name, mark.words, mark.fails) == ("robot", "slow +0.1 m/s", False)
+    assert playback.view(HIT, verdict=slow).decisive is None
+    frame = "\n".join(
+        line.plain for line in render_frame(playback, slow.moment, 80, 23, verdict=slow)
+    )
+    assert "● slow +0.1 m/s" in frame
+    assert "● robot decides" in frame
+
+
 def test_plans_are_dotted_where_trails_are_not(playback):
     from dataclasses import replace
 

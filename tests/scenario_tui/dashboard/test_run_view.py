@@ -132,7 +132,7 @@ async def test_parts_follow_each_other_where_there_is_room_for_one(trace):
             assert words in shown(pilot)
             await press(pilot, "tab")
         await press(pilot, "shift+tab")
-        for words in ("seed 2024", "contact", "robot touches door-1/leaf", "✗ no-contact decided",
+        for words in ("seed 2024", "contact", "robot touches door-1.leaf", "✗ no-contact decided",
                       "door-1.hinge opens"):  # fmt: skip
             assert words in shown(pilot)
 

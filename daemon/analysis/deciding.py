@@ -1,9 +1,12 @@
-"""Marks of verdicts on a map: the object that decides, and its distance to the robot then."""
+"""Marks of verdicts on a map: the object that decides, and its distance to the robot then.
+
+Pictures, reports and the dashboard show them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -11,7 +14,6 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from daemon.analysis.report._tracks import RunTracks
 from daemon.judging.oracles import SignalSampler, written_oracle
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome, Verdict
@@ -20,7 +22,8 @@ from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import placed_links
 from grammars.model.scene import Link, Scene, Solid
 from grammars.oracle import object_signals
-from templates.picture import MeasuredMark
+from grammars.text.words import format_quantity
+from templates.plan_shapes import MeasuredMark
 
 _REACHED: Final = 0.25
 """Radius [m] of a waypoint that no oracle gives another one."""
@@ -35,6 +38,17 @@ def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | No
     """
     mark = _find_mark(sampler, verdict)
     return mark and replace(mark, fails=verdict.outcome is Outcome.FAIL)
+
+
+def robot_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark:
+    """Return the robot at the moment that decides a verdict, with a margin that has a unit."""
+    trace = sampler.trace
+    pose = pose_at(trace.ground_truth, deciding_time(sampler, verdict))
+    place, outline = (pose.x, pose.y), pose.apply_ring(trace.spec.robot.footprint)
+    margin = format_quantity(verdict.margin, verdict.unit, signed=True) if verdict.unit else ""
+    words = f"{verdict.oracle} {margin}".rstrip()
+    fails = verdict.outcome is Outcome.FAIL
+    return MeasuredMark("robot", (place, place), words, place=outline, fails=fails)
 
 
 def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
@@ -58,7 +72,7 @@ def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     if "loc" in kinds and len(trace.estimate.time):
         believed = pose_at(trace.estimate, time)
         line = ((pose.x, pose.y), (believed.x, believed.y))
-        return MeasuredMark(line, _measure_text(verdict, math.dist(*line)))
+        return MeasuredMark("estimate", line, _measure_text(verdict, math.dist(*line)))
     return None
 
 
@@ -68,7 +82,7 @@ def _waypoint_mark(trace: Trace, verdict: Verdict, pose: Pose2, number: int) -> 
     radius = verdict.unit == "m" and verdict.evidence.limit
     place = _points(shapely.Point(line[1]).buffer(radius or _REACHED).exterior)
     words = f"waypoint {number}: {_measure_text(verdict, math.dist(*line))}"
-    return MeasuredMark(line, words, place=place)
+    return MeasuredMark(f"waypoint {number}", line, words, place=place)
 
 
 def _object_mark(
@@ -76,7 +90,8 @@ def _object_mark(
 ) -> MeasuredMark | None:
     """Return the obstacle or place called ``about``, without a name the nearest obstacle."""
     scene, robot = trace.scene, trace.spec.robot
-    parts = list(_obstacle_parts(scene, robot.height, joint_positions(trace, time), about))
+    owned = list(_obstacle_parts(scene, robot.height, joint_positions(trace, time), about))
+    parts = [rings for _, rings in owned]
     places = {region.name: region.outline for region in scene.regions}
     places |= {doorway.name: doorway.footprint for doorway in scene.doorways}
     place = () if parts else places.get(about, ())
@@ -91,13 +106,14 @@ def _object_mark(
     words = _measure_text(verdict, distance)
     if distance < _TOUCHING and verdict.unit != "m":
         words = f"touches {about.partition('.')[0].replace('_', ' ')}".rstrip()
-    return MeasuredMark((start, end), words, parts[index] if parts else (), place)
+    name = owned[index][0] if parts else about
+    return MeasuredMark(name, (start, end), words, parts[index] if parts else (), place)
 
 
 def _obstacle_parts(
     scene: Scene, height: float, positions: Mapping[str, float], name: str
-) -> Iterator[tuple[Ring, ...]]:
-    """Yield the outlines of each solid and link below a ``height`` [m] that belongs to ``name``.
+) -> Iterator[tuple[str, tuple[Ring, ...]]]:
+    """Yield owner and outlines of each solid and link below a ``height`` [m] of ``name``.
 
     Of all of them without a name.
     """
@@ -110,7 +126,7 @@ def _obstacle_parts(
     for owner, part, rings in parts:
         is_meant = not name or owner == name or owner.startswith(f"{name}.")
         if rings and is_meant and part.z_min < height and part.z_max > 0.0:
-            yield rings
+            yield owner, rings
 
 
 def _points(geometry: Any) -> tuple[Point2, ...]:
@@ -121,25 +137,14 @@ def _measure_text(verdict: Verdict, distance: float) -> str:
     """Return what was judged with its limit if it is a length, otherwise a distance [m]."""
     value, limit = verdict.evidence.value, verdict.evidence.limit
     if verdict.unit != "m" or value is None:
-        return _metres(distance)
-    return _metres(value) if limit is None else f"{_metres(value)}, limit {limit:g} m"
+        return metres_text(distance)
+    return metres_text(value) if limit is None else f"{metres_text(value)}, limit {limit:g} m"
 
 
-def _metres(value: float) -> str:
+def metres_text(value: float) -> str:
     """Return a length in millimetres of resolution, ten metres and more in decimetres."""
     digits = 3 if abs(value) < 10.0 else 1
     return f"{value:.{digits}f} m".replace("-", "−")
-
-
-def nearest_mark(runs: Iterable[RunTracks]) -> MeasuredMark | None:
-    """Return where a robot came nearest to an obstacle; ``None`` if no clearance is known."""
-    measured = [run for run in runs if not np.isnan(run.clearance).all()]
-    if not measured:
-        return None
-    run = min(measured, key=lambda run: float(np.nanmin(run.clearance)))
-    index = int(np.nanargmin(run.clearance))
-    place, clearance = (float(run.x[index]), float(run.y[index])), float(run.clearance[index])
-    return MeasuredMark((place, place), _metres(clearance), fails=clearance <= 0.0)
 
 
 def deciding_time(sampler: SignalSampler, verdict: Verdict) -> float:
