@@ -40,7 +40,7 @@ def draw_signals(
     )  # fmt: skip
     least = sum(1 if signal.unit == "bool" else LEAST_ROWS for signal in signals)
     drawing = TimelineDrawing((timeline,), signals, width, max(rows, least + AXES))
-    styles = [Style.parse(colour) for colour in _COLOURS]
+    styles = [Style.parse(colour) for colour in _COLOURS] * 2
     lines = []
     for codes, owners in zip(*draw_frame(drawing, end, marks, FAIL), strict=True):
         parts = segments(codes, owners, styles, Style())

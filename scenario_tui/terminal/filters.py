@@ -21,6 +21,7 @@ from textual.filter import LineFilter
 from grammars.text.terminal_text import printable
 from scenario_tui.text.ascii_signs import to_ascii
 from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
+from scenario_tui.text.styles import MARKED
 
 _LIT: Final = 0.35
 """Least brightness of a background that stands out from a dark one."""
@@ -143,6 +144,8 @@ class AsciiGlyphs(LineFilter):
 
 _DARK_LIGHTNESS: Final = 0.27
 """Lightness that gives each of them a contrast of 4.5 to 1 to a bright grey at least."""
+_MARKED: Final = Style(bgcolor=MARKED).bgcolor
+_BRIGHT_MARKED: Final = "#cfdff2"
 _OUR_COLOURS: Final = frozenset(
     Color.parse(colour).rich_color.get_truecolor()
     for colour in (GOOD, BAD, UNSURE, BROKEN, BUSY, FACT, QUIET, DOORS)
@@ -162,6 +165,8 @@ class BrightThemeColours(LineFilter):
 
 @lru_cache(maxsize=1024)
 def _darken_style(style: Style) -> Style:
+    if style.bgcolor == _MARKED:
+        style += Style(bgcolor=_BRIGHT_MARKED)
     if style.color is None or style.color.get_truecolor() not in _OUR_COLOURS:
         return style
     return style + Style(color=darken(Color.from_rich_color(style.color)).rich_color)

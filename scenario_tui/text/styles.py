@@ -23,6 +23,8 @@ BUSY: Final = "#8ab8ff"
 FACT: Final = "#7fd5e0"
 FAINT: Final = "#a0a4ad"
 DOORS: Final = "#f0a070"
+MARKED: Final = "#2b3a55"
+"""The background of signs that are marked."""
 
 _WORDS: Final = (
     ("fail", "✗", "bold red", f"bold {BAD}"),

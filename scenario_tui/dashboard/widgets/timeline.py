@@ -16,6 +16,7 @@ from grammars.text.words import NOTHING, format_quantity
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, write_text
 from scenario_tui.dashboard.widgets.timeline_drawing import (
+    BEHIND,
     CURSOR,
     CURVE,
     FAINT,
@@ -187,11 +188,11 @@ class TimelineView(CellView):
     def _zoom_at(self, event: events.MouseEvent, *, nearer: bool) -> None:
         event.stop()
         if self._drawing is not None:
-            self.zoom_time(nearer, self._drawing.span.moment(self._column(event)))
+            self.zoom_time(nearer, self._drawing.moment(self._column(event)))
 
     def _seek(self, event: events.MouseEvent) -> None:
         if self._drawing is not None:
-            time = self._drawing.span.moment(self._column(event))
+            time = self._drawing.moment(self._column(event))
             if time != self._time:
                 self.post_message(self.Seek(time))
 
@@ -221,11 +222,12 @@ def draw_frame(
     span = drawing.span
     for column in {drawing.gutter + span.column(at) for at in lines if span.meets(at, at)}:
         line = codes[:, column]
-        # Drawn where nothing is hidden by it: behind curves and signs, and within what is shaded.
+        # Drawn where it hides nothing, also within what is shaded; other cells are marked only.
         free = np.isin(line, [ord(" "), ord("·"), ord("─")])
         beside = codes[:, [column - 1, min(column + 1, codes.shape[1] - 1)]]
         free |= (line == ord("░")) & (beside == ord("░")).all(axis=1)
         line[free], owners[free, column] = ord("│"), owner
+        owners[~free, column] += BEHIND
     row = 0
     for signal, height in zip(drawing.signals, drawing.heights, strict=False):
         # A signal of one row has no scale.

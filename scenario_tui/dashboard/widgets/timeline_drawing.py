@@ -15,22 +15,26 @@ from grammars.model.geometry import Floats
 from grammars.text.words import format_quantity
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes, write_text
-from scenario_tui.text.formatting import BAD, BUSY, FACT, GOOD, QUIET, UNSURE, keep_start
+from scenario_tui.text import styles
+from scenario_tui.text.formatting import keep_start
 from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
 
 LIMIT, OTHER, CURVE, AGAINST, EVENT, DONE, FAIL, FAINT, NAME, CURSOR = range(10)
-STYLES: Final = (
-    Style(color=UNSURE),
-    Style(color=UNSURE, bold=True),
-    Style(color=BUSY),
-    Style(color=BAD),
-    Style(color=FACT),
-    Style(color=GOOD),
-    Style(color=BAD, bold=True),
-    Style(color=QUIET),
+_PLAIN: Final = (
+    Style(color=styles.UNSURE),
+    Style(color=styles.UNSURE, bold=True),
+    Style(color=styles.BUSY),
+    Style(color=styles.BAD),
+    Style(color=styles.FACT),
+    Style(color=styles.GOOD),
+    Style(color=styles.BAD, bold=True),
+    Style(color=styles.FAINT),
     Style(bold=True),
-    Style(color=FACT, bold=True),
+    Style(color=styles.FACT, bold=True),
 )
+BEHIND: Final = len(_PLAIN)
+"""Added to the style of a cell that the playhead passes behind."""
+STYLES: Final = (*_PLAIN, *(style + Style(bgcolor=styles.MARKED) for style in _PLAIN))
 _GUTTER: Final = 27
 """Columns for what a signal is called, its value at the cursor, and its scale."""
 _TICKS: Final = 7
@@ -179,6 +183,13 @@ class TimelineDrawing:
     def more(self) -> int:
         """How many signals have no room."""
         return len(self.signals) - len(self.heights)
+
+    def moment(self, column: int) -> float:
+        """Return the moment [s] of a column of the plots; that of the first ``✗`` in it, if any."""
+        decided = (time for timeline in self.timelines for time in timeline.decided)
+        drawn = (time for time in decided if self.span.meets(time, time))
+        at = self.span.moment(column)
+        return next((time for time in drawn if self.span.column(time) == column), at)
 
     def others(self, signal: Signal) -> list[Signal]:
         """Return the signals of that name in the other timelines."""

@@ -326,6 +326,14 @@ async def test_a_click_seeks_and_a_drag_seeks_all_along_also_beyond_the_plot(pla
         assert len(pilot.app.sought) == count
 
 
+async def test_a_click_on_what_was_decided_goes_to_that_very_moment(playback):
+    async with plots(playback.timeline, (60, 20)) as (pilot, view):
+        first = playback.timeline.decided[0]
+        column = view._drawing.gutter + view._drawing.span.column(first)
+        await pilot.click(view, offset=(1 + column, view.size.height))
+        assert pilot.app.sought == [first]
+
+
 async def wheel(pilot, view, kind, x, turns=1):
     for _ in range(turns):
         await pilot._post_mouse_events([kind], view, offset=(1 + x, 5))
