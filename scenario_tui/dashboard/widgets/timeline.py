@@ -44,7 +44,8 @@ _COUNTING: Final = frozenset(
     }
 )  # fmt: skip
 """Signals that only count, whose curve tells nothing, or that say what the mission's lane shows."""
-_SIDES: Final = {"above": "≤ ", "below": "≥ ", "": ""}
+_ASKED: Final = {"above": "≤ ", "below": "≥ ", "": "limit "}
+"""What is asked of a signal, by the side of a limit on which it speaks against oracles."""
 
 
 class TimelineView(CellView):
@@ -288,9 +289,9 @@ def _words(signal: Signal, values: Sequence[str], width: int, height: int) -> li
         words.append((said, CURVE))
     if signal.limits:
         limits = [
-            _SIDES[one.side] + format_quantity(one.value, signal.unit) for one in signal.limits
+            _ASKED[one.side] + format_quantity(one.value, signal.unit) for one in signal.limits
         ]
-        words.append((f"limit {', '.join(limits)}", LIMIT))
+        words.append((", ".join(limits), LIMIT))
     known = np.isfinite(signal.low)
     if known.any():
         least, greatest = signal.low[known].min(), signal.high[known].max()

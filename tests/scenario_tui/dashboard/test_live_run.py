@@ -63,7 +63,7 @@ async def test_signals_verdicts_and_log_so_far_stand_beside_the_live_map():
         for words in (
             "✓ passing so far  clear  +0.06 m", "nearest at 27.0 s, door-1",
             "? undecided so far  reached  −1 s", "1 of 3 waypoints reached",
-            "clearance", "limit ≥ 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
+            "clearance", "≥ 0.05 m", "1 w1─◇─", "54.00 s  pilot", "robot",
         ):  # fmt: skip
             assert words in shown(pilot)
         assert "elapsed" not in shown(pilot)

@@ -118,7 +118,7 @@ def test_the_timeline_shows_values_limits_violations_doors_and_verdicts(playback
     text = "\n".join(lines)
     assert "speed.angular" in text
     assert "0.9 rad/s" in text
-    assert "limit ≤ 0.5 rad/s" in text
+    assert "≤ 0.5 rad/s" in text
     assert "░" in text
     assert lines[-3].startswith("door-1 ")
     assert "·━━━" in lines[-3]
@@ -144,7 +144,7 @@ def test_limits_are_marked_with_the_side_that_is_asked_for(playback):
     lines = drawn(playback, 90, 30, time=2.0)
     at = next(i for i, line in enumerate(lines) if line.startswith("speed.angular"))
     assert any("0.5┤" in line for line in lines[at : at + 5])
-    assert "limit ≤ 0.5 rad/s" in lines[at + 2]
+    assert "≤ 0.5 rad/s" in lines[at + 2]
 
 
 def test_a_limit_far_away_is_named_at_the_edge(playback):
