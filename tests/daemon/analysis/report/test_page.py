@@ -225,7 +225,12 @@ def test_what_fails_comes_with_evidence_and_commands(data, tree):
     assert words(typed).startswith("scenario judge open")
     assert first.get("open") is not None
     known = [words(e) for e in found.iter(f"{HTML}details")][1]
-    assert f"known: {WHY}" in known
+    assert f"a known: {WHY}" in known
+
+
+def test_news_and_known_failures_are_told_apart(tree):
+    signs = {(words(e), e.get("class")) for e in section(tree, "matrix").iter(f"{HTML}b")}
+    assert signs > {("!", "mark bad"), ("a", "mark open")}
 
 
 def test_the_same_runs_give_the_same_page(data, page):
