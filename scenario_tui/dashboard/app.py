@@ -13,7 +13,6 @@ from textual import work
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
 
-from daemon.model.run_state import RunState
 from grammars.text.words import count_noun
 from scenario_tui.dashboard.background import CommandLines
 from scenario_tui.dashboard.base_app import BaseDashboard
@@ -22,8 +21,7 @@ from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Refusal
-from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
-from scenario_tui.dashboard.screens.workers import WorkersScreen
+from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help
 
 if TYPE_CHECKING:
     from daemon.model.verbs import ClientOpener
@@ -44,7 +42,7 @@ class Dashboard(BaseDashboard):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
-    COMMANDS = {ActionCommands, CampaignCommands, RunCommands}  # noqa: RUF012
+    COMMANDS = {ActionCommands, CampaignCommands}  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("1", "go('campaigns')", "Campaigns", show=False, id="campaigns", tooltip="All"),
         Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
@@ -109,23 +107,22 @@ class Dashboard(BaseDashboard):
 
     def update_state(self) -> None:
         """Take over what is new and bring the screen in front up to date."""
-        state, lives, notices = self.feed.take_news()
+        news = self.feed.take_news()
         self.background_tasks.deliver()
-        for live in lives:
+        for live in news.lives:
             self.tracks.add(live)
-        for notice in notices:
+        for notice in news.notices:
             self.notify(notice.text, severity=notice.severity, markup=False)
-        if state is not None:
+        if news.known is not None:
             if not self._answered:
                 self._answered = True
                 self.set_timer(_READY, self._load_screens)
-            self.daemon_state = state
-            for row in state.known_rows():
-                if row.state is not RunState.RUNNING:
-                    self.tracks.forget(row.id)
+            self.known = news.known
+            if isinstance(news.front, BaseScreen):
+                news.front.news = news.fetched
         now = self.clock()
         # Ages grow even when nothing is new.
-        if state is not None or lives or now - self._said >= 1.0:
+        if news.known is not None or news.lives or now - self._said >= 1.0:
             self._said = now
             self._update_front_screen()
 
@@ -137,35 +134,10 @@ class Dashboard(BaseDashboard):
 
     def action_submit(self) -> None:
         """Choose a campaign file and submit it."""
-        # What checks campaigns takes a while to load, and the dashboard is to be there at once.
-        from scenario_tui.dashboard.screens.submit import SubmitScreen
-
-        why = self.why_not_steer()
-        self.push_screen(Refusal(why) if why else SubmitScreen())
-
-    def open_matrix(self, campaign: str) -> None:
-        """Show a campaign judged."""
-        from scenario_tui.dashboard.screens.matrix import MatrixScreen
-
-        self.push_screen(MatrixScreen(campaign))
-
-    def open_runs(self, campaign: str, scenario: str = "", sut: str = "") -> None:
-        """Show the runs of a campaign, or of one of its cells."""
-        from scenario_tui.dashboard.screens.runs import RunsScreen
-
-        self.push_screen(RunsScreen(campaign, scenario, sut))
-
-    def open_search(self, campaign: str) -> None:
-        """Show a search."""
-        from scenario_tui.dashboard.screens.search import SearchScreen
-
-        self.push_screen(SearchScreen(campaign))
-
-    def open_run(self, run: str) -> None:
-        """Show one run."""
-        from scenario_tui.dashboard.screens.run import RunScreen
-
-        self.push_screen(RunScreen(run))
+        if why := self.why_not_steer():
+            self.push_screen(Refusal(why))
+        else:
+            self.open("submit")
 
     def action_go(self, place: str) -> None:
         """Go to one of the main screens from wherever we are."""
@@ -173,10 +145,8 @@ class Dashboard(BaseDashboard):
             self.pop_screen()
         while len(self.screen_stack) > 1:
             self.pop_screen()
-        if place == "runs":
-            self.open_runs("")
-        elif place == "workers":
-            self.push_screen(WorkersScreen())
+        if place != "campaigns":
+            self.open(place)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
@@ -189,15 +159,15 @@ class Dashboard(BaseDashboard):
 
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
-        overview = self.daemon_state.overview
+        overview = self.known.overview
         said = ["Left the dashboard"]
-        if overview is not None and self.daemon_state.connected:
+        if overview is not None and self.known.connected:
             waiting = overview.queued + overview.running
             runs = count_noun(waiting, "unfinished run")
             said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
         said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
         said = [f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"]
-        if self.launched and self.daemon_state.connected:
+        if self.launched and self.known.connected:
             said.append(
                 f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
             )

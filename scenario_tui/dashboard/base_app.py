@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -23,7 +24,7 @@ from scenario_tui.dashboard.children import Children, load_modules
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
 from scenario_tui.dashboard.live_tracks import Tracks
-from scenario_tui.dashboard.state import DashboardState, RunsView
+from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.terminal.capabilities import copy_to_tmux
 
@@ -40,8 +41,23 @@ _READING: Final = (
 """What reads traces and samples their signals."""
 
 
+_PLACES: Final = {
+    "matrix": ("matrix", "MatrixScreen"),
+    "runs": ("runs", "RunsScreen"),
+    "search": ("search", "SearchScreen"),
+    "run": ("run", "RunScreen"),
+    "workers": ("workers", "WorkersScreen"),
+    "submit": ("submit", "SubmitScreen"),
+}
+"""The module and the class of every screen but the first.
+
+By name: screens open each other in circles, and what most of them need loads longer than the first
+screen.
+"""
+
+
 class BaseDashboard(ThemedApp):
-    """State and services of the dashboard; where one can go is for subclasses to say."""
+    """State and services of the dashboard."""
 
     def __init__(
         self,
@@ -70,7 +86,7 @@ class BaseDashboard(ThemedApp):
         self.launching = self.launched = False
         self.marked_run = ""
         self.clock = clock
-        self.daemon_state = DashboardState()
+        self.known = Known()
         self.tracks = Tracks()
         self._said = 0.0
 
@@ -101,36 +117,23 @@ class BaseDashboard(ThemedApp):
         load = partial(self.child_processes.run, load_modules, *_READING)
         self.background_tasks.start(load, _nothing, self.problem)
 
-    def open_matrix(self, campaign: str) -> None:
-        """Show a campaign judged."""
-        raise NotImplementedError
-
-    def open_runs(self, campaign: str, scenario: str = "", sut: str = "") -> None:
-        """Show the runs of a campaign, or of one of its cells."""
-        raise NotImplementedError
-
-    def open_search(self, campaign: str) -> None:
-        """Show a search."""
-        raise NotImplementedError
+    def open(self, place: str, *about: str) -> None:
+        """Show a screen: its name, and the ids of what it shows."""
+        module, name = _PLACES[place]
+        kind = getattr(import_module(f"scenario_tui.dashboard.screens.{module}"), name)
+        self.push_screen(kind(*about))
 
     def open_campaign(self, campaign: str) -> None:
         """Show what a campaign is about: a search, or runs."""
-        row = self.daemon_state.campaign(campaign)
-        if row is not None and row.search:
-            self.open_search(campaign)
-        else:
-            self.open_runs(campaign)
-
-    def open_run(self, run: str) -> None:
-        """Show one run."""
-        raise NotImplementedError
+        row = self.known.campaign(campaign)
+        self.open("search" if row is not None and row.search else "runs", campaign)
 
     def why_not_steer(self) -> str:
         """Return why nothing can be changed from here, empty if it can."""
         # Only what people see here is barred: who may do what, the daemon decides by their key.
         if self.read_only:
             return "read-only: nothing is changed from this dashboard"
-        return "" if self.daemon_state.connected else "no daemon answers: nothing was done"
+        return "" if self.known.connected else "no daemon answers: nothing was done"
 
     def steer(self, action: Action, command: str) -> None:
         """Have the daemon do something; its outcome is shown with the command for the same."""

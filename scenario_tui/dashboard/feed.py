@@ -1,4 +1,4 @@
-"""What the dashboard knows: asked for by a thread of its own, taken by the screen's timer."""
+"""The thread that asks the daemon: for what every screen needs, and for the screen in front."""
 
 from __future__ import annotations
 
@@ -6,22 +6,15 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Unreachable
-from daemon.model.run_state import RunState
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.run_watch import RunWatch
 from scenario_tui.dashboard.searches import KnownSearches
-from scenario_tui.dashboard.state import (
-    CAMPAIGNS_SHOWN,
-    RUNNING_SHOWN,
-    DashboardState,
-    Notice,
-    Query,
-)
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known, Notice
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, ChangeEvent
@@ -43,11 +36,38 @@ _ASSESS_EVERY: Final = 0.1
 """Seconds between two looks for campaigns that should be assessed."""
 
 Action: TypeAlias = "Callable[[DaemonClient], str]"
-Lookup: TypeAlias = "Callable[[DaemonClient], object]"
+
+
+class Front(Protocol):
+    """The screen in front, as the feed sees it."""
+
+    @property
+    def about(self) -> str:
+        """The campaign that the screen is about, which is judged before all others."""
+
+    def fetch(self, daemon: DaemonClient, known: Known) -> object:
+        """Ask the daemon for what the screen shows beyond ``known``; by the feed's thread."""
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What is new: the state if it changed, telemetry and notices.
+
+    ``fetched`` is what ``front`` has asked for.
+    """
+
+    known: Known | None
+    front: Front | None
+    fetched: object
+    lives: list[LiveNews]
+    notices: list[Notice]
 
 
 class Feed:
-    """Asks the daemon for what is wanted, again and again, over its restarts."""
+    """Asks the daemon for what is wanted, again and again, over its restarts.
+
+    ``watch`` is for the screen in front, to ask for a run and to follow it.
+    """
 
     def __init__(
         self,
@@ -62,19 +82,19 @@ class Feed:
         # After a lost connection the old assessing thread may still be at work beside the new one.
         self._assessing = threading.Lock()
         self._clock = clock
-        self._query = Query()
-        self._state = DashboardState()
+        self._front: Front | None = None
+        self._known = Known()
+        self._fetched: tuple[Front | None, object] = (None, None)
         self._changed = False
         # Appending to a deque needs no lock. Measured for one message: 0.6 us this way, 20 us by
         # Textual's post_message, 54 us by its call_from_thread.
         self._actions: deque[Action] = deque()
-        self._lookups: deque[Lookup] = deque()
         self._lives: deque[LiveNews] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
         self._asked = threading.Event()
         self._searches = KnownSearches()
-        self._run_watch = RunWatch(open_daemon, self._lives, self._note_problem, self._wake.set)
+        self.watch = RunWatch(open_daemon, self._lives, self._note_problem, self._wake.set)
         self._closing = False
         self.on_answer: Callable[[], object] = _nobody_waits
         self._failure: Exception | None = None
@@ -91,38 +111,30 @@ class Feed:
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
 
-    def set_query(self, query: Query) -> None:
-        """Say what is to be shown now."""
-        if query != self._query:
-            self._query = query
-            self._run_watch.look_again()
-            self._hurry()
+    def look_at(self, front: Front) -> None:
+        """Fetch at once for the screen in front, or anew because it wants something else."""
+        self._front = front
+        self.watch.look_again()
+        self._hurry()
 
     def enqueue_action(self, action: Action) -> None:
         """Have something done; what it returns, or why it was refused, becomes a notice."""
         self._actions.append(action)
         self._hurry()
 
-    def enqueue_lookup(self, lookup: Lookup) -> None:
-        """Have something looked up; without a daemon it is dropped, for nothing was to be done."""
-        self._lookups.append(lookup)
-        self._hurry()
-
     def _hurry(self) -> None:
         self._asked.set()
         self._wake.set()
 
-    def take_news(self) -> tuple[DashboardState | None, list[LiveNews], list[Notice]]:
-        """Return what is new: the state when it changed, telemetry, notices.
-
-        A bug in the asking thread is raised here, where it is seen.
-        """
+    def take_news(self) -> News:
+        """Return what is new; a bug in the asking thread is raised here, where it is seen."""
         if self._failure is not None:
             raise self._failure
         # First the flag, then the state: what is left behind in between is taken the next time.
         # The other way round it would never be.
         changed, self._changed = self._changed, False
-        return self._state if changed else None, _drain(self._lives), _drain(self._notices)
+        known = self._known if changed else None
+        return News(known, *self._fetched, _drain(self._lives), _drain(self._notices))
 
     def _run(self) -> None:
         while not self._closing:
@@ -140,13 +152,13 @@ class Feed:
     def _lose(self, error: DaemonError) -> None:
         """Keep what is known, and why nothing more is."""
         refused = not isinstance(error, Unreachable)
-        self._show(replace(self._state, connected=False, problem=str(error), refused=refused))
+        self._publish(replace(self._known, connected=False, problem=str(error), refused=refused))
 
     def _session(self) -> None:
         """Ask over one connection until it breaks or the feed is closed."""
         with self.connect() as daemon:
             # Before the first look: what changes in between is then heard of and not missed.
-            subscription = daemon.events(self._on_event, self._run_watch.hear)
+            subscription = daemon.events(self._on_event, self.watch.hear)
             leaving = threading.Event()
             assessing = threading.Thread(
                 target=self._assess_changes, args=(daemon, leaving), name="judge", daemon=True
@@ -163,7 +175,7 @@ class Feed:
                 leaving.set()
                 # A question about a large campaign may still wait for a daemon that is gone.
                 assessing.join(_PATIENCE)
-                self._run_watch.close()
+                self.watch.close()
                 subscription.close()
 
     def _breathe(self, daemon: DaemonClient) -> None:
@@ -195,9 +207,9 @@ class Feed:
     def assess(self, daemon: DaemonClient) -> bool:
         """Assess one campaign if one changed; return whether there was one."""
         # The runs of a search are there to fail: nothing was expected of them.
-        campaigns = tuple(row for row in self._state.campaigns if not row.search)
+        campaigns = tuple(row for row in self._known.campaigns if not row.search)
         with self._assessing:
-            return self._assessor.step(daemon, campaigns, self._query.results)
+            return self._assessor.step(daemon, campaigns, self._about())
 
     def _on_event(self, event: ChangeEvent) -> None:
         # The bus calls this, and RunWatch.hear, on the thread of its link, which waits meanwhile: a
@@ -207,36 +219,27 @@ class Feed:
         self._searches.touch(event)
         self._wake.set()
 
-    def answer(self, daemon: DaemonClient) -> bool:
-        """Do what was asked for and find out what is newly wanted; return whether a page was."""
+    def answer(self, daemon: DaemonClient) -> None:
+        """Do what was asked for, and fetch what the screen in front wants now."""
         while self._actions:
             self._act(daemon, self._actions.popleft())
-        while self._lookups:
-            self._lookups.popleft()(daemon)
-        query, state = self._query, self._state
-        turned = query.runs is not None and query.runs != state.wanted
-        if query.runs is not None and turned:
-            state = replace(state, wanted=query.runs, page=daemon.runs(**asdict(query.runs)))
-        if query.run and (state.detail is None or state.detail.row.id != query.run):
-            state = self._run_watch.add_run(daemon, state, query.run)
-        if query.search and state.search_of(query.search) is None:
-            state = self._add_search(daemon, state, query.search)
-        if state is not self._state:
-            self._show(state)
-            self.on_answer()
-        return turned
+        self._fetch(daemon, self._known)
+        self.on_answer()
 
     def step(self, daemon: DaemonClient) -> None:
-        """Do what was asked for, then take one state."""
-        from daemon.model.status import RunPage
-
-        # First what people wait for; a page that was just turned is not asked for twice.
-        turned = self.answer(daemon)
-        query = self._query
-        campaigns = _campaigns(daemon, query)
+        """Do what was asked for, then ask how everything stands, and for the screen in front."""
+        # First what people wait for, which is not fetched a second time behind it.
+        answered = self._asked.is_set() and self._known.connected
+        if answered:
+            self._asked.clear()
+            self.answer(daemon)
+        while self._actions:
+            self._act(daemon, self._actions.popleft())
+        campaigns = _campaigns(daemon, self._about())
         self._searches.update_rows(daemon, campaigns)
-        state = replace(
-            self._state,
+        first = not self._known.connected
+        known = replace(
+            self._known,
             connected=True,
             problem="",
             refused=False,
@@ -247,34 +250,27 @@ class Feed:
             results=self._assessor.results,
             at=self._clock(),
         )
-        if query.workers:
-            state = replace(state, workers=daemon.workers())
-        if query.runs is not None and not (turned and query.runs == state.wanted):
-            state = replace(state, wanted=query.runs, page=daemon.runs(**asdict(query.runs)))
-        running = None if query.running is None else RunPage((), 0)
-        if query.running is not None and state.overview and state.overview.running:
-            running = daemon.runs(query.running, state=str(RunState.RUNNING), limit=RUNNING_SHOWN)
-        state = replace(state, running=running)
-        if query.run:
-            state = self._run_watch.add_run(daemon, state, query.run)
-        if query.search:
-            state = self._add_search(daemon, state, query.search)
-        detail = state.detail if query.run else None
-        self._run_watch.follow(daemon, detail, judged=query.judged)
-        first = not self._state.connected
-        self._show(state)
+        if answered:
+            self._publish(known)
+        else:
+            self._fetch(daemon, known)
         if first:  # somebody sits before an empty screen
             self.on_answer()
 
-    def _add_search(
-        self, daemon: DaemonClient, state: DashboardState, campaign: str
-    ) -> DashboardState:
-        found = self._searches.trials(daemon, campaign)
-        return state if found is None else replace(state, search=found)
+    def _about(self) -> str:
+        front = self._front
+        return front.about if front is not None else ""
+
+    def _fetch(self, daemon: DaemonClient, known: Known) -> None:
+        """Fetch for the screen in front, and show that with what is ``known``."""
+        front = self._front
+        if front is not None:
+            with self.watch.looking(daemon):
+                self._fetched = (front, front.fetch(daemon, known))
+        self._publish(known)
 
     def _forget(self) -> None:
         """Forget what was asked for: nobody expects it to be done when the daemon is back."""
-        self._lookups.clear()
         if _drain(self._actions):
             self._note_problem("no daemon answers: nothing was done")
 
@@ -290,24 +286,21 @@ class Feed:
     def _note_problem(self, text: str) -> None:
         self._notices.append(Notice(text, "error"))
 
-    def _show(self, state: DashboardState) -> None:
-        # Without a lock: the state is immutable, and the flag is set behind it.
-        self._state = state
+    def _publish(self, known: Known) -> None:
+        # Without a lock: what is known is immutable, and the flag is set behind it.
+        self._known = known
         self._changed = True
 
 
-def _campaigns(daemon: DaemonClient, query: Query) -> tuple[CampaignRow, ...]:
+def _campaigns(daemon: DaemonClient, about: str) -> tuple[CampaignRow, ...]:
     """Return the newest campaigns, all that are unfinished, and the one that is looked at."""
     rows = daemon.campaign_page(limit=CAMPAIGNS_SHOWN)
     if len(rows) < CAMPAIGNS_SHOWN:
         return rows
-    found = {row.id: row for row in (*rows, *daemon.campaign_page(unfinished=True))}
-    page = query.runs.campaign if query.runs else ""
-    shown = (query.results, query.search, page, query.run.rpartition(".")[0])
-    for campaign in shown:
-        if campaign and campaign not in found and (row := daemon.campaign(campaign)):
-            found[campaign] = row
-    return tuple(found.values())
+    listed = {row.id: row for row in (*rows, *daemon.campaign_page(unfinished=True))}
+    if about and about not in listed and (row := daemon.campaign(about)):
+        listed[about] = row
+    return tuple(listed.values())
 
 
 def _nobody_waits() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -13,7 +13,7 @@ from grammars.model.geometry import Pose2
 if TYPE_CHECKING:
     from daemon.model.live_judgement import LiveJudgement
     from daemon.model.spec import Snapshot
-    from daemon.model.status import LiveSnapshot
+    from daemon.model.status import LiveSnapshot, RunRow
     from grammars.model.geometry import Point2
 
 LiveNews: TypeAlias = "LiveSnapshot | LiveJudgement"
@@ -116,9 +116,11 @@ class Tracks:
         while len(self._tracks) > _KEPT_RUNS:
             self._tracks.pop(next(iter(self._tracks)))
 
-    def forget(self, run: str) -> None:
-        """Forget a run that does not run any more: its next attempt begins a track of its own."""
-        self._tracks.pop(run, None)
+    def forget_ended(self, rows: Iterable[RunRow]) -> None:
+        """Forget those of some runs that do not run: their next attempts begin tracks anew."""
+        for row in rows:
+            if row.state != "running":
+                self._tracks.pop(row.id, None)
 
     def silence(self, track: Track) -> float:
         """Return for how long nothing was heard of a run [s]."""

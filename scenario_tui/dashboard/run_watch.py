@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError, Refused
@@ -17,7 +18,6 @@ from scenario_tui.dashboard.recorded_traces import (
     can_fetch_trace,
     read_trace_summary,
 )
-from scenario_tui.dashboard.state import DashboardState
 
 if TYPE_CHECKING:
     from daemon.model.status import LiveSnapshot, RunDetail
@@ -29,6 +29,15 @@ _RecordingKey: TypeAlias = tuple[str, str, str]
 
 _SCENES_KEPT: Final = 8
 """Who goes through the runs of a campaign comes back to the same few scenes."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunNews:
+    """A run with its scene, if that can be had, and what is known of its recording."""
+
+    detail: RunDetail
+    scene: Scene | None
+    recording: TraceSummary | UnavailableTrace | None
 
 
 class RunWatch:
@@ -53,33 +62,37 @@ class RunWatch:
         self._fetching = False
         self._again = False
         self._subscription: Closeable | None = None
-        self._followed = ("", False)
+        self._looked_at = self._followed = ("", False)
         self._detailed = ""
 
-    def add_run(self, daemon: DaemonClient, state: DashboardState, run: str) -> DashboardState:
-        """Return a state with all there is to know about a run."""
-        detail = self._detail(daemon, run)
-        scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
-        recording = self._recorded(daemon, detail)
-        return replace(state, detail=detail, scene=scene, recording=recording)
+    @contextmanager
+    def looking(self, daemon: DaemonClient) -> Iterator[None]:
+        """Follow the run that is looked at meanwhile, if any, and no other afterwards."""
+        self._looked_at = ("", False)
+        yield
+        if self._looked_at != self._followed:
+            run, judged = self._looked_at
+            self.close()
+            if run:
+                hear = self._lives.append if judged else None
+                self._subscription = daemon.watch(run, self._hear_detail, hear)
+                self._followed = (run, judged)
 
-    def follow(
-        self, daemon: DaemonClient, detail: RunDetail | None, *, judged: bool = False
-    ) -> None:
-        """Have details of the run that is shown sent while it runs, and of no other.
+    def look(self, daemon: DaemonClient, run: str, *, judged: bool = False) -> RunNews | None:
+        """Return all there is to know about a run, ``None`` if there is none of that name.
 
-        ``judged``: also what it would be judged by now.
+        While it runs, details of it are sent; ``judged``: also what it would be judged by now.
         """
-        running = detail is not None and detail.row.state is RunState.RUNNING
-        run = detail.row.id if detail is not None and running else ""
-        wanted = (run, judged and bool(run))
-        if wanted == self._followed:
-            return
-        self.close()
-        if run:
-            hear = self._lives.append if judged else None
-            self._subscription = daemon.watch(run, self._hear_detail, hear)
-            self._followed = wanted
+        try:
+            detail = daemon.run(run)
+        except Refused as error:
+            self._on_problem(str(error))
+            return None
+        if detail.row.state is RunState.RUNNING:
+            self._looked_at = (run, judged)
+        return RunNews(
+            detail, self._scene(daemon, detail.spec.scene), self._recorded(daemon, detail)
+        )
 
     def look_again(self) -> None:
         """Try once more to read a trace that could not be read; any thread."""
@@ -102,13 +115,6 @@ class RunWatch:
         self._detailed = live.run
         self._lives.append(live)
 
-    def _detail(self, daemon: DaemonClient, run: str) -> RunDetail | None:
-        try:
-            return daemon.run(run)
-        except Refused as error:
-            self._on_problem(str(error))
-            return None
-
     def _scene(self, daemon: DaemonClient, digest: str) -> Scene | None:
         if digest not in self._scenes:
             try:
@@ -121,10 +127,10 @@ class RunWatch:
         return self._scenes[digest]
 
     def _recorded(
-        self, daemon: DaemonClient, detail: RunDetail | None
+        self, daemon: DaemonClient, detail: RunDetail
     ) -> TraceSummary | UnavailableTrace | None:
         """Return what the trace of a run says that is over, or why it says nothing."""
-        if detail is None or not detail.row.settled:
+        if not detail.row.settled:
             return None
         # With the digest: a run that is executed again leaves another trace at the same path.
         digest = detail.row.result.trace.sha256 if detail.row.result is not None else ""

@@ -46,10 +46,9 @@ class NotableTrial:
 
 
 class KnownSearches:
-    """Remembers how searches stand, and the trials of one; asks for what changed and no more.
+    """Remembers how searches stand; asks for those that changed and no more.
 
-    ``rows`` and what :meth:`trials` returns are replaced and never changed, so that other threads
-    may read them.
+    ``rows`` are replaced and never changed, so that other threads may read them.
     """
 
     # Events come by another thread, and some may be lost: they say that a search changed, what it
@@ -59,7 +58,6 @@ class KnownSearches:
         self.rows: Mapping[str, SearchRow] = {}
         self._seen: dict[str, tuple[CampaignRow, int]] = {}
         self._touches: dict[str, int] = {}
-        self._shown: SearchTrials | None = None
 
     def touch(self, event: ChangeEvent) -> None:
         """Note that something of a search changed, or one of its runs."""
@@ -82,12 +80,17 @@ class KnownSearches:
             self.rows = {name: known[name] for name in searches if name in known}
         self._seen = seen
 
-    def trials(self, daemon: DaemonClient, campaign: str) -> SearchTrials | None:
-        """Return a search with its trials; asks only for those that are new or were not over."""
-        row, shown = self.rows.get(campaign), self._shown
-        if row is None:
-            return None
-        if shown is None or shown.row.campaign != campaign:
+
+class TrialReader:
+    """Remembers the trials of a search; asks for those that are new or were not over."""
+
+    def __init__(self) -> None:
+        self._shown: SearchTrials | None = None
+
+    def read(self, daemon: DaemonClient, row: SearchRow) -> SearchTrials:
+        """Return a search with its trials; they are replaced and never changed."""
+        shown = self._shown
+        if shown is None:
             known = self._ask(daemon, row, ())
         elif row is shown.row:
             return shown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Final, cast
+from typing import TYPE_CHECKING, ClassVar, Final, Generic, TypeVar, cast
 
 from rich.text import Text
 from textual.app import ComposeResult, SystemCommand
@@ -14,22 +14,24 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from scenario_tui.campaign_actions import KEYED
-from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
 
 if TYPE_CHECKING:
+    from daemon.model.verbs import DaemonClient
     from scenario_tui.dashboard.base_app import BaseDashboard
 
+T = TypeVar("T")
 
 CHANGING_KEYS: Final = frozenset({"submit", *(action.command for action in KEYED)})
 """Ids of the keys that change something at the daemon."""
 
 
-class BaseScreen(Screen[None]):
-    """A screen that shows the state of the daemon; subclasses say what they want to know."""
+class BaseScreen(Screen[None], Generic[T]):
+    """A screen that shows what the daemon knows; ``news`` is what it has fetched last."""
 
     AUTO_FOCUS = "KeyedTable"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -54,16 +56,24 @@ class BaseScreen(Screen[None]):
         """Yield the screen's own widgets."""
         raise NotImplementedError
 
-    def state_query(self) -> Query:
-        """Say what this screen shows."""
-        return Query()
+    @property
+    def about(self) -> str:
+        """The campaign that the screen is about, empty for none: it is judged before others."""
+        return ""
+
+    def fetch(self, daemon: DaemonClient, known: Known) -> T | None:
+        """Ask the daemon for what is shown beyond what is ``known``.
+
+        Called in the feed's thread: it reads attributes of the screen and changes none.
+        """
+        return None
 
     def trail(self) -> str:
         """Say where we are: the second line."""
         raise NotImplementedError
 
-    def show(self, state: DashboardState) -> None:
-        """Show what is known."""
+    def show(self, known: Known, news: T | None) -> None:
+        """Show what is known and what was fetched last, ``None`` before the first time."""
         raise NotImplementedError
 
     def command(self) -> str:
@@ -120,6 +130,7 @@ class BaseScreen(Screen[None]):
         """The app, as what it is."""
         return cast("BaseDashboard", self.app)
 
+    news: T | None = None
     _composed = False
     _renamed: Mapping[str, str] = {}
     """What keys are called just now, by their id."""
@@ -127,7 +138,7 @@ class BaseScreen(Screen[None]):
     def on_mount(self) -> None:
         """Ask for what this screen shows, show what is known already."""
         self._composed = True
-        self.query_changed()
+        self.ask()
 
     def on_screen_suspend(self) -> None:
         """Let go of the lines drawn: every cut of each is kept, 5 MB for a run that is opened.
@@ -143,32 +154,32 @@ class BaseScreen(Screen[None]):
         self.remove_class("-behind")
         # Comes also before the first mount, when there are no widgets to ask.
         if self._composed:
-            self.query_changed()
+            self.ask()
 
     def update_from_state(self) -> None:
         """Bring everything up to date."""
         # A timer may still fire while the screens are being taken down.
         if not self._composed or not self.app.is_running:
             return
-        state, now = self.dashboard.daemon_state, self.dashboard.clock()
-        self.query_one(StatusLine).show(state, now, launching=self.dashboard.launching)
+        known, now = self.dashboard.known, self.dashboard.clock()
+        self.query_one(StatusLine).show(known, now, launching=self.dashboard.launching)
         self.query_one("#trail", Static).update(self._trail())
-        self.set_class(not state.connected and state.at > 0, "-stale")
-        self.show(state)
+        self.set_class(not known.connected and known.at > 0, "-stale")
+        self.show(known, self.news)
 
     def _trail(self) -> Text:
         text = Text(self.trail(), no_wrap=True)
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
-        overview = self.dashboard.daemon_state.overview
+        overview = self.dashboard.known.overview
         if overview is not None and overview.troubles:
             why = " ".join(overview.troubles[0].words.split())
             text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
         return text
 
-    def query_changed(self) -> None:
-        """Ask anew because what is wanted changed."""
-        self.dashboard.feed.set_query(self.state_query())
+    def ask(self) -> None:
+        """Fetch at once, because something else is wanted."""
+        self.dashboard.feed.look_at(self)
         self.update_from_state()
 
     def action_back(self) -> None:

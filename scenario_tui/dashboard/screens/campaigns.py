@@ -16,8 +16,13 @@ from grammars.text.words import NOTHING, count_noun, duration_text
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
-from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Query
-from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known
+from scenario_tui.dashboard.widgets.running_grid import (
+    RunningGrid,
+    more_to_come,
+    running_page,
+    running_runs,
+)
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -35,7 +40,8 @@ from scenario_tui.text.results import NONE_JUDGED, Conclusion
 
 if TYPE_CHECKING:
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow
+    from daemon.model.status import CampaignRow, RunPage
+    from daemon.model.verbs import DaemonClient
 
 _COLUMNS: Final = (
     Column("campaign", 0),
@@ -78,7 +84,7 @@ _OTHERS: Final = (
 )
 
 
-class CampaignsScreen(FilteredScreen, SteeringScreen):
+class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
     """All campaigns; wide terminals show the one under the cursor beside the table."""
 
     IN_FOOTER = ("open", "matrix", "submit", "pause", "cancel", "retry", "palette", "help", "quit")
@@ -103,32 +109,32 @@ class CampaignsScreen(FilteredScreen, SteeringScreen):
                 yield StaticText(id="about")
         yield RunningGrid(id="running")
 
-    def state_query(self) -> Query:
-        """Beyond the campaigns, what is under way of all of them."""
-        return Query(running="")
+    def fetch(self, daemon: DaemonClient, known: Known) -> RunPage:
+        """Return the runs under way of all campaigns."""
+        return running_page(daemon, known)
 
     def trail(self) -> str:
         """Say how many campaigns there are."""
-        state = self.dashboard.daemon_state
-        count = state.overview.campaigns if state.overview else len(state.campaigns)
+        known = self.dashboard.known
+        count = known.overview.campaigns if known.overview else len(known.campaigns)
         more = f", the newest {CAMPAIGNS_SHOWN} shown" if count > CAMPAIGNS_SHOWN else ""
         return f"campaigns ({count}{more})"
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""
-        return self.dashboard.daemon_state.campaign(self.query_one(KeyedTable).key)
+        return self.dashboard.known.campaign(self.query_one(KeyedTable).key)
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: RunPage | None) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
         table = self.query_one(KeyedTable)
-        said, found = state.conclusions, state.searches
+        said, found = known.conclusions, known.searches
         cells = [
             (row, campaign_cells(row, said.get(row.id), now, found.get(row.id)))
-            for row in state.campaigns[:CAMPAIGNS_SHOWN]
+            for row in known.campaigns[:CAMPAIGNS_SHOWN]
         ]
         rows = self.arrangement.apply(cells, {**_KEYS, "judged": self._severity})
-        message = "" if rows else self.no_match() if cells else self._nothing(state)
+        message = "" if rows else self.no_match() if cells else self._nothing(known)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         if self.dashboard.submitted_campaign in (key for key, _ in rows):
             table.begin_at(self.dashboard.submitted_campaign)
@@ -138,31 +144,30 @@ class CampaignsScreen(FilteredScreen, SteeringScreen):
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
-        self._show_running(state)
+        if news is not None:
+            self._show_running(known, news)
 
     def rearranged(self) -> None:
         """Show the campaigns as they are arranged now."""
-        self.show(self.dashboard.daemon_state)
+        self.update_from_state()
 
     def _severity(self, row: CampaignRow) -> int:
         """Return how soon a campaign must be looked at."""
-        conclusion = self.dashboard.daemon_state.conclusions.get(row.id)
+        conclusion = self.dashboard.known.conclusions.get(row.id)
         return SEVERITY.index(conclusion.word) if conclusion else len(SEVERITY)
 
-    def _show_running(self, state: DashboardState) -> None:
+    def _show_running(self, known: Known, page: RunPage) -> None:
         """Show what is under way below the campaigns, which leave most of the screen empty."""
-        if state.running is None:
-            return  # not known yet: another screen was in front
-        campaigns = {row.id: row for row in state.campaigns}
-        runs = running_runs(state.running.rows, self.dashboard.tracks, campaigns)
+        campaigns = {row.id: row for row in known.campaigns}
+        runs = running_runs(page.rows, self.dashboard.tracks, campaigns)
         grid = self.query_one(RunningGrid)
-        grid.show(runs, more=more_to_come(state.campaigns))
+        grid.show(runs, more=more_to_come(known.campaigns))
         if not grid.display and grid.has_focus:
             self.query_one(KeyedTable).focus(scroll_visible=False)
 
     def on_running_grid_opened(self, event: RunningGrid.Opened) -> None:
         """Open a run under way."""
-        self.dashboard.open_run(event.run)
+        self.dashboard.open("run", event.run)
 
     def action_part(self) -> None:
         """Give the keys to the runs under way, or back to the table."""
@@ -171,18 +176,18 @@ class CampaignsScreen(FilteredScreen, SteeringScreen):
         there = grid.display and self.focused is not grid
         self.set_focus(grid if there else table, scroll_visible=False)
 
-    def _nothing(self, state: DashboardState) -> str:
+    def _nothing(self, known: Known) -> str:
         lines = self.dashboard.command_lines
-        if state.connected:
+        if known.connected:
             line = lines.daemon_line("submit", "my-tests/campaign.yaml")
             return _NOTHING.format(submit=self.key("submit"), line=line)
-        if state.refused:
-            return f"{state.problem}\n\n{_OTHERS}"
-        if self.dashboard.launching and state.problem:
+        if known.refused:
+            return f"{known.problem}\n\n{_OTHERS}"
+        if self.dashboard.launching and known.problem:
             return _LAUNCHING
         # A daemon is started where its state is, never at an address.
         line = replace(lines, connect="").daemon_line("daemon")
-        return _NOBODY.format(line=line) if state.problem else ""
+        return _NOBODY.format(line=line) if known.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
         """Describe the campaign the cursor came to."""
@@ -191,8 +196,8 @@ class CampaignsScreen(FilteredScreen, SteeringScreen):
     def _describe(self) -> None:
         row = self.campaign()
         if row is not None:
-            state = self.dashboard.daemon_state
-            said, found = state.conclusions.get(row.id), state.searches.get(row.id)
+            known = self.dashboard.known
+            said, found = known.conclusions.get(row.id), known.searches.get(row.id)
             text = campaign_text(row, said, self.dashboard.clock(), found)
             self.query_one("#about", Static).update(text)
 

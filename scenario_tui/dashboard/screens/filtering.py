@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final, TypeVar
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
-from scenario_tui.dashboard.screens.base import BaseScreen
+from scenario_tui.dashboard.screens.base import BaseScreen, T
 from scenario_tui.dashboard.widgets.tables import KeyedTable, Row
 
 _LONGEST: Final = 200
@@ -44,7 +44,7 @@ class Arrangement:
         return [row for _, row in matching]
 
 
-class FilteredScreen(BaseScreen):
+class FilteredScreen(BaseScreen[T]):
     """A screen with a table whose rows are filtered while one types, and sorted by its columns.
 
     Subclasses yield :meth:`filter_line` above their table.

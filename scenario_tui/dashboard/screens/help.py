@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Iterator
-from concurrent.futures import Future
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Final, cast
 
@@ -18,20 +16,15 @@ from textual.screen import ModalScreen, Screen
 from textual.widgets import Static
 
 import scenario_tui
-from scenario_tui.text.formatting import QUIET, run_label
+from scenario_tui.text.formatting import QUIET
 
 if TYPE_CHECKING:
-    from daemon.model.status import CampaignRow, RunRow
-    from daemon.model.verbs import DaemonClient
+    from daemon.model.status import CampaignRow
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 Lines = list[tuple[str, str]]
 _CAMPAIGNS: Final = 5
 """Campaigns offered before anything is typed."""
-_RUNS: Final = 10
-"""Runs the daemon is asked for as somebody types."""
-_PATIENCE: Final = 2.0
-"""Seconds the palette waits for the runs the daemon finds."""
 _UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
                    "scroll_bottom", "back")  # fmt: skip
 """Actions nobody goes to the palette for."""
@@ -195,65 +188,19 @@ class CampaignCommands(PaletteProvider):
 
     def offers(self) -> Iterator[SystemCommand]:
         """Yield a way to each campaign and to its matrix."""
-        for row in self.dashboard.daemon_state.campaigns:
+        for row in self.dashboard.known.campaigns:
             yield self._to(row)
             if row.search:
                 continue  # its runs are there to fail: nothing was expected of them
-            to_matrix = partial(self.dashboard.open_matrix, row.id)
+            to_matrix = partial(self.dashboard.open, "matrix", row.id)
             yield SystemCommand(f"go to matrix of {row.id}", "the campaign judged", to_matrix)
 
     def first(self) -> Iterator[SystemCommand]:
         """Yield ways to the newest campaigns."""
-        for row in self.dashboard.daemon_state.campaigns[:_CAMPAIGNS]:
+        for row in self.dashboard.known.campaigns[:_CAMPAIGNS]:
             yield self._to(row)
 
     def _to(self, row: CampaignRow) -> SystemCommand:
         there = partial(self.dashboard.open_campaign, row.id)
         about = "a search, what it found" if row.search else "its runs"
         return SystemCommand(f"go to campaign {row.id}", about, there)
-
-
-class RunCommands(PaletteProvider):
-    """Going to a run: those on the screen, and those the daemon finds."""
-
-    def first(self) -> Iterator[SystemCommand]:
-        """Yield nothing: there are too many."""
-        return iter(())
-
-    def offers(self) -> Iterator[SystemCommand]:
-        """Yield ways to the runs that are known here."""
-        page = self.dashboard.daemon_state.page
-        for row in page.rows if page is not None else ():
-            yield self._offer(row)
-
-    def _offer(self, row: RunRow) -> SystemCommand:
-        to_run = partial(self.dashboard.open_run, row.id)
-        return SystemCommand(f"go to run {run_label(row)}", f"of {row.campaign}", to_run)
-
-    async def search(self, query: str) -> Hits:
-        """Offer what fits of the page shown, then what the daemon finds."""
-        async for hit in super().search(query):
-            yield hit
-        if not self.dashboard.daemon_state.connected:
-            return
-        page = self.dashboard.daemon_state.page
-        known = {row.id for row in page.rows} if page is not None else set()
-        wanted = query.strip().removeprefix("go to run").strip()
-        for row in await self._found(wanted) if wanted else ():
-            if row.id not in known:
-                offer = self._offer(row)
-                yield Hit(0.5, offer.title, offer.callback, help=offer.help)
-
-    async def _found(self, wanted: str) -> tuple[RunRow, ...]:
-        found: Future[tuple[RunRow, ...]] = Future()
-        self.dashboard.feed.enqueue_lookup(partial(_look_for, wanted[:200], found))
-        try:
-            return await asyncio.wait_for(asyncio.wrap_future(found), _PATIENCE)
-        except (TimeoutError, asyncio.CancelledError):
-            return ()  # the palette was closed, or the daemon has more important things to do
-
-
-def _look_for(wanted: str, found: Future[tuple[RunRow, ...]], daemon: DaemonClient) -> None:
-    # The future is cancelled when somebody typed on; then nobody needs the answer.
-    if found.set_running_or_notify_cancel():
-        found.set_result(daemon.runs(text=wanted, limit=_RUNS).rows)

@@ -13,7 +13,7 @@ from textual.widgets import Static
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.assessment_text import campaign_notes, cell_notes
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
 
 
-class MatrixScreen(SteeringScreen):
+class MatrixScreen(SteeringScreen[None]):
     """The matrix of a campaign; below it, or beside it, the cell under the cursor in words."""
 
     AUTO_FOCUS = "CellTable"
@@ -54,13 +54,14 @@ class MatrixScreen(SteeringScreen):
                 yield StaticText(id="about")
         yield StaticText(id="legend")
 
-    def state_query(self) -> Query:
-        """The campaign judged."""
-        return Query(results=self._campaign)
+    @property
+    def about(self) -> str:
+        """The campaign shown."""
+        return self._campaign
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown."""
-        return self.dashboard.daemon_state.campaign(self._campaign)
+        return self.dashboard.known.campaign(self._campaign)
 
     def cursor_command(self) -> str:
         """Return what to type for the runs of the cell."""
@@ -74,7 +75,7 @@ class MatrixScreen(SteeringScreen):
         """Where we are, how it stands, how far it is."""
         parts = [f"campaigns › {self._campaign} › matrix"]
         row = self.campaign()
-        conclusion = self.dashboard.daemon_state.conclusions.get(self._campaign)
+        conclusion = self.dashboard.known.conclusions.get(self._campaign)
         if conclusion is not None and conclusion.text != NONE_JUDGED:
             parts.append(conclusion.glyph_text)
         if row is not None and not row.finished:
@@ -82,11 +83,9 @@ class MatrixScreen(SteeringScreen):
             parts += schedule_marks(row)
         return "  ".join(parts)
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: None) -> None:
         """Show the results once they are there, again only when they are others."""
-        results = state.results
-        if results is None or results.row.id != self._campaign:
-            results = None
+        results = known.results_of(self._campaign)
         message = "" if results and results.assessment.cells else self._nothing(results)
         show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
         # By identity: results are replaced and never changed, and comparing them would cost more
@@ -115,7 +114,7 @@ class MatrixScreen(SteeringScreen):
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:
             return "This campaign has no runs."
-        return "… judging" if self.dashboard.daemon_state.connected else ""
+        return "… judging" if self.dashboard.known.connected else ""
 
     def _describe(self) -> None:
         cell, results = self.query_one(CellTable).cell, self._shown
@@ -130,11 +129,11 @@ class MatrixScreen(SteeringScreen):
         """Open the runs of the cell."""
         cell = self.query_one(CellTable).cell
         if cell is not None:
-            self.dashboard.open_runs(self._campaign, cell.scenario, cell.sut)
+            self.dashboard.open("runs", self._campaign, cell.scenario, cell.sut)
 
     def action_runs(self) -> None:
         """Open all runs of the campaign."""
-        self.dashboard.open_runs(self._campaign)
+        self.dashboard.open("runs", self._campaign)
 
     def action_next(self, step: int) -> None:
         """Go to the next cell that is not as expected, or the one before; round at the end."""

@@ -14,6 +14,7 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import ContentSwitcher, OptionList, Static
 
 from daemon.model.status import CampaignRow, RunDetail
+from daemon.model.verbs import DaemonClient
 from scenario_tui.dashboard.recorded_traces import (
     RecordingVersion,
     TraceSummary,
@@ -21,6 +22,7 @@ from scenario_tui.dashboard.recorded_traces import (
     recording_version,
 )
 from scenario_tui.dashboard.run_timeline import RunTimeline
+from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
@@ -33,7 +35,7 @@ from scenario_tui.dashboard.screens.unfinished_run import (
     is_running,
     live_text,
 )
-from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.transport import (
     FLASH,
     FailureMoment,
@@ -62,7 +64,7 @@ _VAST: Final = 170
 """Columns from which on map and signals stand side by side."""
 
 
-class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
+class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     """A run by its id; one that is over is played as soon as its trace is read."""
 
     # More than twenty methods: ten answer what its two bases ask of a screen, and each of the
@@ -117,9 +119,14 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
         self.set_class(self.size.width >= _VAST, "-vast")
         self.call_after_refresh(self.update_from_state)
 
-    def state_query(self) -> Query:
-        """This run, and how it is judged while it runs."""
-        return Query(run=self._run, judged=True)
+    @property
+    def about(self) -> str:
+        """The campaign of the run."""
+        return self._run.rpartition(".")[0]
+
+    def fetch(self, daemon: DaemonClient, known: Known) -> RunNews | None:
+        """Return this run, with how it is judged while it runs."""
+        return self.dashboard.feed.watch.look(daemon, self._run, judged=True)
 
     def command(self) -> str:
         """Return what to type to be told of it."""
@@ -134,7 +141,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
-        return self.dashboard.daemon_state.campaign(self._run.rpartition(".")[0])
+        return self.dashboard.known.campaign(self.about)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """One key plays a run, and stays where it is in one that is followed."""
@@ -150,31 +157,32 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
         """Where we are."""
         detail = self._detail()
         label = run_label(detail.row) if detail is not None else self._run
-        return f"campaigns › {self._run.rpartition('.')[0]} › {label}"
+        return f"campaigns › {self.about} › {label}"
 
     def moments(self) -> Sequence[FailureMoment]:
         """Return when its oracles were decided against, of a run that goes on until now."""
         return (self._playback or self._unfinished).moments
 
     def _detail(self) -> RunDetail | None:
-        return self.dashboard.daemon_state.detail_of(self._run)
+        return self.news.detail if self.news is not None else None
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: RunNews | None) -> None:
         """Show what is known of the run: live, or as it was."""
-        detail = self._detail()
-        if detail is None:
+        if news is None:
             return
+        detail = news.detail
+        self.dashboard.tracks.forget_ended((detail.row,))
         version = recording_version(detail)
         if version != self._version:
             self._change_version(version)
         self._unfinished.hear(detail, track_of(self.dashboard, detail))
-        seen = state.recording_of(self._run)
+        seen = news.recording
         if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
             self._opened = version
             self._open(seen.path, version)
         self._words(detail)
         if self._playback is None:
-            self._show_live(detail, state)
+            self._show_live(news)
         self._say(detail)
 
     def _change_version(self, version: RecordingVersion | None) -> None:
@@ -221,11 +229,11 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
             if bool(grows) != log.is_anchored:
                 log.anchor(bool(grows))
 
-    def _show_live(self, detail: RunDetail, state: DashboardState) -> None:
+    def _show_live(self, news: RunNews) -> None:
         """Show the map and the signals as they are now, or why there is nothing to see."""
-        live = self._unfinished
+        detail, live = news.detail, self._unfinished
         track = live.track
-        view, why = top_view_of(state, detail, track)
+        view, why = top_view_of(news, track)
         why = self._damage or why
         above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
         # Where the words are not beside the map, the first line has no room for all of it.
@@ -375,7 +383,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen):
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""
-        seen = self.dashboard.daemon_state.recording_of(self._run)
+        seen = self.news.recording if self.news is not None else None
         if self._damage or isinstance(seen, UnavailableTrace):
             return self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
         return "its trace is being read" if self._opened else "a run can be played when it is over"

@@ -18,8 +18,8 @@ from daemon.model.status import RunDetail
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
@@ -68,17 +68,17 @@ class RunPanel(Vertical):
             yield StaticText(id="run-text")
         yield RunMap()
 
-    def show(self, dashboard: BaseDashboard, detail: RunDetail | None) -> None:
+    def show(self, dashboard: BaseDashboard, news: RunNews | None) -> None:
         """Show a run as the dashboard knows it, or nothing."""
         words, above = self.query_one("#run-text", Static), self.query_one(RunMap)
-        if detail is None:
+        if news is None:
             words.update("")
             above.show(None)
             above.explain("")
             return
-        track = track_of(dashboard, detail)
-        words.update(run_text(detail, track.snapshot if track else None))
-        view, why = top_view_of(dashboard.daemon_state, detail, track)
+        track = track_of(dashboard, news.detail)
+        words.update(run_text(news.detail, track.snapshot if track else None))
+        view, why = top_view_of(news, track)
         above.show(view)
         above.explain(why)
 
@@ -89,16 +89,13 @@ def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
     return dashboard.tracks.get(detail.row.id) if running else None
 
 
-def top_view_of(
-    state: DashboardState, detail: RunDetail, track: Track | None
-) -> tuple[View | None, str]:
+def top_view_of(news: RunNews, track: Track | None) -> tuple[View | None, str]:
     """Return the top view of a run as far as it is known, and why there is none."""
-    recording = state.recording_of(detail.row.id)
-    if isinstance(recording, UnavailableTrace):
-        return None, recording.why
-    if state.scene is None:
+    if isinstance(news.recording, UnavailableTrace):
+        return None, news.recording.why
+    if news.scene is None:
         return None, ""
-    return _view(detail, state.scene, track, recording), ""
+    return _view(news.detail, news.scene, track, news.recording), ""
 
 
 def _view(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, Final
 
 from rich.text import Text
@@ -14,12 +14,13 @@ from textual.widgets import Input
 from daemon.model.messages import RunQuery
 from daemon.model.run_state import RunState
 from daemon.model.status import CampaignRow, RunPage, RunRow
+from daemon.model.verbs import DaemonClient
 from scenario_tui.dashboard.live_tracks import Track
+from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState, Query, RunsView
-from scenario_tui.dashboard.widgets.running_grid import RunningGrid, more_to_come, running_runs
+from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -60,7 +61,16 @@ _CAMPAIGN: Final = Column("campaign", 14)
 """Stands behind the run where runs of all campaigns are shown."""
 
 
-class RunsScreen(SteeringScreen):
+@dataclass(frozen=True, slots=True)
+class RunsNews:
+    """The page of runs that was ``wanted``, and the run in front where it is seen."""
+
+    wanted: RunQuery
+    page: RunPage
+    run: RunNews | None
+
+
+class RunsScreen(SteeringScreen[RunsNews]):
     """Runs in a table; wide terminals show the one under the cursor beside it."""
 
     # More than twenty methods: thirteen are keys and messages, which Textual calls by name, and
@@ -87,8 +97,6 @@ class RunsScreen(SteeringScreen):
                 id="previous-page", tooltip="The runs before these"),
         Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
-        Binding("tab,v", "part", "Under way", show=False, id="view",
-                tooltip="To the runs under way, and back to the table"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
@@ -99,6 +107,7 @@ class RunsScreen(SteeringScreen):
         )
         self._only = 0
         self._here = (campaign, scenario, sut)
+        self._wanted_run = ""
 
     def body(self) -> ComposeResult:
         """Filter line, table, and the run beside it."""
@@ -108,7 +117,6 @@ class RunsScreen(SteeringScreen):
         hint, text = "text in run, oracle or reason", self._wanted.text
         # With its text from the start: an empty line would tell that it changed, and be obeyed.
         yield Input(text, placeholder=hint, id="filter", compact=True)
-        yield RunningGrid(id="running")
         yield StaticText(id="empty")
         with Horizontal(id="split"):
             columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
@@ -135,14 +143,24 @@ class RunsScreen(SteeringScreen):
         # At once and not when the screen goes: what comes in its place asks before.
         self.dashboard.run_views[self._here] = RunsView(self._wanted, self._only, key)
 
-    def state_query(self) -> Query:
-        """The page; in wide terminals also the run under the cursor."""
+    @property
+    def about(self) -> str:
+        """The campaign shown, empty for all."""
+        return self._wanted.campaign
+
+    def fetch(self, daemon: DaemonClient, known: Known) -> RunsNews:
+        """Return the page; in wide terminals also the run under the cursor."""
+        wanted, run = self._wanted, self._wanted_run
+        page = daemon.runs(**asdict(wanted))
+        return RunsNews(wanted, page, self.dashboard.feed.watch.look(daemon, run) if run else None)
+
+    def _want_run(self) -> None:
+        """Ask for the run under the cursor, if it is seen."""
         beside = self.query_one("#side").display and self.has_class("-wide")
-        return Query(
-            runs=self._wanted,
-            run=self.query_one(KeyedTable).key if beside else "",
-            running=self._wanted.campaign,
-        )
+        wanted = self.query_one(KeyedTable).key if beside else ""
+        if wanted != self._wanted_run:
+            self._wanted_run = wanted
+            self.ask()
 
     def trail(self) -> str:
         """Where we are, which page, sorted and filtered how."""
@@ -184,50 +202,33 @@ class RunsScreen(SteeringScreen):
         wanted = self._wanted.campaign
         if not wanted:
             wanted = self.query_one(KeyedTable).key.rpartition(".")[0]
-        return self.dashboard.daemon_state.campaign(wanted)
+        return self.dashboard.known.campaign(wanted)
 
     def _page(self) -> RunPage | None:
-        return self.dashboard.daemon_state.page_for(self._wanted)
+        news = self.news
+        return news.page if news is not None and news.wanted == self._wanted else None
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: RunsNews | None) -> None:
         """Fill the table with the page, once it is the one wanted."""
-        self._show_running(state)
         page = self._page()
-        if page is None:
+        if news is None or page is None:
             return
         message = "" if page.rows else self._nothing()
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         tracks = self.dashboard.tracks
+        tracks.forget_ended(page.rows)
         named = not self._wanted.campaign
         table.fill([run_cells(row, tracks.get(row.id), named) for row in page.rows])
         # A table that was hidden because it was empty has lost the keys to its neighbour. Now, not
         # later as focus() does: then somebody may have gone to the filter line.
-        if not message and not isinstance(self.focused, Input | RunningGrid):
+        if not message and not isinstance(self.focused, Input):
             self.set_focus(table, scroll_visible=False)
         # The cursor may be on another run now that the rows are others.
+        self._want_run()
+        run = news.run if news.run is not None and news.run.detail.row.id == table.key else None
         if self.has_class("-wide"):
-            self.dashboard.feed.set_query(self.state_query())
-            self.query_one(RunPanel).show(self.dashboard, state.detail_of(table.key))
-
-    def _show_running(self, state: DashboardState) -> None:
-        """Show what is under way of the campaign, whatever page and filter there are."""
-        if state.running is None:
-            return  # not known yet: another screen was in front
-        wanted = self._wanted.campaign
-        campaigns = {row.id: row for row in state.campaigns if wanted in ("", row.id)}
-        rows = [row for row in state.running.rows if wanted in ("", row.campaign)]
-        named = campaigns if len({row.campaign for row in rows}) > 1 else None
-        grid = self.query_one(RunningGrid)
-        grid.show(
-            running_runs(rows, self.dashboard.tracks, named), more=more_to_come(campaigns.values())
-        )
-        if not grid.display and grid.has_focus:
-            self.query_one(KeyedTable).focus(scroll_visible=False)
-
-    def on_running_grid_opened(self, event: RunningGrid.Opened) -> None:
-        """Open a run under way."""
-        self.dashboard.open_run(event.run)
+            self.query_one(RunPanel).show(self.dashboard, run)
 
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
@@ -242,18 +243,17 @@ class RunsScreen(SteeringScreen):
         # A screen that was left may still hear of its rows.
         if key and self.is_current:
             self._remember(key)
-        if self.has_class("-wide"):
-            self.dashboard.feed.set_query(self.state_query())
+        self._want_run()
 
     def on_data_table_row_selected(self) -> None:
         """Open the run."""
-        self.dashboard.open_run(self.query_one(KeyedTable).key)
+        self.dashboard.open("run", self.query_one(KeyedTable).key)
 
     def _change(self, **changes: Any) -> None:
         self._wanted = replace(self._wanted, **({"offset": 0} | changes))
         self._remember()
         self.query_one(KeyedTable).from_top()
-        self.query_changed()
+        self.ask()
 
     def action_filter(self) -> None:
         """Open the filter line."""
@@ -288,17 +288,10 @@ class RunsScreen(SteeringScreen):
             return
         super().action_back()
 
-    def action_part(self) -> None:
-        """Give the keys to the runs under way, or back to the table."""
-        grid, table = self.query_one(RunningGrid), self.query_one(KeyedTable)
-        # At once: the next key may wait already, and is not for who had the keys before.
-        there = grid.display and self.focused is not grid
-        self.set_focus(grid if there else table, scroll_visible=False)
-
     def action_only(self) -> None:
         """Show runs of the next verdict or state only that there are any of."""
-        state, wanted = self.dashboard.daemon_state, self._wanted.campaign
-        counted = state.campaign(wanted) if wanted else state.overview
+        known, wanted = self.dashboard.known, self._wanted.campaign
+        counted = known.campaign(wanted) if wanted else known.overview
         counts = run_counts(counted) if counted is not None else {}
         for _ in FILTERS:
             self._only = (self._only + 1) % len(FILTERS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from rich.text import Text
@@ -12,15 +13,22 @@ from textual.widgets import Static
 
 from daemon.model.status import CampaignRow
 from daemon.model.trials import smallest_margin
+from daemon.model.verbs import DaemonClient
 from daemon.search.answers.sentences import margin_words, phase_words, search_word
 from grammars.text.words import NOTHING, count_noun
+from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.searches import NotableTrial, SearchTrials, notable_trials
-from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.searches import (
+    NotableTrial,
+    SearchTrials,
+    TrialReader,
+    notable_trials,
+)
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView, search_curve
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
@@ -37,7 +45,15 @@ _TABS: Final = 66
 """Columns from which on all parts of the screen are named."""
 
 
-class SearchScreen(SteeringScreen, MapActions, Parts):
+@dataclass(frozen=True, slots=True)
+class SearchNews:
+    """A search with its trials, and its run in front where that is seen."""
+
+    search: SearchTrials
+    run: RunNews | None
+
+
+class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
     """A search by its id; one of its runs is in front: its parameters, its map, its replay."""
 
     VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
@@ -62,6 +78,8 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
         self._shown: SearchTrials | None = None
         self._notable: tuple[NotableTrial, ...] = ()
         self._stale = True
+        self._reader = TrialReader()
+        self._wanted_run = ""
 
     def body(self) -> ComposeResult:
         """Curve and table on the left; parameters and map on the right, or below."""
@@ -84,19 +102,37 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
     def on_resize(self) -> None:
         """Draw everything for the new size."""
         self._stale = True
-        self.call_after_refresh(self.query_changed)
+        self.call_after_refresh(self._drawn_anew)
 
-    def state_query(self) -> Query:
-        """The search; the run in front where its map is seen."""
+    @property
+    def about(self) -> str:
+        """The campaign that the search is."""
+        return self._campaign
+
+    def fetch(self, daemon: DaemonClient, known: Known) -> SearchNews | None:
+        """Return the search with its trials, and the run in front where its map is seen."""
+        row, run = known.searches.get(self._campaign), self._wanted_run
+        if row is None:
+            return None
+        search = self._reader.read(daemon, row)
+        return SearchNews(search, self.dashboard.feed.watch.look(daemon, run) if run else None)
+
+    def _want_run(self) -> None:
+        """Ask for the run in front, if its map is seen."""
         seen = self.has_class("-wide") or self.part == "map"
         front = self._front()
-        if front is None or not seen:
-            return Query(search=self._campaign)
-        return Query(search=self._campaign, run=front.trial.run)
+        wanted = front.trial.run if front is not None and seen else ""
+        if wanted != self._wanted_run:
+            self._wanted_run = wanted
+            self.ask()
+
+    def _drawn_anew(self) -> None:
+        self.update_from_state()
+        self._want_run()
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign that the search is."""
-        return self.dashboard.daemon_state.campaign(self._campaign)
+        return self.dashboard.known.campaign(self._campaign)
 
     def command(self) -> str:
         """Return what to type to be told the same."""
@@ -110,15 +146,15 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
     def trail(self) -> str:
         """Where we are, and what is going on."""
         parts = [f"campaigns › {self._campaign} › search"]
-        row, campaign = self.dashboard.daemon_state.searches.get(self._campaign), self.campaign()
+        row, campaign = self.dashboard.known.searches.get(self._campaign), self.campaign()
         if row is not None:
             parts.append(f"{row.task.minimise} of {row.task.scenario}  {phase_words(row)}")
         return "  ".join(parts + (schedule_marks(campaign) if campaign is not None else []))
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: SearchNews | None) -> None:
         """Show the search once its runs are known, again only what is another one."""
-        search = state.search_of(self._campaign)
-        message = "" if search is not None else self._nothing(state)
+        search = news.search if news is not None else None
+        message = "" if search is not None else self._nothing(known)
         show_message_or(self.query_one("#empty"), self.query_one("#searched"), message)
         if search is None:
             return
@@ -134,11 +170,11 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
             answer = Text("\n").join(answer_lines(search.row))
             self.query_one("#answer-text", Static).update(answer)
             self._show_point()
-            self.dashboard.feed.set_query(self.state_query())
-        self._show_map(state)
+            self._want_run()
+        self._show_map(news.run if news is not None else None)
 
-    def _nothing(self, state: DashboardState) -> str:
-        if not state.connected:
+    def _nothing(self, known: Known) -> str:
+        if not known.connected:
             return ""
         row = self.campaign()
         return "This is no search, or not any more." if row is None else "… reading its runs"
@@ -175,22 +211,21 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
         text.append(parameters_text(search.row.task, front.trial.point, width))
         self.query_one("#parameters-text", Static).update(text)
 
-    def _show_map(self, state: DashboardState) -> None:
+    def _show_map(self, run: RunNews | None) -> None:
         """Show the run in front from above."""
         front, above = self._front(), self.query_one(RunMap)
-        detail = state.detail_of(front.trial.run) if front is not None else None
-        if front is None or detail is None:
+        if front is None or run is None or run.detail.row.id != front.trial.run:
             above.show(None)
             above.explain("" if front is not None else "No run has a result yet.")
             return
-        view, why = top_view_of(state, detail, None)
+        view, why = top_view_of(run, None)
         above.explain(why)
         above.show(view)
 
     def on_data_table_row_highlighted(self) -> None:
         """Show the run the cursor came to."""
         self._show_point()
-        self.query_changed()
+        self._want_run()
 
     def on_data_table_row_selected(self) -> None:
         """Open the run under the cursor."""
@@ -207,7 +242,7 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
         """Open the run in front."""
         front = self._looked_at()
         if front is not None:
-            self.dashboard.open_run(front.trial.run)
+            self.dashboard.open("run", front.trial.run)
 
     def action_rerun(self) -> None:
         """Copy the command that executes the run in front again."""
@@ -217,7 +252,7 @@ class SearchScreen(SteeringScreen, MapActions, Parts):
 
     def action_runs(self) -> None:
         """Open all runs of the search."""
-        self.dashboard.open_runs(self._campaign)
+        self.dashboard.open("runs", self._campaign)
 
     def action_found(self, step: int) -> None:
         """Bring the next run of the table to the front, or the one before."""

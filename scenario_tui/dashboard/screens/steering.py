@@ -33,7 +33,7 @@ from scenario_tui.campaign_actions import (
     CampaignAction,
     deletion_text,
 )
-from scenario_tui.dashboard.screens.base import BaseScreen
+from scenario_tui.dashboard.screens.base import BaseScreen, T
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question, Refusal
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ _STEERING: Final[Mapping[str, _Steering]] = {
 }
 
 
-class SteeringScreen(BaseScreen):
+class SteeringScreen(BaseScreen[T]):
     """A screen about a campaign that can be steered from it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -208,7 +208,7 @@ class SteeringScreen(BaseScreen):
     def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible; its key is grey."""
         # Before anything is known, nothing is known to be missing.
-        if action not in ("steer", "report", "matrix") or not self.dashboard.daemon_state.at:
+        if action not in ("steer", "report", "matrix") or not self.dashboard.known.at:
             return ""
         if action == "steer" and (why := self.dashboard.why_not_steer()):
             return why
@@ -262,7 +262,7 @@ class SteeringScreen(BaseScreen):
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""
         if (row := self._row()) is not None:
-            self.dashboard.open_matrix(row.id)
+            self.dashboard.open("matrix", row.id)
 
     def action_steer(self, name: str) -> None:
         """Do something to the campaign, after a dialog if the action has one."""
@@ -294,7 +294,7 @@ class SteeringScreen(BaseScreen):
         self.dashboard.steer(act, line)
 
     def _why_no_report(self, row: CampaignRow) -> str:
-        overview = self.dashboard.daemon_state.overview
+        overview = self.dashboard.known.overview
         assert overview is not None
         if not StatePaths(Path(overview.state)).ledger.is_file():
             where = f"{overview.state} on the daemon's machine"
@@ -304,7 +304,7 @@ class SteeringScreen(BaseScreen):
     def action_report(self) -> None:
         """Write the report; when it is there, show it where that can be seen."""
         dashboard, row = self.dashboard, self._row()
-        overview = dashboard.daemon_state.overview
+        overview = dashboard.known.overview
         if row is None or overview is None:
             return
         page = Path.cwd() / f"{row.id}.html"

@@ -19,6 +19,7 @@ from textual.widgets import Input, OptionList
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import StatePaths
+from daemon.model.status import WorkerRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Finding, Severity, Where
 from grammars.text.words import count_noun
@@ -31,7 +32,7 @@ from scenario_tui.campaign_files import (
 )
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import same_as
-from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.library.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
@@ -42,7 +43,7 @@ _PAUSE: Final = 0.15
 _DEMO: Final = "the demo that comes with scenario"
 
 
-class SubmitScreen(BaseScreen):
+class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     """Choose a campaign file by typing parts of its name; it is checked while you look."""
 
     AUTO_FOCUS = "#wanted"
@@ -105,15 +106,15 @@ class SubmitScreen(BaseScreen):
         fresh = ("--fresh",) if self._fresh else ()
         return self.dashboard.command_lines.daemon_line("submit", name, *fresh)
 
-    def state_query(self) -> Query:
-        """The workers: how many runs at a time."""
-        return Query(workers=True)
+    def fetch(self, daemon: DaemonClient, known: Known) -> tuple[WorkerRow, ...]:
+        """Return the workers, which say how many runs go at a time."""
+        return daemon.workers()
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: tuple[WorkerRow, ...] | None) -> None:
         """Have the check ask the ledger of the daemon, when that is on this machine."""
-        here = Path(state.overview.state) if state.overview is not None else None
+        here = Path(known.overview.state) if known.overview is not None else None
         self._state = here if here and StatePaths(here).ledger.is_file() else None
-        slots = sum(row.slots for row in state.workers if not row.away)
+        slots = sum(row.slots for row in news or () if not row.away)
         if slots != self._slots:
             self._slots = slots
             self._say()

@@ -9,13 +9,14 @@ from textual.app import ComposeResult
 
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
-from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import age_text
 
 if TYPE_CHECKING:
     from daemon.model.status import WorkerRow
+    from daemon.model.verbs import DaemonClient
 
 _COLUMNS: Final = (
     Column("worker", 0),
@@ -33,7 +34,7 @@ _NOBODY: Final = (
 )
 
 
-class WorkersScreen(BaseScreen):
+class WorkersScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     """The workers and how busy they are."""
 
     IN_FOOTER = ("back", "submit", "palette", "help", "quit")
@@ -43,9 +44,9 @@ class WorkersScreen(BaseScreen):
         yield StaticText(id="empty")
         yield KeyedTable(_COLUMNS, id="workers")
 
-    def state_query(self) -> Query:
-        """The workers."""
-        return Query(workers=True)
+    def fetch(self, daemon: DaemonClient, known: Known) -> tuple[WorkerRow, ...]:
+        """Return the workers."""
+        return daemon.workers()
 
     def pointless_keys(self) -> frozenset[str]:
         """There is no more to a worker than its row."""
@@ -53,29 +54,30 @@ class WorkersScreen(BaseScreen):
 
     def trail(self) -> str:
         """Where we are, and the sum of it."""
-        rows = self.dashboard.daemon_state.workers
+        rows = self.news or ()
         here = [row for row in rows if not row.away]
         busy, slots = sum(row.busy for row in here), sum(row.slots for row in here)
         away = f", {len(rows) - len(here)} away" if len(here) < len(rows) else ""
         return f"workers ({len(here)}{away})  {busy} of {count_noun(slots, 'slot')} busy"
 
-    def show(self, state: DashboardState) -> None:
+    def show(self, known: Known, news: tuple[WorkerRow, ...] | None) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
         table = self.query_one(KeyedTable)
-        trouble = state.overview.trouble.strip() if state.overview else ""
+        rows = news or ()
+        trouble = known.overview.trouble.strip() if known.overview else ""
         nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
         # Beside those that stop everything: what keeps one worker, or some runs, from it.
-        troubles = state.overview.troubles if state.overview else ()
+        troubles = known.overview.troubles if known.overview else ()
         others = [one.words for one in troubles[bool(trouble) :]]
-        message = "" if state.workers and not trouble else nobody
-        busy = [f"{row.id}: {row.preparing}" for row in state.workers if row.preparing]
+        message = "" if (rows or news is None) and not trouble else nobody
+        busy = [f"{row.id}: {row.preparing}" for row in rows if row.preparing]
         message = "\n\n".join(filter(None, (message, *busy, *(f"! {words}" for words in others))))
         above = self.query_one("#empty")
-        above.set_class(bool(state.workers), "-above")
+        above.set_class(bool(rows), "-above")
         show_message_or(above, table, message)
-        table.display = bool(state.workers)
-        table.fill([worker_cells(row, now) for row in state.workers])
+        table.display = bool(rows)
+        table.fill([worker_cells(row, now) for row in rows])
         if self.focused is None:
             table.focus()
 

@@ -26,8 +26,10 @@ from scenario_tui.text.run_text import reached_text, worst_text
 
 if TYPE_CHECKING:
     from daemon.model.spec import Snapshot
-    from daemon.model.status import CampaignRow, RunRow
+    from daemon.model.status import CampaignRow, RunPage, RunRow
+    from daemon.model.verbs import DaemonClient
     from scenario_tui.dashboard.live_tracks import Tracks
+    from scenario_tui.dashboard.state import Known
 
 _CELL: Final = 76
 """Columns of a run at least; more than one stand beside each other where there is room."""
@@ -43,6 +45,8 @@ _ROOM: Final = 4
 """Of the screen's rows, one of so many is for runs under way."""
 _FRAME: Final = 2
 """Rows besides the runs: what they are, and the line below them."""
+_RUNNING_SHOWN: Final = 200
+"""Running runs asked for at a time; there are rarely more slots."""
 _LOWEST: Final = 16
 """Rows of a screen that has room for them at all."""
 
@@ -61,6 +65,17 @@ class RunningRun:
         """What orders runs, those in trouble first."""
         least = None if self.seen is None else self.seen.margin
         return least is None, 0.0 if least is None else least
+
+
+def running_page(daemon: DaemonClient, known: Known, campaign: str = "") -> RunPage:
+    """Return the runs under way of a campaign, of all if it is empty."""
+    # The first screen does not wait for what only answers need.
+    from daemon.model.run_state import RunState
+    from daemon.model.status import RunPage
+
+    if known.overview is None or not known.overview.running:
+        return RunPage((), 0)
+    return daemon.runs(campaign, state=str(RunState.RUNNING), limit=_RUNNING_SHOWN)
 
 
 def running_runs(

@@ -22,7 +22,7 @@ from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, DaemonOverview
-    from scenario_tui.dashboard.state import DashboardState
+    from scenario_tui.dashboard.state import Known
     from scenario_tui.text.results import Conclusion
 
 _BRIEF: Final = {"fail": " fail", "error": " err", "lost": " lost"}
@@ -50,7 +50,7 @@ def _part(style: str, long: str, medium: str | None = None, short: str | None = 
 class StatusLine(StaticText):
     """One line: connected or not, the worst state, counts by word, time left."""
 
-    def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
+    def show(self, state: Known, now: float, *, launching: bool = False) -> None:
         """Show what is known at wall clock time ``now``; a daemon may be ``launching``."""
         # Whether one is there and busy, or none, is not known before somebody has asked.
         launching = launching and not state.connected and bool(state.problem)
@@ -59,7 +59,7 @@ class StatusLine(StaticText):
         self.update(Text("… starting a daemon") if launching else status_text(state, now, width))
 
 
-def status_text(state: DashboardState, now: float, width: int) -> Text:
+def status_text(state: Known, now: float, width: int) -> Text:
     """Return the line in the longest of its three lengths that fits into ``width`` cells."""
     parts = list(_standing(state) if state.connected else _gone(state, now))
     gap = "  " if state.connected else ", "
@@ -71,7 +71,7 @@ def status_text(state: DashboardState, now: float, width: int) -> Text:
     return text
 
 
-def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
+def _gone(state: Known, now: float) -> Iterator[_Part]:
     """Say that nobody answers, or what they say instead, and how old everything else is."""
     if not state.problem:
         yield _part("", "… connecting")
@@ -87,7 +87,7 @@ def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
     yield _part("bold", "reconnecting", short="")
 
 
-def _standing(state: DashboardState) -> Iterator[_Part]:
+def _standing(state: Known) -> Iterator[_Part]:
     overview = state.overview
     if overview is None:
         yield _part("", "… connecting")
@@ -122,7 +122,7 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         yield _part(QUIET, overview.preparing, brief)
 
 
-def _judging(state: DashboardState) -> int:
+def _judging(state: Known) -> int:
     """Return how many campaigns have verdicts that their conclusion does not know yet."""
     count = 0
     for row in state.campaigns:

@@ -7,14 +7,12 @@ import threading
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from unittest import mock
 
 from textual.command import Command, CommandList
 from textual.widgets import Input
 
 from scenario_tui.dashboard.background import CommandAnswer, CommandLines
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.screens import help as help_screen
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.dashboard.inline import press, settle
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
@@ -103,9 +101,7 @@ async def choose_from_palette(pilot, text, wanted):
         option = found.get_option_at_index(0) if found.option_count else None
         return str(option.hit.text) if isinstance(option, Command) else ""
 
-    # What the daemon is asked for is left out when it does not answer soon.
-    with mock.patch.object(help_screen, "_PATIENCE", DEADLINE):
-        pilot.app.screen.query_one(Input).value = text
-        await until(pilot, lambda: first() == wanted)
+    pilot.app.screen.query_one(Input).value = text
+    await until(pilot, lambda: first() == wanted)
     await press(pilot, "enter")
     await settle(pilot)

@@ -224,13 +224,9 @@ def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there):
     assert steering.has_display(environ) is there
 
 
-async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake):
+async def test_the_palette_goes_to_campaigns(fake):
     async with opened(fake) as pilot:
         await settle(pilot)
         await choose_from_palette(pilot, "campaign ni", f"go to campaign {OLD}")
         assert isinstance(pilot.app.screen, RunsScreen)
         assert f"campaigns › {OLD}" in shown(pilot)
-        await press(pilot, "1")
-        await choose_from_palette(pilot, "S2/pilot/1", "go to run S2/pilot/1")
-        assert isinstance(pilot.app.screen, RunScreen)
-        assert "S2/pilot/1" in shown(pilot)

@@ -34,17 +34,17 @@ async def test_a_campaign_is_steered_to_its_end(tmp_path):
 
         app = Dashboard(Feed(lambda: Client.open(part.endpoint)))
         async with app.run_test(size=(80, 24)) as pilot:
-            await eventually(lambda: app.daemon_state.campaigns)
+            await eventually(lambda: app.known.campaigns)
             await pilot.press("P")
             await eventually(lambda: row().paused)
-            await eventually(lambda: app.daemon_state.campaigns[0].paused)
+            await eventually(lambda: app.known.campaigns[0].paused)
             await pilot.press("number_sign", "home", "ctrl+k", "7", "enter")
             await eventually(lambda: row().priority == 7)
             await pilot.press("P")
             await eventually(lambda: not row().paused)
             await pilot.press("c", "y")
             await eventually(lambda: row().cancelled)
-            await eventually(lambda: app.daemon_state.campaigns[0].cancelled)
+            await eventually(lambda: app.known.campaigns[0].cancelled)
             gate.touch()
             await pilot.press("r", "l")
             await eventually(lambda: not row().cancelled)
@@ -58,7 +58,7 @@ async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path, monkeypatch):
     with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
         app = Dashboard(Feed(lambda: Client.open(part.endpoint)))
         async with app.run_test(size=(80, 24)) as pilot:
-            await eventually(lambda: app.daemon_state.connected)
+            await eventually(lambda: app.known.connected)
             await pilot.press("s")
             await eventually(lambda: isinstance(app.screen, SubmitScreen))
             app.screen.query_one(Input).value = "demo"

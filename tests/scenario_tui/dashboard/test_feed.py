@@ -3,12 +3,12 @@
 import hashlib
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 
 from daemon.batch.errors import Refused, Unreachable
-from daemon.model.messages import FilePart, RunQuery
+from daemon.model.messages import FilePart
 from daemon.model.spec import TraceInfo
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
@@ -18,7 +18,7 @@ from scenario_tui.dashboard.recorded_traces import (
     UnavailableTrace,
     read_trace_summary,
 )
-from scenario_tui.dashboard.state import Query
+from scenario_tui.dashboard.run_watch import RunNews
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.fake import CAMPAIGN, make_live
 from tests.scenario_tui.recorded import record_run
@@ -33,25 +33,54 @@ def feed(fake, monkeypatch):
     feed.close()
 
 
-def test_only_what_is_wanted_is_asked_for(feed, fake, monkeypatch):
+@dataclass
+class RunFront:
+    """A screen in front that shows a run."""
+
+    feed: Feed
+    run: str = f"{CAMPAIGN}.0"
+    about: str = CAMPAIGN
+
+    def fetch(self, daemon, known):
+        return self.feed.watch.look(daemon, self.run)
+
+
+@dataclass
+class PageFront:
+    """A screen in front that shows a page of runs."""
+
+    about: str = CAMPAIGN
+
+    def fetch(self, daemon, known):
+        return daemon.runs(CAMPAIGN, limit=3)
+
+
+def recording(feed):
+    """What is known of the recording of the run in front."""
+    news = feed._fetched[1]
+    return news.recording if isinstance(news, RunNews) else None
+
+
+def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, fake, monkeypatch):
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed.start()
-    eventually(lambda: feed.take_news()[0] is not None)
+    eventually(lambda: feed.take_news().known is not None)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
-    feed.set_query(Query(runs=RunQuery(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
-    eventually(lambda: any(call[0] == "run" for call in fake.calls))
-    eventually(lambda: (p := feed.take_news()[0]) is not None and p.scene is not None)
-    picture = feed._state
-    assert picture.page is not None
-    assert len(picture.page.rows) == 3
-    assert picture.page.total == 10
-    assert len(picture.workers) == 2
+    page = PageFront()
+    feed.look_at(page)
+    eventually(lambda: feed.take_news().front is page)
+    assert len(feed._fetched[1].rows) == 3
+    assert "run" not in {call[0] for call in fake.calls}
+    run = RunFront(feed, f"{CAMPAIGN}.5")
+    feed.look_at(run)
+    eventually(lambda: feed.take_news().front is run)
+    assert feed._fetched[1].scene is not None
     assert sum(call[0] == "get" and not call[3] for call in fake.calls) == 1  # kept after that
 
 
 def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, fake):
     told = []
-    feed.on_answer = lambda: told.append(feed._state.connected)
+    feed.on_answer = lambda: told.append(feed._known.connected)
     feed.step(fake)
     feed.step(fake)
     assert told == [True]
@@ -62,28 +91,27 @@ def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, 
 
 def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake):
     feed.start()
-    eventually(lambda: feed._state.connected)
+    eventually(lambda: feed._known.connected)
     fake.reachable = False
-    eventually(lambda: not feed._state.connected)
-    assert feed._state.problem.startswith("no daemon answers")
-    assert feed._state.campaigns
+    eventually(lambda: not feed._known.connected)
+    assert feed._known.problem.startswith("no daemon answers")
+    assert feed._known.campaigns
     fake.reachable = True
-    eventually(lambda: feed._state.connected)
+    eventually(lambda: feed._known.connected)
 
 
 def test_telemetry_waits_until_it_is_taken(feed, fake):
     fake.live = (make_live(7, 1.0), make_live(7, 2.0))
     feed.start()
     eventually(lambda: len(feed._lives) == 2)
-    _, lives, _ = feed.take_news()
-    assert [live.snapshot.time for live in lives] == [1.0, 2.0]
-    assert feed.take_news()[1] == []
+    assert [live.snapshot.time for live in feed.take_news().lives] == [1.0, 2.0]
+    assert feed.take_news().lives == []
 
 
 def test_telemetry_nobody_takes_does_not_grow(feed):
     for index in range(2000):
         feed._lives.append(make_live(7, float(index)))
-    assert len(feed.take_news()[1]) == 512
+    assert len(feed.take_news().lives) == 512
 
 
 def test_actions_become_notices(feed, fake):
@@ -91,23 +119,20 @@ def test_actions_become_notices(feed, fake):
     feed.enqueue_action(lambda daemon: str(daemon.run("nobody.1")))
     feed.start()
     eventually(lambda: len(feed._notices) == 2)
-    good, bad = feed.take_news()[2]
+    good, bad = feed.take_news().notices
     assert (good.text, good.severity) == ("cancelled 2", "information")
     assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
 
 
-def test_whoever_only_searched_is_not_told_that_nothing_was_done(feed, fake):
+def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, fake):
     fake.reachable = False
     feed.start()
-    looked_up = []
-    feed.enqueue_lookup(looked_up.append)
-    eventually(lambda: feed._state.problem and not feed._lookups)
+    eventually(lambda: feed._known.problem)
     feed.enqueue_action(lambda daemon: "done")
     eventually(lambda: feed._notices)
-    assert [notice.text for notice in feed.take_news()[2]] == [
+    assert [notice.text for notice in feed.take_news().notices] == [
         "no daemon answers: nothing was done"
     ]
-    assert looked_up == []
 
 
 def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake):
@@ -127,7 +152,7 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch):
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed = Feed(fake.open)
     feed.start()
-    eventually(lambda: bool(fake.listeners) and feed._state.connected)
+    eventually(lambda: bool(fake.listeners) and feed._known.connected)
     before = len(fake.calls)
     time.sleep(0.05)
     assert len(fake.calls) <= before + 2
@@ -137,14 +162,14 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch):
 
 
 def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(feed, fake, monkeypatch):
-    found = fake.runs
+    page, runs = PageFront(), fake.runs
 
-    def turned_again(*asked, offset=0, **others):
-        feed.set_query(Query(runs=RunQuery(CAMPAIGN, offset=1 - offset, limit=1)))
-        return found(*asked, offset=offset, **others)
+    def turned_again(*asked, **others):
+        feed.look_at(page)
+        return runs(*asked, **others)
 
     monkeypatch.setattr(fake, "runs", turned_again)
-    feed.set_query(Query(runs=RunQuery(CAMPAIGN, limit=1)))
+    feed.look_at(page)
     feed.start()
     eventually(lambda: sum(call[0] == "overview" for call in fake.calls) > 2)
 
@@ -163,7 +188,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake,
     feed.start()
     assert asked.wait(60.0)
     fake.reachable = False
-    eventually(lambda: not feed._state.connected)
+    eventually(lambda: not feed._known.connected)
     silent.set()
     for thread in threading.enumerate():
         if thread.name == "judge":
@@ -198,9 +223,9 @@ def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monke
     monkeypatch.setattr(fake, "run", lambda run: detail)
     send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     feed.start()
-    feed.set_query(Query(run=f"{CAMPAIGN}.0"))
-    eventually(lambda: isinstance(feed._state.recording, UnavailableTrace))
-    eventually(lambda: "is not an MCAP file" in feed._state.recording.why)
+    feed.look_at(RunFront(feed))
+    eventually(lambda: isinstance(recording(feed), UnavailableTrace))
+    eventually(lambda: "is not an MCAP file" in recording(feed).why)
     assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
 
 
@@ -215,9 +240,9 @@ def test_another_file_under_the_path_of_a_trace_is_not_shown(fake, feed, tmp_pat
     monkeypatch.setattr(fake, "run", lambda run: detail)
     send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     feed.start()
-    feed.set_query(Query(run=f"{CAMPAIGN}.0"))
-    eventually(lambda: isinstance(feed._state.recording, TraceSummary))
-    assert feed._state.recording.pose.x == pytest.approx(6.0)
+    feed.look_at(RunFront(feed))
+    eventually(lambda: isinstance(recording(feed), TraceSummary))
+    assert recording(feed).pose.x == pytest.approx(6.0)
 
 
 def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_again(
@@ -240,11 +265,11 @@ def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_agai
     monkeypatch.setattr(fake, "run", lambda run: detail)
     send_trace(monkeypatch, fake, send)
     feed.start()
-    feed.set_query(Query(run=f"{CAMPAIGN}.0"))
-    eventually(lambda: "the line is down" in getattr(feed._state.recording, "why", ""))
+    feed.look_at(RunFront(feed))
+    eventually(lambda: "the line is down" in getattr(recording(feed), "why", ""))
     broken[0] = False
-    feed.set_query(Query(run=f"{CAMPAIGN}.0", judged=True))
-    eventually(lambda: isinstance(feed._state.recording, TraceSummary))
+    feed.look_at(RunFront(feed))
+    eventually(lambda: isinstance(recording(feed), TraceSummary))
 
 
 def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path):

@@ -9,7 +9,7 @@ from textual.app import App
 from daemon.batch.errors import LaunchFailed
 from scenario_tui.cli import tui
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from tests.scenario_tui.dashboard.driven import SteeredDaemon
 from tests.scenario_tui.dashboard.inline import make_dashboard, screen_text, settle
@@ -43,7 +43,7 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
 
 
 async def test_whether_one_is_started_is_said_only_once_nobody_answered():
-    state = DashboardState()
+    state = Known()
     line = StatusLine()
     async with App[None]().run_test() as pilot:
         await pilot.app.mount(line)

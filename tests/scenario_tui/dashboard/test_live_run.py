@@ -51,7 +51,7 @@ def opened(fake, size=(120, 40)):
 
 async def look_at(pilot):
     await pilot.pause(0)
-    pilot.app.open_run(RUN)
+    pilot.app.open("run", RUN)
     await settle(pilot)
 
 
@@ -148,7 +148,7 @@ async def test_a_judgement_is_asked_for_only_while_the_run_is_on_the_screen():
     fake = running()
     async with opened(fake, (140, 40)) as pilot:
         await pilot.pause(0)
-        pilot.app.open_runs(CAMPAIGN)
+        pilot.app.open("runs", CAMPAIGN)
         await settle(pilot)
         await press(pilot, *["j"] * 7)
         assert list(fake.watchers) == [RUN]  # the map beside the table is live, and no more

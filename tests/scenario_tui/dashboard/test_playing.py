@@ -23,7 +23,7 @@ def notices(pilot):
 
 async def look_at(pilot, index):
     await pilot.pause(0)
-    pilot.app.open_run(f"{CAMPAIGN}.{index}")
+    pilot.app.open("run", f"{CAMPAIGN}.{index}")
     await settle(pilot)
     await pilot.app.workers.wait_for_complete()  # its trace is read
     await settle(pilot)

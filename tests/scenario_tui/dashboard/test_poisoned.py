@@ -92,7 +92,7 @@ async def walk_through_the_dashboard(trace, folder):
         assert WORD in dashboard.clipboard
         assert_harmless(dashboard.clipboard.encode())
         for index, parts in ((5, 4), (7, 1), (9, 1)):
-            dashboard.open_run(f"{CAMPAIGN}.{index}{NAME}")
+            dashboard.open("run", f"{CAMPAIGN}.{index}{NAME}")
             await settle(pilot)
             for _ in range(parts):
                 look(pilot, RunScreen)

@@ -15,8 +15,7 @@ from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.search import SearchScreen
-from scenario_tui.dashboard.searches import KnownSearches, SearchTrials
-from scenario_tui.dashboard.state import Query
+from scenario_tui.dashboard.searches import KnownSearches, SearchTrials, TrialReader
 from scenario_tui.dashboard.widgets.search_curve import (
     draw_search_curve,
     search_curve,
@@ -76,8 +75,8 @@ async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix():
     fake = SearchingDaemon.finished()
     async with opened(fake) as pilot:
         await settle(pilot)
-        assert SEARCH not in pilot.app.daemon_state.conclusions
-        assert CAMPAIGN in pilot.app.daemon_state.conclusions
+        assert SEARCH not in pilot.app.known.conclusions
+        assert CAMPAIGN in pilot.app.known.conclusions
         await press(pilot, "m")
         assert not isinstance(pilot.app.screen, MatrixScreen)
         assert "nothing was expected of its runs" in notices(pilot)
@@ -209,17 +208,30 @@ async def test_without_colours_and_in_ascii_it_says_the_same():
     assert "x fails" in plain
 
 
+class SearchFront:
+    """A screen in front that shows a search."""
+
+    about = SEARCH
+
+    def __init__(self):
+        self.reader = TrialReader()
+
+    def fetch(self, daemon, known):
+        row = known.searches.get(SEARCH)
+        return row and self.reader.read(daemon, row)
+
+
 def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch):
     monkeypatch.setattr(feed_module, "_BREATH", 0.005)
     fake = SearchingDaemon.running(20)
-    feed = Feed(fake.open, clock=lambda: fake.now)
+    feed, front = Feed(fake.open, clock=lambda: fake.now), SearchFront()
     try:
-        feed.set_query(Query(search=SEARCH))
+        feed.look_at(front)
         feed.start()
-        eventually(lambda: feed._state.search_of(SEARCH))
+        eventually(lambda: feed._fetched[1])
         fake.go_on(30)
         fake.listeners[0][0](ChangeEvent(1, "run", f"{SEARCH}.20", SEARCH))
-        eventually(lambda: len(feed._state.search.trials if feed._state.search else ()) == 34)
+        eventually(lambda: len(feed._fetched[1].trials) == 34)
     finally:
         feed.close()
     offsets = [call[1] for call in asked(fake)]
@@ -233,20 +245,19 @@ def asked(fake):
 
 
 def test_only_new_runs_and_those_that_were_not_over_are_asked_for():
-    fake, watch = SearchingDaemon.running(20), KnownSearches()
+    fake, watch, reader = SearchingDaemon.running(20), KnownSearches(), TrialReader()
 
     def look():
         watch.update_rows(fake, fake.campaign_page(limit=10))
-        return watch.trials(fake, SEARCH)
+        return reader.read(fake, watch.rows[SEARCH])
 
     first = look()
-    assert first is not None
     assert len(first.trials) == 24
     assert look() is first
     assert asked(fake) == [(SEARCH, 0, 500)]
     assert sum(call[0] == "searches" for call in fake.calls) == 1
     fake.go_on(30)
-    assert len((look() or first).trials) == 34
+    assert len(look().trials) == 34
     assert asked(fake)[1:] == [(SEARCH, 20, 500)]
     # Runs that were over are queued again: fewer are finished.
     fake.go_on(25)
@@ -268,9 +279,7 @@ def test_thousands_of_runs_come_in_pages():
         KnownSearches(),
     )
     watch.update_rows(fake, fake.campaign_page(limit=10))
-    found = watch.trials(fake, SEARCH)
-    assert found is not None
-    assert len(found.trials) == 1200
+    assert len(TrialReader().read(fake, watch.rows[SEARCH]).trials) == 1200
     assert [call[1] for call in asked(fake)] == [0, 500, 1000]
 
 
@@ -281,7 +290,6 @@ def test_a_search_that_is_gone_is_forgotten():
     fake.found = ()
     watch.update_rows(fake, fake.campaign_page(limit=10))
     assert not watch.rows
-    assert watch.trials(fake, SEARCH) is None
 
 
 def test_the_curve_is_the_best_so_far_and_says_what_has_no_margin():

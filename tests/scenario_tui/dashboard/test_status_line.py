@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.model.status import Preparation, PreparationPhase, Trouble, TroubleCause
-from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.status_line import status_text
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
 from scenario_tui.text.styles import KNOWN
@@ -23,7 +23,7 @@ HALTED = replace(LARGE, halted=True, troubles=(Trouble("the disk is full", Troub
 
 
 def line(width, **known):
-    found = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
+    found = Known(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
     return status_text(replace(found, **known), NOW + 75.0, width).plain
 
 
@@ -72,7 +72,7 @@ def test_a_newer_campaign_hides_no_failure_until_somebody_acknowledges_it():
 
 def test_failures_are_red_as_long_as_they_may_be_news():
     def style(**known):
-        shown = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)
+        shown = Known(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)
         text = status_text(shown, NOW, 180)
         return next(
             str(one.style) for one in text.spans if "fail" in text.plain[one.start : one.end]
@@ -156,5 +156,5 @@ def test_a_daemon_that_is_not_understood_is_not_called_gone():
 
 
 def test_before_the_first_answer_it_is_connecting():
-    assert status_text(DashboardState(), NOW, 78).plain == "… connecting"
+    assert status_text(Known(), NOW, 78).plain == "… connecting"
     assert line(78, overview=None) == "… connecting"
