@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -18,7 +17,7 @@ from daemon.model.assessments import (
     group_errors,
 )
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome, moments_in_tenths
+from daemon.model.verdicts import Outcome
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.text.formatting import (
     NOT_REPEATABLE,
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
-_HYPHEN: Final = re.compile(r"(?<![\w.-])-(?=\d)")
-"""A hyphen that is the sign of a number, and no part of a name."""
 _MANY: Final = 20
 """Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
 MatrixRow = tuple[str, tuple[Text, ...]]
@@ -117,15 +114,10 @@ def comparison_cell_text(cell: ComparisonVerdict, mark: Mark) -> Text:
     return text
 
 
-def _in_signs(text: str) -> str:
-    """Return a text of an assessment, which is for programs, in signs for people."""
-    return moments_in_tenths(_HYPHEN.sub("−", text).replace("  t=", "  at "))
-
-
 def unexpected_text(verdict: UnexpectedVerdict) -> Text:
     """Return an unexpected verdict in words, with the run to look at."""
     reason = verdict.why and f"known: {verdict.why}"
-    text = _attention_line(str(verdict.verdict), _in_signs(verdict.text), [reason])
+    text = _attention_line(str(verdict.verdict), verdict.text, [reason])
     if verdict.run:
         text.append(f"  → {verdict.run}", style="measure")
     return text

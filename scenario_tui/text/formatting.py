@@ -1,4 +1,8 @@
-"""Words and numbers for people: command line, dashboard and report alike."""
+"""Words and numbers for people: command line, dashboard and report alike.
+
+Simulated time is in tenths of a second (:func:`time_text`); spans of wall time are in words
+(``3 min 20 s``, or ``3 min`` where there is little room).
+"""
 
 from __future__ import annotations
 
@@ -115,20 +119,9 @@ def moment_text(seconds: float | None) -> str:
     return "" if seconds is None else f"at {time_text(seconds)}"
 
 
-def fine_duration(seconds: float) -> str:
-    """Return a span that may be shorter than a second: ``< 0.1 s``, ``0.4 s``, ``8 s``."""
-    if not 0.0 <= seconds < 0.95:
-        return duration_text(seconds)
-    return f"{seconds:.1f} s" if seconds >= 0.05 else "< 0.1 s"
-
-
 def brief_duration(seconds: float) -> str:
-    """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
-    seconds = max(0.0, seconds)
-    for unit, size, most in (("s", 1, 60), ("min", 60, 3600), ("h", 3600, 48 * 3600)):
-        if seconds < most:
-            return f"{int(seconds // size)} {unit}"
-    return f"{int(seconds // 86400)} d"
+    """Return a span of wall time in one unit, where there is little room: ``12 min``, ``3 h``."""
+    return " ".join(duration_text(seconds).split()[:2])
 
 
 def brief_count(number: int) -> str:

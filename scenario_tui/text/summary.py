@@ -11,7 +11,7 @@ from rich.text import Text
 
 from daemon.analysis.results import CampaignResults
 from daemon.judging.statistics import at_least, cut_percentage
-from grammars.text.words import NOTHING, count_noun
+from grammars.text.words import NOTHING, count_noun, duration_text
 from scenario_tui.text.assessment_text import (
     BOUNDS,
     attention_lists,
@@ -20,7 +20,7 @@ from scenario_tui.text.assessment_text import (
     matrix_rows,
     repeatability_text,
 )
-from scenario_tui.text.formatting import NOT_REPEATABLE, fine_duration, plain_table
+from scenario_tui.text.formatting import NOT_REPEATABLE, plain_table
 from scenario_tui.text.results import conclude
 from scenario_tui.text.run_state import progress_text, unfinished_text
 from scenario_tui.text.styles import QUIET
@@ -95,7 +95,7 @@ def _headline(results: CampaignResults, took: float | None) -> Text:
     if row.cached:
         text.append(f", {row.cached:,} cached")
     if took is not None:
-        text.append(f" in {fine_duration(took)}")
+        text.append(f" in {duration_text(took)}")
     return text
 
 

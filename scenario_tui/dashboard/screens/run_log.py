@@ -12,7 +12,7 @@ from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import RunResult
 from daemon.model.status import RunDetail
 from grammars.text.words import count_noun
-from scenario_tui.text.formatting import QUIET, UNSURE, last_lines, printed_lines
+from scenario_tui.text.formatting import QUIET, UNSURE, last_lines, printed_lines, time_text
 from scenario_tui.text.run_text import append_facts
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _append_live(text: Text, judgement: LiveJudgement) -> None:
 
 def _append_lines(text: Text, lines: Iterable[Line]) -> None:
     for time, source, said in lines:
-        text.append(f"{time:8.2f} s  ", style=QUIET)
+        text.append(f"{time_text(time):>10}  ", style=QUIET)
         text.append(f"{source:<10} ", style="bold")
         text.append("\n".join(printed_lines(said)) + "\n")
 
