@@ -44,8 +44,8 @@ class Layer(IntEnum):
     DOOR = 10
     MOVER = 11
     SPREAD = 12
-    NEAR = 13
-    TOUCHING = 14
+    NEAR_TRAIL = 13
+    TOUCHING_TRAIL = 14
     REACHED = 15
     WAYPOINT = 16
     ESTIMATE = 17
@@ -74,8 +74,8 @@ STYLES: Final = tuple(
         Layer.DOOR: Style(color=DOORS),
         Layer.MOVER: Style(color=DOORS, bold=True),
         Layer.SPREAD: Style(color=BROKEN),
-        Layer.NEAR: Style(color=UNSURE, bold=True),
-        Layer.TOUCHING: Style(color=BAD, bold=True),
+        Layer.NEAR_TRAIL: Style(color=UNSURE, bold=True),
+        Layer.TOUCHING_TRAIL: Style(color=BAD, bold=True),
         Layer.REACHED: Style(color=BUSY, dim=True),
         Layer.WAYPOINT: Style(color=BUSY, bold=True),
         Layer.ESTIMATE: Style(color=BROKEN, bold=True),
@@ -88,28 +88,7 @@ STYLES: Final = tuple(
     }[layer]
     for layer in Layer
 )
-LAYER_OF: Final = {
-    ShapeRole.WALL: Layer.WALL,
-    ShapeRole.LOW: Layer.LOW,
-    ShapeRole.COSTMAP: Layer.COSTMAP,
-    ShapeRole.RETURN: Layer.RETURN,
-    ShapeRole.PLAN: Layer.PLAN,
-    ShapeRole.TRAIL: Layer.TRAIL,
-    ShapeRole.NEAR_TRAIL: Layer.NEAR,
-    ShapeRole.TOUCHING_TRAIL: Layer.TOUCHING,
-    ShapeRole.DOOR: Layer.DOOR,
-    ShapeRole.POST: Layer.POST,
-    ShapeRole.MOVER: Layer.MOVER,
-    ShapeRole.SPREAD: Layer.SPREAD,
-    ShapeRole.REACHED: Layer.REACHED,
-    ShapeRole.WAYPOINT: Layer.WAYPOINT,
-    ShapeRole.ESTIMATE: Layer.ESTIMATE,
-    ShapeRole.ROBOT: Layer.ROBOT,
-    ShapeRole.HEADING: Layer.HEADING,
-    ShapeRole.CONTACT: Layer.CONTACT,
-    ShapeRole.DECISION: Layer.DECISION,
-    ShapeRole.FAILURE: Layer.FAILURE,
-}
+LAYER_OF: Final = {role: Layer[role.name] for role in ShapeRole if role.name in Layer.__members__}
 ARROWS: Final = "→↗↑↖←↙↓↘"
 """One for each eighth of a turn to the left."""
 AHEAD, REACHED, ESTIMATE, CONTACT, TOUCHING, DECISION = "◆", "◇", "+", "✱", "×", "●"
@@ -123,8 +102,8 @@ _SIGNS: Final = (
     (Layer.WAYPOINT, AHEAD, "waypoint"),
     (Layer.REACHED, REACHED, "reached"),
     (Layer.TRAIL, "⠤⠤", "driven"),
-    (Layer.NEAR, "⠶⠶", "nearer than"),
-    (Layer.TOUCHING, TOUCHING, "touching"),
+    (Layer.NEAR_TRAIL, "⠶⠶", "nearer than"),
+    (Layer.TOUCHING_TRAIL, TOUCHING, "touching"),
     (Layer.CONTACT, CONTACT, "contact"),
     (Layer.PLAN, "⠄⠄", "plan"),
     (Layer.RETURN, "⠒⠒", "laser"),
@@ -180,5 +159,5 @@ def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:
     for layer, sign, words in _SIGNS:
         if layer in shown:
             before = f"{decisive} " if layer in (Layer.FAILURE, Layer.DECISION) else ""
-            after = f" {asked}" if layer is Layer.NEAR else ""
+            after = f" {asked}" if layer is Layer.NEAR_TRAIL else ""
             yield Text.assemble((sign, STYLES[layer]), " ", (f"{before}{words}{after}", QUIET))

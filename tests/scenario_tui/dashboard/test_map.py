@@ -139,8 +139,9 @@ def test_areas_that_overlap_are_one_and_holes_are_left_out():
 
 def test_blocks_look_like_their_squares():
     quarters = np.array([[1, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
-    assert [chr(c) for c in to_blocks(quarters, "quadrants").codes[0]] == ["▚", "▀"]
-    assert chr(to_blocks(quarters[:1], "cells").codes[0, 0]) == "█"
+    blocks = to_blocks(quarters)
+    assert [chr(c) for c in blocks.codes[0]] == ["▚", "▀"]
+    assert [chr(0x2800 + dots) for dots in blocks.dots[0]] == ["⢣", "⠛"]
 
 
 def test_walls_thinner_than_a_square_have_no_gaps():
@@ -224,9 +225,10 @@ def test_a_trail_says_how_near_it_came_without_colours():
     pose = Pose2(11.5, 3.5)
     plain = draw_view(view(trail=way, robot_pose=pose), 100, 30)
     frame = draw_view(view(trail=way, robot_pose=pose, clearances=clear, limit=0.2), 100, 30)
-    assert owners_of(plain, Layer.NEAR) == owners_of(plain, Layer.TOUCHING) == 0
+    assert owners_of(plain, Layer.NEAR_TRAIL) == owners_of(plain, Layer.TOUCHING_TRAIL) == 0
     dots = [
-        int(np.unpackbits(frame.canvas.layer(layer)).sum()) for layer in (Layer.TRAIL, Layer.NEAR)
+        int(np.unpackbits(frame.canvas.layer(layer)).sum())
+        for layer in (Layer.TRAIL, Layer.NEAR_TRAIL)
     ]
     assert dots[1] > 1.6 * dots[0]
     assert "×××" in "".join(rows_of(frame))
