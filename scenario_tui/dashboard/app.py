@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import warnings
 from collections.abc import Callable
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import work
 from textual.binding import Binding, BindingType
+from textual.events import Event, Key
+from textual.message_pump import MessagePump
 from textual.screen import ModalScreen, Screen
 
 from grammars.text.words import count_noun
@@ -153,6 +156,26 @@ class Dashboard(BaseDashboard):
         ours = isinstance(self.screen, BaseScreen | ModalScreen)
         return ours or action not in ("go", "keys", "command_palette", "submit")
 
+    async def on_event(self, event: Event) -> None:
+        """Let each key do all its work before the next one is looked at.
+
+        Textual hands keys on at once. Those typed behind a key that opens a screen would go to the
+        screen below, or to one that cannot take them yet.
+        """
+        if not isinstance(event, Key) or event.is_forwarded:
+            await super().on_event(event)
+            return
+        before = self.screen
+        active = before.active_bindings.get(event.key)
+        if active is None or not await self.run_action(active.binding.action, active.node):
+            await super().on_event(event)
+        # What the key did may be a message on its way from what has the focus up to the screen.
+        for node in (before.focused or before).ancestors_with_self:
+            if node is not self:
+                await _settle(node)
+        if self.screen is not before:
+            await _settle(self.screen)
+
     def action_keys(self) -> None:
         """Show the keys of the screen in front."""
         self.push_screen(Help(self.screen))
@@ -172,6 +195,13 @@ class Dashboard(BaseDashboard):
                 f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
             )
         return "\n".join(said)
+
+
+async def _settle(node: MessagePump) -> None:
+    """Wait until the messages that a node has by now are dealt with."""
+    done = asyncio.Event()
+    if node.call_later(done.set):
+        await done.wait()
 
 
 def run_dashboard(

@@ -33,6 +33,14 @@ def same_as(command: str) -> Text:
     return Text(f"same as: {command}" if command else "", style=QUIET)
 
 
+def move_cursor(options: OptionList, step: int) -> None:
+    """Go to the next option, or with a negative ``step`` to the one before."""
+    if step > 0:
+        options.action_cursor_down()
+    else:
+        options.action_cursor_up()
+
+
 class Question(ModalScreen[str]):
     """A yes-or-no question; ``command`` is what to type to do the same. The answer is `YES`."""
 
@@ -107,15 +115,13 @@ class Menu(ModalScreen[str]):
         Binding("escape,q", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
         Binding(
             "j",
-            "app.simulate_key('down')",
+            "move(1)",
             "Down",
             id="down",
             show=False,
             tooltip="The next choice",
         ),
-        Binding(
-            "k", "app.simulate_key('up')", "Up", id="up", show=False, tooltip="The choice before"
-        ),
+        Binding("k", "move(-1)", "Up", id="up", show=False, tooltip="The choice before"),
     ]
 
     def __init__(self, text: str, choices: Sequence[MenuChoice], note: str) -> None:
@@ -146,6 +152,10 @@ class Menu(ModalScreen[str]):
                 event.stop()
                 self.dismiss(choice.answer)
                 return
+
+    def action_move(self, step: int) -> None:
+        """Move the cursor."""
+        move_cursor(self.query_one(OptionList), step)
 
 
 def _option(choice: MenuChoice) -> Option:

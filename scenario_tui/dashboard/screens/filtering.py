@@ -144,4 +144,5 @@ class FilteredScreen(BaseScreen[T]):
     def _leave_line(self) -> None:
         line = self.query_one("#filter", Input)
         line.display = bool(line.value)
-        self.query_one(KeyedTable).focus(scroll_visible=False)
+        # At once: the next key may wait already.
+        self.set_focus(self.query_one(KeyedTable), scroll_visible=False)
