@@ -37,7 +37,7 @@ class Arrangement:
         matching = [
             (value, row)
             for value, row in rows
-            if text in " ".join(cell.plain for cell in row[1]).casefold()
+            if not text or text in " ".join(cell.plain for cell in row[1]).casefold()
         ]
         key = keys[self.sort]
         matching.sort(key=lambda pair: key(pair[0]), reverse=self.descending)

@@ -10,11 +10,7 @@ import pytest
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.screens.campaigns import (
-    CampaignsScreen,
-    campaign_cells,
-    campaign_text,
-)
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, Question
 from scenario_tui.dashboard.screens.help import Help, key_groups
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -138,14 +134,6 @@ async def test_f_goes_through_verdicts_and_states_that_there_are(opened):
             await press(pilot, "f")
             seen.append(len(first_column(pilot)))
     assert seen == [2, 1, 1, 1, 1, 4, 10]
-
-
-def test_a_campaign_says_how_long_it_still_takes(fake):
-    row = replace(fake._campaign_rows()[0], seconds_left=7380.0, finished_at=None)
-    assert "\n2 h 03 min left" in campaign_text(row, None, NOW).plain
-    assert campaign_cells(row, None, NOW)[1][1].plain.endswith("  2 h left")
-    paused = replace(row, seconds_left=None, paused=True)
-    assert "left" not in campaign_cells(paused, None, NOW)[1][1].plain
 
 
 def test_f_knows_every_word_of_a_run():
