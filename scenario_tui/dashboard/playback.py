@@ -28,8 +28,8 @@ from scenario_tui.dashboard.transport import FLASH, FailureMoment
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
-from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET
 from scenario_tui.text.run_text import verdict_lines
+from scenario_tui.text.styles import QUIET
 from templates.plan_shapes import MeasuredMark
 
 RAYS: Final = 120
@@ -329,7 +329,7 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     # Last, over the line and the dot: what was decided must not be hidden by where the replay is.
     for found in playback.moments:
         at = cell(found.time)
-        text = Text.assemble(text[:at], ("✗", DASHBOARD_STYLES["fail"]), text[at + 1 :])
+        text = Text.assemble(text[:at], ("✗", "fail"), text[at + 1 :])
     return text
 
 

@@ -7,7 +7,6 @@ Simulated time is in tenths of a second (:func:`time_text`); spans of wall time 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final, Literal
 
 from daemon.model.verdicts import Outcome, Verdict
@@ -18,9 +17,9 @@ from scenario_tui.text.styles import BROKEN as BROKEN
 from scenario_tui.text.styles import BUSY as BUSY
 from scenario_tui.text.styles import DOORS as DOORS
 from scenario_tui.text.styles import FACT as FACT
-from scenario_tui.text.styles import FAINT
 from scenario_tui.text.styles import GLYPHS as GLYPHS
 from scenario_tui.text.styles import GOOD as GOOD
+from scenario_tui.text.styles import QUIET as QUIET
 from scenario_tui.text.styles import SEVERITY as SEVERITY
 from scenario_tui.text.styles import UNSURE as UNSURE
 
@@ -30,20 +29,11 @@ if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, DaemonOverview, RunRow
 
 DASHBOARD_STYLES: Final = {word: word for word in SEVERITY}
-TERMINAL_STYLES: Final = DASHBOARD_STYLES
-QUIET: Final = FAINT
-Styles = Mapping[str, str]
-
 _SEED_DIGITS: Final = 6
 SHOWN_LINES: Final = 40
 """Lines of a program's output that are shown unless more is asked for: the last ones."""
 NOT_REPEATABLE: Final = "not repeatable"
 """Of a system under test outside of the simulator: the same run gives something else each time."""
-
-
-def quiet_style(styles: Styles) -> str:
-    """Return the style of words that should not draw the eye."""
-    return "quiet"
 
 
 def run_word(row: RunRow) -> str:

@@ -19,7 +19,8 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from scenario_tui.text.formatting import BAD, QUIET
+from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.text.styles import BAD, QUIET
 
 YES: Final = "yes"
 _TYPED_ON: Final = frozenset(
@@ -80,7 +81,7 @@ class Refusal(ModalScreen[None]):
         """Lay out the reason."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._why))
-            yield Static(Text("enter closes this", style=QUIET), classes="note")
+            yield Static(Text.assemble(("enter closes this", QUIET)), classes="note")
 
     def on_key(self, event: Key) -> None:
         """Close, unless more is to be expected."""
@@ -133,7 +134,7 @@ class Menu(ModalScreen[str]):
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield OptionList(*map(_option, self._choices), compact=True)
-            yield Static(id="same")
+            yield StaticText(id="same")
             yield Static(Text(self._note), classes="note")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
@@ -184,7 +185,7 @@ class Prompt(ModalScreen[str]):
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield Input(self._value, compact=True, id="answer")
-            yield Static(id="same")
+            yield StaticText(id="same")
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Say what is wrong with what is typed, or what to type elsewhere."""

@@ -48,14 +48,9 @@ from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    QUIET,
-    glyph_word,
-    run_label,
-    run_word,
-)
+from scenario_tui.text.formatting import glyph_word, run_label, run_word
 from scenario_tui.text.run_text import run_text
+from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
@@ -267,7 +262,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
         word = run_word(detail.row)
-        said = Text(glyph_word(word), style=DASHBOARD_STYLES[word])
+        said = Text(glyph_word(word), style=word)
         track = track_of(self.dashboard, detail)
         if self.transport is not None and self._playback is not None:
             reached = self._playback.reached(self.transport.time)

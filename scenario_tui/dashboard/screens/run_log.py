@@ -12,8 +12,9 @@ from daemon.model.live_judgement import LiveJudgement
 from daemon.model.spec import RunResult
 from daemon.model.status import RunDetail
 from grammars.text.words import count_noun
-from scenario_tui.text.formatting import QUIET, UNSURE, last_lines, printed_lines, time_text
+from scenario_tui.text.formatting import last_lines, printed_lines, time_text
 from scenario_tui.text.run_text import append_facts
+from scenario_tui.text.styles import QUIET, UNSURE
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback

@@ -36,7 +36,7 @@ from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.library.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET
+from scenario_tui.text.styles import GLYPHS, QUIET
 
 _PAUSE: Final = 0.15
 """Seconds the cursor rests on a file before it is checked."""
@@ -253,7 +253,7 @@ def _checked_text(checked: CheckedFile, here: Path) -> Text:
     about = f"{checked.about}, " if checked.about else ""
     word = "fail" if wrong else "pass"
     words = f"{GLYPHS[word]} {about}{diagnostic_counts(checked.findings)}"
-    text = Text.assemble((words, DASHBOARD_STYLES[word]))
+    text = Text.assemble((words, word))
     for finding in checked.findings:
         where = finding.where
         # Screens are narrow: from here the name is shorter.

@@ -29,8 +29,8 @@ from scenario_tui.dashboard.transport import (
     follows,
 )
 from scenario_tui.dashboard.widgets.map_frame import View
-from scenario_tui.text.formatting import QUIET, UNSURE
 from scenario_tui.text.run_text import reached_text, worst_text
+from scenario_tui.text.styles import QUIET, UNSURE
 
 _PATIENCE: Final = 30.0
 """Seconds after which somebody who looks is told that no signals come."""

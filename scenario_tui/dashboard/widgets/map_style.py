@@ -11,10 +11,11 @@ from rich.style import Style
 from rich.text import Text
 
 from grammars.text.words import format_quantity
-from scenario_tui.text.formatting import (
+from scenario_tui.text.styles import (
     BAD,
     BROKEN,
     BUSY,
+    COLOURS,
     DOORS,
     FACT,
     GLYPHS,
@@ -61,30 +62,30 @@ STYLES: Final = tuple(
     {
         Layer.WALL: Style(color=WALLS),
         # Below what is low: walls are drawn as walls, whatever they cost.
-        Layer.COSTMAP: Style(color=UNSURE, dim=True),
+        Layer.COSTMAP: Style(color=COLOURS[UNSURE], dim=True),
         Layer.LOW: Style(color=WALLS, dim=True),
         # Bold: where there are no colours, what the laser sees of a wall is told from the rest.
-        Layer.LIT: Style(color=FACT, bold=True),
-        Layer.RETURN: Style(color=FACT, bold=True),
-        Layer.PLAN: Style(color=BUSY),
-        Layer.SPACE_NAME: Style(color=QUIET),
-        Layer.DOOR_NAME: Style(color=DOORS, dim=True),
-        Layer.TRAIL: Style(color=GOOD),
+        Layer.LIT: Style(color=COLOURS[FACT], bold=True),
+        Layer.RETURN: Style(color=COLOURS[FACT], bold=True),
+        Layer.PLAN: Style(color=COLOURS[BUSY]),
+        Layer.SPACE_NAME: Style(color=COLOURS[QUIET]),
+        Layer.DOOR_NAME: Style(color=COLOURS[DOORS], dim=True),
+        Layer.TRAIL: Style(color=COLOURS[GOOD]),
         Layer.POST: Style(color=WALLS),
-        Layer.DOOR: Style(color=DOORS),
-        Layer.MOVER: Style(color=DOORS, bold=True),
-        Layer.SPREAD: Style(color=BROKEN),
-        Layer.NEAR_TRAIL: Style(color=UNSURE, bold=True),
-        Layer.TOUCHING_TRAIL: Style(color=BAD, bold=True),
-        Layer.REACHED: Style(color=BUSY, dim=True),
-        Layer.WAYPOINT: Style(color=BUSY, bold=True),
-        Layer.ESTIMATE: Style(color=BROKEN, bold=True),
-        Layer.ROBOT: Style(color=GOOD, bold=True),
-        Layer.DECISION: Style(color=FACT, bold=True),
-        Layer.FAILURE: Style(color=BAD, bold=True),
-        Layer.HEADING: Style(color=GOOD, bold=True, reverse=True),
-        Layer.CONTACT: Style(color=BAD, bold=True, reverse=True),
-        Layer.SCALE: Style(color=QUIET),
+        Layer.DOOR: Style(color=COLOURS[DOORS]),
+        Layer.MOVER: Style(color=COLOURS[DOORS], bold=True),
+        Layer.SPREAD: Style(color=COLOURS[BROKEN]),
+        Layer.NEAR_TRAIL: Style(color=COLOURS[UNSURE], bold=True),
+        Layer.TOUCHING_TRAIL: Style(color=COLOURS[BAD], bold=True),
+        Layer.REACHED: Style(color=COLOURS[BUSY], dim=True),
+        Layer.WAYPOINT: Style(color=COLOURS[BUSY], bold=True),
+        Layer.ESTIMATE: Style(color=COLOURS[BROKEN], bold=True),
+        Layer.ROBOT: Style(color=COLOURS[GOOD], bold=True),
+        Layer.DECISION: Style(color=COLOURS[FACT], bold=True),
+        Layer.FAILURE: Style(color=COLOURS[BAD], bold=True),
+        Layer.HEADING: Style(color=COLOURS[GOOD], bold=True, reverse=True),
+        Layer.CONTACT: Style(color=COLOURS[BAD], bold=True, reverse=True),
+        Layer.SCALE: Style(color=COLOURS[QUIET]),
     }[layer]
     for layer in Layer
 )

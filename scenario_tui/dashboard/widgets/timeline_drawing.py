@@ -21,16 +21,16 @@ from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
 
 LIMIT, OTHER, CURVE, AGAINST, EVENT, DONE, FAIL, FAINT, NAME, CURSOR = range(10)
 _PLAIN: Final = (
-    Style(color=styles.UNSURE),
-    Style(color=styles.UNSURE, bold=True),
-    Style(color=styles.BUSY),
-    Style(color=styles.BAD),
-    Style(color=styles.FACT),
-    Style(color=styles.GOOD),
-    Style(color=styles.BAD, bold=True),
-    Style(color=styles.FAINT),
+    Style(color=styles.COLOURS[styles.UNSURE]),
+    Style(color=styles.COLOURS[styles.UNSURE], bold=True),
+    Style(color=styles.COLOURS[styles.BUSY]),
+    Style(color=styles.COLOURS[styles.BAD]),
+    Style(color=styles.COLOURS[styles.FACT]),
+    Style(color=styles.COLOURS[styles.GOOD]),
+    Style(color=styles.COLOURS[styles.BAD], bold=True),
+    Style(color=styles.COLOURS[styles.QUIET]),
     Style(bold=True),
-    Style(color=styles.FACT, bold=True),
+    Style(color=styles.COLOURS[styles.FACT], bold=True),
 )
 BEHIND: Final = len(_PLAIN)
 """Added to the style of a cell that the playhead passes behind."""

@@ -18,7 +18,7 @@ from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import SEVERITY
+from scenario_tui.text.styles import SEVERITY
 from tests.scenario_tui.dashboard.driven import choose_from_palette, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, make_live, make_row
