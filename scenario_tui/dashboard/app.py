@@ -51,6 +51,8 @@ class Dashboard(BaseDashboard):
         Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
         Binding("3", "go('workers')", "Workers", show=False, id="workers", tooltip="Who executes"),
         Binding("s", "submit", "Submit", id="submit", tooltip="Choose, check, submit a campaign"),
+        Binding("d", "launch", "Start daemon", show=False, id="launch",
+                tooltip="On this machine, when none answers"),
         Binding(
             "colon", "command_palette", "Go", id="palette", tooltip="Type what to do or where to go"
         ),
@@ -78,9 +80,7 @@ class Dashboard(BaseDashboard):
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
         self.feed.on_answer = partial(self.call_later, self.update_state)
-        if self.launch_daemon is not None:
-            self.launching = True
-            self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
+        self.action_launch()
         # What asks the daemon takes as long to load as all that is shown first: that comes before.
         self.call_after_refresh(self.feed.start)
         self.set_interval(1.0 / FRAMES, self.update_state)
@@ -91,6 +91,12 @@ class Dashboard(BaseDashboard):
         import_module("scenario_tui.dashboard.screens.matrix")
         import_module("scenario_tui.dashboard.screens.runs")
         import_module("scenario_tui.dashboard.screens.search")
+
+    def action_launch(self) -> None:
+        """See to it that a daemon answers, where one may be started on this machine."""
+        if self.launch_daemon is not None:
+            self.launching = True
+            self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
 
     def _launched(self, said: str) -> None:
         self.launching, self.launched = False, bool(said)
@@ -153,6 +159,10 @@ class Dashboard(BaseDashboard):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
+        if action == "launch":
+            known = self.known
+            gone = bool(known.problem) and not (known.connected or known.refused or self.launching)
+            return gone and self.launch_daemon is not None
         ours = isinstance(self.screen, BaseScreen | ModalScreen)
         return ours or action not in ("go", "keys", "command_palette", "submit")
 

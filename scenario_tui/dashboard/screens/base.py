@@ -172,6 +172,8 @@ class BaseScreen(Screen[None], Generic[T]):
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
         overview = self.dashboard.known.overview
+        if not self.dashboard.known.connected and (key := self.key("launch")):
+            text.append(f"  {key} starts a daemon on this machine", style="bold")
         if overview is not None and overview.troubles:
             why = " ".join(overview.troubles[0].words.split())
             text.append(f"  {GLYPHS['lost']} {why}", style="lost")

@@ -71,7 +71,7 @@ _NOTHING: Final = (
 )
 _LAUNCHING: Final = "No daemon answers here yet: starting one on this machine."
 _NOBODY: Final = (
-    "No daemon answers here. In another terminal, type\n\n"
+    "No daemon answers here. {launch}In another terminal, type\n\n"
     "    {line}\n\n"
     "This screen notices when it is there."
 )
@@ -200,7 +200,8 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
             return _LAUNCHING
         # A daemon is started where its state is, never at an address.
         line = replace(lines, connect="").daemon_line("daemon")
-        return _NOBODY.format(line=line) if known.problem else ""
+        launch = f"{self.key('launch')} starts one. " if self.key("launch") else ""
+        return _NOBODY.format(launch=launch, line=line) if known.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
         """Describe the campaign the cursor came to, and have it judged."""
