@@ -295,7 +295,8 @@ def test_a_text_stands_beside_its_thing_where_there_is_room():
     while (text := place_beside("door", Layer.DOOR_NAME, box, free)) is not None:
         places.append((text.row, text.column))
         text.take_place(free)
-    assert places == [(2, 11), (2, 3), (1, 7), (3, 7), (0, 7), (4, 7)]
+    assert places[:3] == [(2, 11), (2, 3), (1, 7)]
+    assert {row for row, _ in places} == set(range(5))
 
 
 def marked(**changes):

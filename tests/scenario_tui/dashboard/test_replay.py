@@ -1,6 +1,7 @@
 """Every key of the replay, on a recorded run of ten seconds."""
 
 import pytest
+from textual.events import MouseScrollDown, MouseScrollUp
 
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.help import Help
@@ -75,6 +76,17 @@ async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback):
         screen.tick()
         await pilot.pause(0)
         assert head(pilot).startswith("‖ 0.5x  S2/pilot/0  10.0 s of 10.0 s")
+
+
+async def test_the_wheel_comes_nearer_to_the_robot_and_goes_back(playback):
+    async with opened(playback) as pilot:
+        top = pilot.app.screen.query_one(TopView)
+        zooms = []
+        for kind in (MouseScrollUp, MouseScrollUp, MouseScrollDown, MouseScrollDown):
+            await pilot._post_mouse_events([kind], top, offset=(5, 5))
+            await pilot.pause()
+            zooms.append(top._zoom)
+        assert zooms == [2, 4, 2, 1]
 
 
 async def test_contacts_are_not_missed_between_two_frames(playback):
