@@ -18,7 +18,7 @@ from daemon.model.assessments import (
 )
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
-from grammars.text.words import NOTHING, count_noun
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     NOT_REPEATABLE,
     glyph_word,
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _MANY: Final = 20
 """Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
-MatrixRow = tuple[str, tuple[Text, ...]]
-"""The label of a row, and a cell for each column."""
 
 
 def known_lines(results: CampaignResults) -> list[Text]:
@@ -68,8 +66,7 @@ def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str
     share = f"{passed}/{len(records)}"
     if not alone or not 1 < len(records) <= _MANY:
         return share
-    words = (str(r.outcome) if r.state == "done" and r.outcome else r.state for r in records)
-    return f"{share} {''.join(GLYPHS[word] for word in words)}"
+    return f"{share} {''.join(GLYPHS[run_word(record)] for record in records)}"
 
 
 def _worst(cell: CellAssessment) -> str:
@@ -168,18 +165,6 @@ def _attention_line(word: str, subject: str, more: Iterable[str]) -> Text:
     for part in more:
         text.append(f"  {part}" if part else "")
     return text
-
-
-def matrix_rows(results: CampaignResults) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
-    """Return systems under test and, for each scenario, its label with a cell for each of them."""
-    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
-    suts = tuple(dict.fromkeys(sut for _, sut in cells))
-    lines = []
-    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
-        row = (cells.get((scenario, sut)) for sut in suts)
-        texts = (cell and cell_text(cell, results, alone=len(suts) == 1) for cell in row)
-        lines.append((scenario, tuple(text or Text(NOTHING, style=QUIET) for text in texts)))
-    return suts, tuple(lines)
 
 
 _WITHOUT_VERDICT: Final = {
