@@ -88,12 +88,11 @@ def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Itera
 
     Without ``threads`` it is drawn at each step only, not ten times a second.
     """
-    from rich.progress import BarColumn, Progress, TaskProgressColumn
+    from rich.progress import Progress
 
     console = stderr_console()
-    # The remaining time of rich is in another notation than ours, and a guess.
     progress = Progress(
-        *(columns or ("{task.description}", BarColumn(), TaskProgressColumn())),
+        *columns,
         console=console,
         auto_refresh=threads,
         transient=True,

@@ -6,13 +6,12 @@ Screens see this class; :class:`scenario_tui.dashboard.app.Dashboard` sees the s
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from daemon.batch.errors import DaemonError
 from grammars.text.terminal_text import printable
 from scenario_tui.dashboard.background import (
     BackgroundTasks,
@@ -24,13 +23,12 @@ from scenario_tui.dashboard.children import Children, load_modules
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
 from scenario_tui.dashboard.live_tracks import Tracks
+from scenario_tui.dashboard.recordings import Recordings
 from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.terminal.capabilities import copy_to_tmux
 
 if TYPE_CHECKING:
-    from daemon.model.verdicts import Verdict
-    from scenario_tui.dashboard.playback import Playback
     from scenario_tui.library.submission import CheckedFile
 
 _READING: Final = (
@@ -88,6 +86,7 @@ class BaseDashboard(ThemedApp):
         self.clock = clock
         self.known = Known()
         self.tracks = Tracks()
+        self.recordings = Recordings(feed.connect, self.child_processes)
         self._said = 0.0
 
     def check_file(
@@ -98,19 +97,6 @@ class BaseDashboard(ThemedApp):
         from scenario_tui.library.submission import check_file
 
         return self.child_processes.run(check_file, path, submit=submit, fresh=fresh, state=state)
-
-    def read_playback(self, path: Path, verdicts: Sequence[Verdict]) -> Playback:
-        """Read a trace in the child process; not for the thread that draws.
-
-        Raises :class:`daemon.trace.TraceError` for what cannot be shown.
-        """
-        from daemon.trace import TraceError
-        from scenario_tui.dashboard.playback import read_playback
-
-        try:
-            return self.child_processes.run(read_playback, path, verdicts)
-        except DaemonError as error:
-            raise TraceError(path, str(error), "open the run again") from error
 
     def prepare_playback(self) -> None:
         """Have what reads traces there: somebody is about to open a run."""

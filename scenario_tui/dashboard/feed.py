@@ -94,7 +94,7 @@ class Feed:
         self._wake = threading.Event()
         self._asked = threading.Event()
         self._searches = KnownSearches()
-        self.watch = RunWatch(open_daemon, self._lives, self._note_problem, self._wake.set)
+        self.watch = RunWatch(self._lives, self._note_problem)
         self._closing = False
         self.on_answer: Callable[[], object] = _nobody_waits
         self._failure: Exception | None = None
@@ -114,7 +114,6 @@ class Feed:
     def look_at(self, front: Front) -> None:
         """Fetch at once for the screen in front, or anew because it wants something else."""
         self._front = front
-        self.watch.look_again()
         self._hurry()
 
     def enqueue_action(self, action: Action) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
@@ -10,10 +11,11 @@ from rich.text import Text
 from daemon.model.assessments import NO_MARK, Mark
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
-from grammars.text.words import count_noun, duration_text, format_quantity
+from grammars.text.words import count_noun, format_quantity
 from scenario_tui.text.formatting import (
     NOT_REPEATABLE,
     brief_seed,
+    fine_duration,
     glyph_word,
     margin,
     margin_bar,
@@ -21,7 +23,6 @@ from scenario_tui.text.formatting import (
     moment_text,
     run_label,
     run_word,
-    time_text,
 )
 from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET, SEVERITY
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from daemon.model.status import RunDetail, RunRow
     from daemon.model.verdicts import Verdict
 
+NO_MARKS: Final[Mapping[str, Mark]] = MappingProxyType({})
 VERDICT_LINES: Final = 3
 """Lines for verdicts: the worst of them, and how the others are."""
 
@@ -64,9 +66,14 @@ def known_text(mark: Mark) -> Text:
     return Text(f"{mark.letter} known: {mark.reason}".lstrip(), style=KNOWN)
 
 
-def by_severity(verdicts: Iterable[Verdict]) -> list[Verdict]:
-    """Return verdicts, what people must look at first."""
-    return sorted(verdicts, key=lambda v: SEVERITY.index(v.outcome))
+def by_severity(verdicts: Iterable[Verdict], marks: Mapping[str, Mark] = NO_MARKS) -> list[Verdict]:
+    """Return verdicts, what people must look at first: news before known failures."""
+
+    def severity(verdict: Verdict) -> tuple[int, int]:
+        kind = marks.get(verdict.oracle, NO_MARK).kind
+        return SEVERITY.index(verdict.outcome), ("news", "", "known").index(kind)
+
+    return sorted(verdicts, key=severity)
 
 
 def verdict_text(verdict: Verdict, mark: Mark = NO_MARK, *, so_far: bool = False) -> Text:
@@ -168,7 +175,7 @@ def _verdict_line(verdict: Verdict, time: float) -> Text:
     text.append(f"  {margin(verdict.margin, verdict.unit)}")
     decided = verdict.evidence.time
     if decided is not None:
-        ahead = f", {time_text(decided - time)} ahead" if decided > time + 1e-6 else ""
+        ahead = f", {decided - time:.1f} s ahead" if decided > time + 1e-6 else ""
         text.append(f" {moment_text(decided)}{ahead}", style=QUIET)
     if verdict.evidence.object:
         text.append(f"  {verdict.evidence.object}", style=QUIET)
@@ -223,8 +230,8 @@ def _running(text: Text, snapshot: Snapshot | None) -> None:
 
 
 def _verdicts(text: Text, row: RunRow, expectations: Expectations | None) -> None:
-    marks = expectations.mark_verdicts(row) if expectations is not None else {}
-    for verdict in by_severity(row.verdicts):
+    marks = NO_MARKS if expectations is None else expectations.mark_verdicts(row)
+    for verdict in by_severity(row.verdicts, marks):
         text.append_text(verdict_text(verdict, marks.get(verdict.oracle, NO_MARK))).append("\n")
     text.append("\n")
     if row.result is not None and row.result.note:
@@ -261,11 +268,11 @@ def append_facts(text: Text, detail: RunDetail) -> None:
     if result is not None:
         timing = result.timing
         facts.append(("ended", result.ended))
-        took = f"{time_text(timing.simulated)} simulated"
+        took = f"{timing.simulated:.1f} s simulated"
         # A trace alone has no wall time.
         if timing.wall > 0:
             speed = timing.simulated / timing.wall
-            took += f" in {duration_text(timing.wall)}, {speed:.0f}x"
+            took += f" in {fine_duration(timing.wall)}, {speed:.0f}x"
         facts.append(("took", took))
     if row.worker:
         facts.append(("worker", f"{row.worker}, attempt {row.attempt}"))

@@ -34,7 +34,6 @@ from scenario_tui.dashboard.widgets.map_style import MapSigns
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal import printable_console
-from scenario_tui.text.styles import terminal_theme
 from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.searching import SEARCH, SearchingDaemon
@@ -100,7 +99,7 @@ async def _found(pilot):
 
 
 async def _read(pilot):
-    await until(pilot, lambda: pilot.app.screen._playback)
+    await until(pilot, lambda: pilot.app.screen.transport)
 
 
 async def _mapped(pilot):
@@ -186,7 +185,7 @@ def typed(name, folder, executed):
         fake = ExecutedDaemon.of(executed)
         console = Console(
             record=True, width=width, file=nowhere, force_terminal=True, color_system="truecolor",
-            highlight=False, legacy_windows=False, theme=terminal_theme(),
+            highlight=False, legacy_windows=False,
         )  # fmt: skip
         line = f"scenario {' '.join(arguments)}"
         console.print(f"$ {line}", markup=False, style="bold")

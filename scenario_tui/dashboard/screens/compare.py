@@ -14,13 +14,12 @@ from textual.screen import Screen
 from textual.widgets import Static
 
 from daemon.batch.errors import DaemonError
-from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.playback import Playback
-from scenario_tui.dashboard.recorded_traces import UnavailableTrace, local_trace
+from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_timeline import Alignment, common_clock, shift_to_clock
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
+from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, decisive_moment
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
@@ -29,7 +28,7 @@ from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import comparison_text
-from scenario_tui.text.styles import QUIET
+from scenario_tui.text.formatting import QUIET
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard
@@ -91,7 +90,6 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         # The signals of the second run are laid on the clock of the first once, here; the maps ask
         # for the moment of the second run at every frame.
         moved = shift_to_clock(second, self._clock)
-        self._moved = moved
         start, end = min(first.start, moved.start), max(first.end, moved.end)
         self.query_one(TimelineView).show((first, moved))
         text = comparison_text(
@@ -99,20 +97,25 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         )
         self.query_one("#table", Static).update(text)
         speed = self._speed if self.transport is None else self.transport.speed
+        if time is None:
+            time = self._decisive_moment()
         self.begin(
             ReplayTransport(start, end, start if time is None else time, speed, playing=False)
         )
 
+    def _decisive_moment(self) -> float | None:
+        """Return the moment that decided the first run, or else the second, on the first clock."""
+        first, second = decisive_moment(self.first), decisive_moment(self.second)
+        return first if first is not None or second is None else self._to_first([second])[0]
+
     def moments(self) -> Sequence[FailureMoment]:
         """Return when oracles were decided against in either run, on the clock of the first."""
-        second = zip(self.second.moments, self._to_first(self.second.moments), strict=True)
+        times = self._to_first([moment.time for moment in self.second.moments])
+        second = zip(self.second.moments, times, strict=True)
         both = [*self.first.moments, *(FailureMoment(at, m.oracle) for m, at in second)]
         return sorted(both, key=lambda moment: (moment.time, moment.oracle))
 
-    def _to_first(self, moments: Sequence[FailureMoment]) -> list[float]:
-        import numpy as np
-
-        times = np.array([moment.time for moment in moments], dtype=np.float64)
+    def _to_first(self, times: Sequence[float]) -> list[float]:
         return [float(time) for time in self._clock.to_first(times)]
 
     def show_moment(self, window: float = FLASH) -> None:
@@ -175,7 +178,7 @@ def _open(dashboard: BaseDashboard, first: str, second: str) -> None:
     """Read two runs outside the thread that draws, then show them."""
     try:
         both = [_playback(dashboard, run) for run in (first, second)]
-    except (InputError, DaemonError) as error:
+    except DaemonError as error:
         dashboard.call_from_thread(dashboard.problem, str(error))
         return
     screen: Screen[None] = CompareScreen(both[0], both[1])
@@ -184,9 +187,8 @@ def _open(dashboard: BaseDashboard, first: str, second: str) -> None:
 
 def _playback(dashboard: BaseDashboard, run: str) -> Playback:
     with dashboard.feed.connect() as daemon:
-        detail = daemon.run(run)
-        found = local_trace(detail, daemon)
-    if isinstance(found, UnavailableTrace):
-        raise DaemonError(f"{run}: {found.why}")
-    assert detail.row.result is not None
-    return dashboard.read_playback(found, detail.row.result.verdicts)
+        row = daemon.run(run).row
+    recording = dashboard.recordings.read(row)
+    if isinstance(recording, Missing):
+        raise DaemonError(f"{run}: {recording.why}")
+    return recording

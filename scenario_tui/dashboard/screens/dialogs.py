@@ -19,8 +19,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from scenario_tui.dashboard.widgets.static_text import StaticText
-from scenario_tui.text.styles import BAD, QUIET
+from scenario_tui.text.formatting import BAD, QUIET
 
 YES: Final = "yes"
 _TYPED_ON: Final = frozenset(
@@ -32,14 +31,6 @@ _TYPED_ON: Final = frozenset(
 def same_as(command: str) -> Text:
     """Return the words about what to type to do the same."""
     return Text(f"same as: {command}" if command else "", style=QUIET)
-
-
-def move_cursor(options: OptionList, step: int) -> None:
-    """Go to the next option, or with a negative ``step`` to the one before."""
-    if step > 0:
-        options.action_cursor_down()
-    else:
-        options.action_cursor_up()
 
 
 class Question(ModalScreen[str]):
@@ -81,7 +72,7 @@ class Refusal(ModalScreen[None]):
         """Lay out the reason."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._why))
-            yield Static(Text.assemble(("enter closes this", QUIET)), classes="note")
+            yield Static(Text("enter closes this", style=QUIET), classes="note")
 
     def on_key(self, event: Key) -> None:
         """Close, unless more is to be expected."""
@@ -116,13 +107,15 @@ class Menu(ModalScreen[str]):
         Binding("escape,q", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
         Binding(
             "j",
-            "move(1)",
+            "app.simulate_key('down')",
             "Down",
             id="down",
             show=False,
             tooltip="The next choice",
         ),
-        Binding("k", "move(-1)", "Up", id="up", show=False, tooltip="The choice before"),
+        Binding(
+            "k", "app.simulate_key('up')", "Up", id="up", show=False, tooltip="The choice before"
+        ),
     ]
 
     def __init__(self, text: str, choices: Sequence[MenuChoice], note: str) -> None:
@@ -134,7 +127,7 @@ class Menu(ModalScreen[str]):
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield OptionList(*map(_option, self._choices), compact=True)
-            yield StaticText(id="same")
+            yield Static(id="same")
             yield Static(Text(self._note), classes="note")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
@@ -153,10 +146,6 @@ class Menu(ModalScreen[str]):
                 event.stop()
                 self.dismiss(choice.answer)
                 return
-
-    def action_move(self, step: int) -> None:
-        """Move the cursor."""
-        move_cursor(self.query_one(OptionList), step)
 
 
 def _option(choice: MenuChoice) -> Option:
@@ -185,7 +174,7 @@ class Prompt(ModalScreen[str]):
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield Input(self._value, compact=True, id="answer")
-            yield StaticText(id="same")
+            yield Static(id="same")
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Say what is wrong with what is typed, or what to type elsewhere."""

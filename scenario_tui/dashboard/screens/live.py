@@ -14,9 +14,9 @@ from textual.widgets import Static
 
 from daemon.live.simulation import LiveSimulation, LiveStatus, LiveThread
 from daemon.model.status import LiveSnapshot
+from scenario_tui.dashboard.live_run import tracked_view
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.maps import MapActions
-from scenario_tui.dashboard.screens.run_panel import tracked_view
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
@@ -24,7 +24,7 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.capabilities import copy_to_tmux
-from scenario_tui.text.styles import BAD, QUIET, UNSURE
+from scenario_tui.text.formatting import BAD, QUIET, UNSURE
 
 FRAMES: Final = 10
 """How often a second the view is drawn."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from typing import ClassVar, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 
+from daemon.model.assessments import Mark
+from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.transport import (
     FLASH,
     FailureMoment,
@@ -17,6 +19,10 @@ from scenario_tui.dashboard.transport import (
     previous_moment,
 )
 from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.text.run_text import NO_MARKS, by_severity
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.playback import Playback
 
 FRAMES: Final = 10
 """How often a second the view is drawn while it plays."""
@@ -174,3 +180,16 @@ def clock_line(transport: ReplayTransport) -> str:
     """Return ``▶ 2x  27.0 s of 62.2 s``."""
     sign = "▶" if transport.playing else "‖"
     return f"{sign} {transport.speed:g}x  {transport.time:.1f} s of {transport.end:.1f} s"
+
+
+def decisive_moment(playback: Playback, marks: Mapping[str, Mark] = NO_MARKS) -> float | None:
+    """Return the moment [s] of the failure that people must look at first, ``None`` without one.
+
+    ``marks`` of oracles tell known failures from news. A failure without a moment is decided by
+    the end: something never happened.
+    """
+    verdicts = by_severity(playback.verdicts, marks)
+    failed = [one for one in verdicts if one.outcome is Outcome.FAIL]
+    if not failed:
+        return None
+    return playback.end if failed[0].moment is None else failed[0].moment

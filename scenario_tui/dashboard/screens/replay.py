@@ -13,7 +13,7 @@ from textual.widgets import Static
 from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.playing import PlayingScreen
+from scenario_tui.dashboard.screens.playing import PlayingScreen, decisive_moment
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
@@ -21,12 +21,12 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.text.formatting import QUIET
 from scenario_tui.text.run_text import verdict_lines
-from scenario_tui.text.styles import QUIET
 
 
 class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
-    """Plays a :class:`Playback`."""
+    """Plays a :class:`Playback` from ``begin`` [s], or from what decided it, or all of it."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (150, "-wide")]  # noqa: RUF012
     VIEWS = ("map", "signals")
@@ -41,8 +41,12 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
     ) -> None:
         super().__init__()
         self.playback = playback
+        if begin is None:
+            begin = decisive_moment(playback)
         first = playback.start if begin is None else begin
-        self.transport = ReplayTransport(playback.start, playback.end, first, speed)
+        # Who is brought to what decided looks at it before anything moves.
+        plays = all(abs(moment.time - first) > 1e-6 for moment in playback.moments)
+        self.transport = ReplayTransport(playback.start, playback.end, first, speed, plays)
         self.clock = clock
 
     def compose(self) -> ComposeResult:

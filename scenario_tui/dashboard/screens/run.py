@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
-from textual import on, work
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -15,26 +15,17 @@ from textual.widgets import ContentSwitcher, OptionList, Static
 
 from daemon.model.status import CampaignRow, RunDetail
 from daemon.model.verbs import DaemonClient
-from scenario_tui.dashboard.recorded_traces import (
-    RecordingVersion,
-    TraceSummary,
-    UnavailableTrace,
-    recording_version,
-)
-from scenario_tui.dashboard.run_timeline import RunTimeline
+from daemon.model.verdicts import Verdict
+from scenario_tui.dashboard.live_run import LiveRun, is_running, live_text
+from scenario_tui.dashboard.recordings import Missing, Reading
+from scenario_tui.dashboard.run_log import log_text
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
-from scenario_tui.dashboard.screens.run_log import log_text
-from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
+from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, decisive_moment
+from scenario_tui.dashboard.screens.run_panel import RunMap, expectations_of, marks_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
-from scenario_tui.dashboard.screens.unfinished_run import (
-    UnfinishedRun,
-    is_running,
-    live_text,
-)
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.transport import (
     FLASH,
@@ -47,10 +38,9 @@ from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
-from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import glyph_word, run_label, run_word
-from scenario_tui.text.run_text import run_text
-from scenario_tui.text.styles import QUIET
+from scenario_tui.text.formatting import run_label
+from scenario_tui.text.run_text import by_severity, marked_word, run_text
+from scenario_tui.text.styles import QUIET, UNSURE
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
@@ -62,8 +52,8 @@ _VAST: Final = 170
 class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     """A run by its id; one that is over is played as soon as its trace is read."""
 
-    # More than twenty methods: ten answer what its two bases ask of a screen, and each of the
-    # others fills one part of it. The map, alone with the legend, is RunMap.
+    # More than twenty methods: ten answer what its bases ask of a screen, and each of the others
+    # fills one part of it. The map, alone with the legend, is RunMap.
 
     AUTO_FOCUS = "VerdictList"
     VIEWS = ("verdicts", "signals", "map", "log")
@@ -82,13 +72,11 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def __init__(self, run: str) -> None:
         super().__init__()
-        self._run = run
-        self._playback: Playback | None = None
-        self._version: RecordingVersion | None = None
-        self._opened: RecordingVersion | None = None
-        self._damage = ""
-        self._shown: object = None
-        self._unfinished = UnfinishedRun()
+        self._run_id = run
+        self._run: Playback | LiveRun = LiveRun()
+        self._digest = ""
+        self._verdicts: Sequence[Verdict] = ()
+        self._logged: object = None
         self._since = 0.0
 
     def body(self) -> ComposeResult:
@@ -114,25 +102,29 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.set_class(self.size.width >= _VAST, "-vast")
         self.call_after_refresh(self.update_from_state)
 
+    def on_screen_resume(self) -> None:
+        """Try once more to read what could not be read."""
+        self.dashboard.recordings.look_again()
+
     @property
     def about(self) -> str:
         """The campaign of the run."""
-        return self._run.rpartition(".")[0]
+        return self._run_id.rpartition(".")[0]
 
     def fetch(self, daemon: DaemonClient, known: Known) -> RunNews | None:
         """Return this run, with how it is judged while it runs."""
-        return self.dashboard.feed.watch.look(daemon, self._run, judged=True)
+        return self.dashboard.feed.watch.look(daemon, self._run_id, judged=True)
 
     def command(self) -> str:
         """Return what to type to be told of it."""
-        return self._line("show", self._run)
+        return self._line("show", self._run_id)
 
     def cursor_command(self) -> str:
         """Return what to type for the moment of the verdict under the cursor."""
         chosen = self.query_one(VerdictList).chosen()
         if chosen is None:
             return self.command()
-        return self._line("replay", self._run, "--frame", chosen.oracle)
+        return self._line("replay", self._run_id, "--frame", chosen.oracle)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
@@ -150,211 +142,181 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def trail(self) -> str:
         """Where we are."""
-        detail = self._detail()
-        label = run_label(detail.row) if detail is not None else self._run
+        label = run_label(self.news.detail.row) if self.news is not None else self._run_id
         return f"campaigns › {self.about} › {label}"
 
     def moments(self) -> Sequence[FailureMoment]:
         """Return when its oracles were decided against, of a run that goes on until now."""
-        return (self._playback or self._unfinished).moments
-
-    def _detail(self) -> RunDetail | None:
-        return self.news.detail if self.news is not None else None
+        return self._run.moments
 
     def show(self, known: Known, news: RunNews | None) -> None:
         """Show what is known of the run: live, or as it was."""
         if news is None:
             return
-        detail = news.detail
-        self.dashboard.tracks.forget_ended((detail.row,))
-        version = recording_version(detail)
-        if version != self._version:
-            self._change_version(version)
-        self._unfinished.hear(detail, track_of(self.dashboard, detail))
-        seen = news.recording
-        if isinstance(seen, TraceSummary) and version is not None and version != self._opened:
-            self._opened = version
-            self._open(seen.path, version)
-        self._words(detail)
-        if self._playback is None:
-            self._show_live(news)
-        self._say(detail)
+        self.dashboard.tracks.forget_ended((news.detail.row,))
+        why = self._take(news)
+        self._show_words(news.detail)
+        if isinstance(self._run, LiveRun):
+            self._show_live(self._run, news, why)
+        self._say(news.detail)
 
-    def _change_version(self, version: RecordingVersion | None) -> None:
-        """Drop the recording of an earlier attempt or judgement.
-
-        A run that was only judged again keeps the moment that somebody chose.
-        """
-        before, self._version = self._version, version
-        self._opened, self._playback, self._damage = None, None, ""
-        if before is not None and (version is None or version.sha256 != before.sha256):
-            self._unfinished = UnfinishedRun()
-            self.transport = None
-            self._since = self.dashboard.clock()
+    def _take(self, news: RunNews) -> str:
+        """Take in what is known of the run; return why there is nothing to see of it, if so."""
+        row = news.detail.row
+        digest = row.result.trace.sha256 if row.settled and row.result is not None else ""
+        if self._digest not in ("", digest):
+            # It is executed again, or was in the meantime.
+            self._run, self.transport, self._since = LiveRun(), None, self.dashboard.clock()
             self.refresh_bindings()
+        self._digest = digest
+        recording = self.dashboard.recordings.get(row) if row.settled else Reading()
+        if not isinstance(recording, Missing | Reading):
+            if recording is not self._run:
+                self._open(recording)
+            return ""
+        return recording.why
 
-    def _words(self, detail: RunDetail) -> None:
+    def _show_words(self, detail: RunDetail) -> None:
         """Show verdicts once there are any, and the log."""
-        track = self._unfinished.track
-        result, judgement = detail.row.result, track.judgement if track else None
-        so_far = judgement.verdicts if judgement else ()
-        judged = result is not None or bool(so_far)
+        live = self._run if isinstance(self._run, LiveRun) else LiveRun()
+        result, judgement = detail.row.result, live.judgement
+        so_far = result is None
+        self._verdicts = judgement.verdicts if so_far and judgement else detail.row.verdicts
+        judged = not so_far or bool(self._verdicts)
         told = self.query_one(ContentSwitcher)
         if judged and told.current != "decided":
             self.call_after_refresh(self.view_changed)
         told.current = "decided" if judged else "words"
-        if result is not None:
-            self.query_one(VerdictList).show(result.verdicts)
-        elif so_far:
-            self.query_one(VerdictList).show(so_far, so_far=True)
+        if judged:
+            self.query_one(VerdictList).show(
+                self._verdicts, marks_of(self.dashboard, detail.row), so_far=so_far
+            )
         else:
-            snapshot = track.snapshot if track else None
+            snapshot = live.track.snapshot if live.track else None
             self.query_one("#run-text", Static).update(run_text(detail, snapshot))
-        shown = (detail, self._playback, judgement)
-        if self._shown != shown:
-            if self._shown is None:
-                # What is going on for a run that runs, why it failed for one that is over.
-                self.show_view(self.VIEWS.index("map") if is_running(detail) else 0)
-                self._since = self.dashboard.clock()
-            self._shown = shown
-            words = log_text(detail, self._playback, judgement=judgement)
-            self.query_one("#log-text", Static).update(words)
-            # While it grows its end stays in view, unless somebody scrolled up.
-            log, grows = self.query_one("#log", VerticalScroll), result is None and judgement
-            if bool(grows) != log.is_anchored:
-                log.anchor(bool(grows))
+        logged = (detail, self._run, judgement)
+        if self._logged == logged:
+            return
+        if self._logged is None:
+            # What is going on for a run that runs, why it failed for one that is over.
+            self.show_view(self.VIEWS.index("map") if is_running(detail) else 0)
+            self._since = self.dashboard.clock()
+        self._logged = logged
+        self.query_one("#log-text", Static).update(log_text(detail, self._run.log))
+        # While it grows its end stays in view, unless somebody scrolled up.
+        log, grows = self.query_one("#log", VerticalScroll), so_far and judgement is not None
+        if grows != log.is_anchored:
+            log.anchor(grows)
 
-    def _show_live(self, news: RunNews) -> None:
-        """Show the map and the signals as they are now, or why there is nothing to see."""
-        detail, live = news.detail, self._unfinished
-        track = live.track
-        view, why = top_view_of(news, track)
-        why = self._damage or why
-        above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
-        # Where the words are not beside the map, the first line has no room for all of it.
-        starting = track.snapshot.waiting if track and not self.has_class("-wide") else ""
+    def _show_live(self, live: LiveRun, news: RunNews, why: str) -> None:
+        """Show map and signals as they are now, or ``why`` there are none."""
+        above, signals = self.query_one(RunMap), self.query_one(TimelineView)
+        grown = live.hear(news, track_of(self.dashboard, news.detail))
         above.explain(why)
-        above.note(starting)
-        if live.grow(detail) and live.timeline is not None:
-            self._grow(signals, live.timeline)
-        reason = live.why_untold(detail, self.dashboard.clock() - self._since)
+        # Where the words are not beside the map, the first line has no room for all of it.
+        waiting = live.track.snapshot.waiting if live.track else ""
+        above.note("" if self.has_class("-wide") else waiting)
+        if grown and live.timeline is not None:
+            self._follow(live)
+            signals.show((live.timeline,))
+        reason = live.why_untold(self.dashboard.clock() - self._since)
         untold = "" if live.timeline else reason
         show_message_or(self.query_one("#untold"), signals, why or untold)
         self.set_class(bool(untold) and not why, "-untold")
-        soon = is_running(detail) and not (track and track.judgement)
+        soon = is_running(news.detail) and live.judgement is None
         self.query_one("#signs").display = not (why or untold)
         # As text: what a system waits for may have brackets, which are markup otherwise.
         self.query_one("#signs", Static).update(Text(reason if soon else SIGNS))
-        if not why and view is not None:
-            live.take_map(view)
-            above.show(live.view_at(self.transport))
+        if not why:
+            self.show_moment()
 
-    def _grow(self, signals: TimelineView, known: RunTimeline) -> None:
-        """Show signals that have grown; the cursor goes along unless somebody went back."""
-        transport = self.transport
-        if not isinstance(transport, LiveTransport):
-            transport = LiveTransport(known.start, known.end, known.end)
-            self.transport = transport
+    def _follow(self, live: LiveRun) -> None:
+        """Have the moment shown go along with the run, unless somebody went back."""
+        if not isinstance(self.transport, LiveTransport):
+            self.transport = LiveTransport(live.start, live.end, live.end)
             self.refresh_bindings()
-        transport.grow(known.start, known.end)
-        signals.show((known,), transport.time)
+        self.transport.grow(live.start, live.end)
+
+    def _open(self, recording: Playback) -> None:
+        """Show a recording that was read, at the moment that tells most."""
+        # Who watched it to its end stays there, and who went back in it stays at that moment.
+        before, watched = self.transport, getattr(self._run, "timeline", None) is not None
+        self._run = recording
+        self.query_one(RunMap).explain("")
+        self.query_one(RunMap).note("")
+        self.remove_class("-untold")
+        signals, signs = self.query_one(TimelineView), self.query_one("#signs", Static)
+        show_message_or(self.query_one("#untold"), signals, "")
+        signs.update(SIGNS)
+        signs.display = True
+        signals.show((recording.timeline,))
+        if before is not None and not follows(before):
+            now = recording.within(before.time)
+        else:
+            now = recording.end if watched else self._telling_moment(recording)
+        self.begin(ReplayTransport(recording.start, recording.end, now, playing=False))
+
+    def _telling_moment(self, recording: Playback) -> float:
+        """Return the moment [s] that decided, or that was nearest to deciding."""
+        marks = marks_of(self.dashboard, self.news.detail.row) if self.news is not None else {}
+        if (decisive := decisive_moment(recording, marks)) is not None:
+            return decisive
+        moments = (verdict.moment for verdict in by_severity(recording.verdicts))
+        return next((moment for moment in moments if moment is not None), recording.start)
 
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
-        word = run_word(detail.row)
-        said = Text(glyph_word(word), style=word)
-        track = track_of(self.dashboard, detail)
-        if self.transport is not None and self._playback is not None:
-            reached = self._playback.reached(self.transport.time)
-            said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
-            if line := self._playback.stack_line(self.transport.time):
-                said.append(f"  {line}", style=QUIET)
-        elif track is not None:
+        run, transport = self._run, self.transport
+        said = marked_word(detail.row, expectations_of(self.dashboard, detail.row))
+        track = run.track if isinstance(run, LiveRun) else None
+        if track is not None and (transport is None or follows(transport)):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
-            said.append_text(live_text(track, silence, self.transport, self.key("end"), wide=wide))
+            said.append_text(live_text(track, silence, wide=wide))
+        elif transport is not None:
+            live = isinstance(run, LiveRun)
+            said.append(f"  {clock_line(transport)}", style=UNSURE if live else "")
+            said.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
+            more = f"{self.key('end')} follows again" if live else run.stack_line(transport.time)
+            said.append(f"  {more}" if more else "", style=QUIET)
         tabs = self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
 
     def show_moment(self, window: float = FLASH) -> None:
-        """Show map and cursor at the moment."""
-        if not self.is_attached or not self.app.is_running:
+        """Show map and signals at the moment."""
+        if not self.is_attached or not self.app.is_running or self.news is None:
             return
-        playback, transport, detail = self._playback, self.transport, self._detail()
-        if transport is None or detail is None:
-            return
-        if playback is not None:
-            self.query_one("#map", TopView).show(playback.view(transport.time, window=window))
-        else:
-            self.query_one(RunMap).show(self._unfinished.view_at(transport))
-        self.query_one("#signals", TimelineView).move(transport.time)
-        self._say(detail)
+        time = math.inf if self.transport is None else self.transport.time
+        chosen = self.query_one(VerdictList).chosen()
+        verdict = chosen if chosen is not None and chosen.moment == time else None
+        self.query_one(RunMap).show(self._run.view(time, window=window, verdict=verdict))
+        if self.transport is not None:
+            self.query_one(TimelineView).move(time)
+        self._say(self.news.detail)
 
     def view_changed(self) -> None:
         """Give the keys to what is shown."""
         wanted = {"verdicts": "#decided", "log": "#log"}.get(self.part)
         if wanted is None and self.has_class("-wide"):
             wanted = "#decided"  # in view as well, and the only part of these that takes keys
-        if wanted is not None and self.query(wanted):
+        if wanted is not None:
             self.query_one(wanted).focus(scroll_visible=False)
         else:
             self.set_focus(None)
         self.update_from_state()
 
-    @work(thread=True, exclusive=True)
-    def _open(self, path: Path, version: RecordingVersion) -> None:
-        """Read the whole trace outside the thread that draws, then show it."""
-        # What reads traces takes a while to load, and the dashboard is to be there at once.
-        from daemon.trace import TraceError
-
-        try:
-            playback = self.dashboard.read_playback(path, version.verdicts)
-        except TraceError as error:
-            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.findings)
-            self.app.call_from_thread(self._broken, version, f"{why}: {path}")
-            return
-        self.app.call_from_thread(self._ready, version, playback)
-
-    def _broken(self, version: RecordingVersion, why: str) -> None:
-        if version == self._version:
-            self._damage = why
-            self.update_from_state()
-
-    def _ready(self, version: RecordingVersion, playback: Playback) -> None:
-        """Show the run at the moment that tells most."""
-        if version != self._version:
-            return  # it was executed or judged again while this was read
-        self._playback = playback
-        self.query_one(RunMap).explain("")
-        self.query_one(RunMap).note("")
-        self.remove_class("-untold")
-        self.query_one("#untold").display = False
-        signals = self.query_one("#signals", TimelineView)
-        signals.display = self.query_one("#signs").display = True
-        signals.show((playback.timeline,))
-        # Who watched it to its end stays there; who opens it sees the moment that tells most.
-        # Who went back in it stays at that moment.
-        before, watched = self.transport, self._unfinished.timeline is not None
-        now = playback.end if watched else playback.start
-        if before is not None and not follows(before):
-            now = playback.within(before.time)
-        self.begin(ReplayTransport(playback.start, playback.end, now, playing=False))
-        if before is None and not watched:
-            self._go_to_chosen()
-        self.update_from_state()
-
     @on(OptionList.OptionHighlighted)
     @on(OptionList.OptionSelected)
-    def _go_to_chosen(self, event: OptionList.OptionMessage | None = None) -> None:
+    def _go_to_chosen(self, event: OptionList.OptionMessage) -> None:
         """Go to when the chosen oracle was decided; Enter goes back there."""
         chosen = self.query_one(VerdictList).chosen()
         if chosen is None:
             return
-        self.query_one("#signals", TimelineView).lead(chosen.oracle)
+        self.query_one(TimelineView).lead(chosen.oracle)
         # The list of a run that goes on changes by itself: only Enter stops the clock there.
-        asked = self._playback is not None or isinstance(event, OptionList.OptionSelected)
-        if chosen.evidence.time is not None and asked:
-            self.go(chosen.evidence.time)
+        asked = not isinstance(self._run, LiveRun) or isinstance(event, OptionList.OptionSelected)
+        if chosen.moment is not None and asked:
+            self.go(chosen.moment)
 
     def action_view(self, step: int) -> None:
         """Show the next part of the screen; where all are in view, give the log the keys."""
@@ -366,25 +328,26 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def action_replay(self) -> None:
         """Play the recorded run, the map alone, once its trace is read."""
-        if self._playback is not None and self.transport is not None:
-            from scenario_tui.dashboard.screens.replay import ReplayScreen
+        if isinstance(self._run, LiveRun) or self.transport is None:
+            self.notify(self._why_not(), markup=False)
+            return
+        from scenario_tui.dashboard.screens.replay import ReplayScreen
 
-            self.transport.playing = False
-            at, end = self.transport.time, self.transport.end
-            # A finished run opens at its end, where there is nothing left to play.
-            self.app.push_screen(ReplayScreen(self._playback, at if at < end else None))
-        else:
-            self.notify(self._why_not())
+        self.transport.playing = False
+        at, end = self.transport.time, self.transport.end
+        # A finished run opens at its end, where there is nothing left to play.
+        self.app.push_screen(ReplayScreen(self._run, at if at < end else None))
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""
-        seen = self.news.recording if self.news is not None else None
-        if self._damage or isinstance(seen, UnavailableTrace):
-            return self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
-        return "its trace is being read" if self._opened else "a run can be played when it is over"
+        if self.news is None or not self.news.detail.row.settled:
+            return "a run can be played when it is over"
+        recording = self.dashboard.recordings.get(self.news.detail.row)
+        why = recording.why if isinstance(recording, Missing | Reading) else ""
+        return why or "its trace is being read"
 
     def action_compare(self) -> None:
         """Compare with the run that was marked, or mark this one."""
         from scenario_tui.dashboard.screens.compare import mark_or_compare
 
-        mark_or_compare(self.dashboard, self._run)
+        mark_or_compare(self.dashboard, self._run_id)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from dataclasses import replace
+import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from rich.text import Text
@@ -11,22 +11,23 @@ from textual.app import ComposeResult
 from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Static
 
-from daemon.model.live_view import from_centimetres
+from daemon.model.assessments import Mark
 from daemon.model.run_state import RunState
-from daemon.model.spec import RunSpec
-from daemon.model.status import RunDetail
-from grammars.model.scene import Scene
+from daemon.model.status import RunDetail, RunRow
+from scenario_tui.dashboard.live_run import LiveRun
 from scenario_tui.dashboard.live_tracks import Track
-from scenario_tui.dashboard.recorded_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.recordings import Missing, Reading
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.playing import decisive_moment
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.run_text import run_text
+from scenario_tui.text.run_text import NO_MARKS, run_text
 
 if TYPE_CHECKING:
+    from daemon.judging.assessment import Expectations
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 
@@ -46,6 +47,23 @@ class RunMap(Vertical):
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""
         self.query_one(TopView).show(view)
+
+    def show_run(self, dashboard: BaseDashboard, news: RunNews | None) -> None:
+        """Show a run as the dashboard knows it: live, or at the moment that decided it."""
+        why, view = "", None
+        if news is not None and news.detail.row.settled:
+            recording = dashboard.recordings.get(news.detail.row)
+            if isinstance(recording, Missing | Reading):
+                why = recording.why
+            else:
+                moment = decisive_moment(recording, marks_of(dashboard, news.detail.row))
+                view = recording.view(recording.end if moment is None else moment)
+        elif news is not None:
+            live = LiveRun()
+            live.hear(news, track_of(dashboard, news.detail))
+            view = live.view(math.inf)
+        self.show(view)
+        self.explain(why)
 
     def explain(self, why: str) -> None:
         """Say ``why`` there is no map; show the map when that is empty."""
@@ -73,14 +91,11 @@ class RunPanel(Vertical):
         words, above = self.query_one("#run-text", Static), self.query_one(RunMap)
         if news is None:
             words.update("")
-            above.show(None)
-            above.explain("")
-            return
-        track = track_of(dashboard, news.detail)
-        words.update(run_text(news.detail, track.snapshot if track else None))
-        view, why = top_view_of(news, track)
-        above.show(view)
-        above.explain(why)
+        else:
+            track = track_of(dashboard, news.detail)
+            expectations = expectations_of(dashboard, news.detail.row)
+            words.update(run_text(news.detail, track.snapshot if track else None, expectations))
+        above.show_run(dashboard, news)
 
 
 def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
@@ -89,79 +104,13 @@ def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
     return dashboard.tracks.get(detail.row.id) if running else None
 
 
-def top_view_of(news: RunNews, track: Track | None) -> tuple[View | None, str]:
-    """Return the top view of a run as far as it is known, and why there is none."""
-    if isinstance(news.recording, UnavailableTrace):
-        return None, news.recording.why
-    if news.scene is None:
-        return None, ""
-    return _view(news.detail, news.scene, track, news.recording), ""
+def expectations_of(dashboard: BaseDashboard, row: RunRow) -> Expectations | None:
+    """Return what marks a run and its verdicts, once its campaign is judged."""
+    conclusion = dashboard.known.conclusions.get(row.campaign)
+    return None if conclusion is None else conclusion.expectations
 
 
-def _view(
-    detail: RunDetail, scene: Scene, track: Track | None, recording: TraceSummary | None
-) -> View:
-    """Return the top view of a run: live, as recorded, or as it will start."""
-    resting = tuple(scene.initial_joints.values())
-    spec = detail.spec
-    if track is not None:
-        return tracked_view(scene, spec, track)
-    if recording is not None:
-        return View(
-            scene,
-            spec.robot,
-            spec.mission,
-            recording.joints if len(recording.joints) == len(resting) else resting,
-            recording.pose,
-            reached=recording.reached,
-            trail=recording.trail,
-        )
-    return View(scene, spec.robot, spec.mission, resting)
-
-
-def heard_view(view: View, track: Track, time: float) -> View | None:
-    """Return the top view of a running run as it was at ``time`` [s]: where the robot was, and how
-    the doors stood.
-
-    ``None`` before anything was heard of it. Nobody keeps what its laser saw.
-    """
-    index = bisect_right(track.heard_of, time, key=lambda one: one.time) - 1
-    if index < 0:
-        return None
-    then = track.heard_of[index]
-    count = bisect_right(track.times, time)
-    return replace(
-        view,
-        joints=then.joints if len(then.joints) == len(view.joints) else view.joints,
-        robot_pose=then.pose,
-        estimate=then.estimate,
-        reached=then.reached,
-        trail=view.trail[:count],
-        clearances=view.clearances[:count],
-        returns=(),
-        plan=(),
-        contacts=(),
-        spread=None,
-        costmaps={},
-    )
-
-
-def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
-    """Return the top view of what goes on at this moment."""
-    seen, resting = track.snapshot, tuple(scene.initial_joints.values())
-    return View(
-        scene,
-        spec.robot,
-        spec.mission,
-        # The scene may be of another attempt than what was heard, if only for a moment.
-        seen.joints if len(seen.joints) == len(resting) else resting,
-        seen.pose,
-        seen.estimate,
-        seen.reached,
-        tuple(track.trail),
-        from_centimetres(seen.returns),
-        from_centimetres(seen.plan),
-        tuple(track.flashes),
-        seen.spread,
-        costmaps={"stack's": from_centimetres(seen.costmap)} if seen.costmap else {},
-    )
+def marks_of(dashboard: BaseDashboard, row: RunRow) -> Mapping[str, Mark]:
+    """Return the marks of the verdicts of a run, by the oracle's name."""
+    expectations = expectations_of(dashboard, row)
+    return NO_MARKS if expectations is None else expectations.mark_verdicts(row)

@@ -20,7 +20,7 @@ from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of
+from scenario_tui.dashboard.screens.run_panel import RunMap
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.searches import (
     NotableTrial,
@@ -32,9 +32,8 @@ from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView, search_curve
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import margin
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, margin
 from scenario_tui.text.search_text import answer_lines, parameters_text
-from scenario_tui.text.styles import GLYPHS, QUIET
 
 _COLUMNS: Final = (
     Column("what to look at", 15),
@@ -190,9 +189,9 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         row, explored = search.row, search.explored
         word, failed = search_word(row), sum(one.fails for one in explored)
         settled = sum(one.outcome is not None for one in explored)
-        said = Text(GLYPHS[word], style=word)
+        said = Text(GLYPHS[word], style=DASHBOARD_STYLES[word])
         said.append(f" {settled}/{row.task.runs} {row.phase}")
-        said.append(f"  {failed} fail", style="fail" if failed else QUIET)
+        said.append(f"  {failed} fail", style=DASHBOARD_STYLES["fail"] if failed else QUIET)
         best = smallest_margin(explored)
         if best is not None and best.value is not None:
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
@@ -215,13 +214,10 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
     def _show_map(self, run: RunNews | None) -> None:
         """Show the run in front from above."""
         front, above = self._front(), self.query_one(RunMap)
-        if front is None or run is None or run.detail.row.id != front.trial.run:
-            above.show(None)
-            above.explain("" if front is not None else "No run has a result yet.")
-            return
-        view, why = top_view_of(run, None)
-        above.explain(why)
-        above.show(view)
+        known = front is not None and run is not None and run.detail.row.id == front.trial.run
+        above.show_run(self.dashboard, run if known else None)
+        if front is None:
+            above.explain("No run has a result yet.")
 
     def on_data_table_row_highlighted(self) -> None:
         """Show the run the cursor came to."""
@@ -273,7 +269,7 @@ def _cells(one: NotableTrial) -> Row:
     word = "fail" if one.trial.fails else "pass"
     return one.key, (
         Text(f"{one.what} ×{one.count:,}" if one.count else one.what),
-        Text(words or NOTHING, style=word if words else QUIET),
+        Text(words or NOTHING, style=DASHBOARD_STYLES[word] if words else QUIET),
         Text(one.about),
         Text(f"{one.trial.number:,}", style=QUIET),
     )

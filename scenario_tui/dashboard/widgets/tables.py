@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
 
@@ -13,9 +13,10 @@ from textual.widgets import DataTable, OptionList
 from textual.widgets.data_table import ColumnKey
 from textual.widgets.option_list import Option
 
+from daemon.model.assessments import NO_MARK, Mark
 from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.dashboard.widgets.static_text import same_text
-from scenario_tui.text.run_text import by_severity, verdict_text
+from scenario_tui.text.run_text import NO_MARKS, by_severity, verdict_text
 
 Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""
@@ -164,8 +165,6 @@ class KeyedTable(DataTable[Text]):
         self._settle(key)
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
-        if before is cells:
-            return
         for index in self._widths:
             if not same_text(before[index], cells[index]):
                 self.update_cell(str(place), str(index), self._cell(index, cells))
@@ -177,8 +176,6 @@ class KeyedTable(DataTable[Text]):
 
     def _settle(self, key: str) -> None:
         """Put the cursor on the row of a key, on the first one if there is none."""
-        if not self._rows:
-            return  # a beginning is for the rows that are still to come
         # The scroll of another page would show its middle; where the cursor begins, the view does.
         beginning, self._from = self._from, ""
         key, self._begin = self._begin or key, ""
@@ -257,15 +254,24 @@ class VerdictList(OptionList, inherit_bindings=False):
         self._verdicts: tuple[Verdict, ...] = ()
         self._texts: tuple[Text, ...] = ()
 
-    def show(self, verdicts: Sequence[Verdict], *, so_far: bool = False) -> None:
-        """Show other verdicts, ``so_far`` if the run goes on.
+    def show(
+        self,
+        verdicts: Sequence[Verdict],
+        marks: Mapping[str, Mark] = NO_MARKS,
+        *,
+        so_far: bool = False,
+    ) -> None:
+        """Show other verdicts with the marks of their oracles, ``so_far`` if the run goes on.
 
         The first of them is chosen, unless one of that oracle was.
         """
-        ordered = by_severity(verdicts)
+        ordered = by_severity(verdicts, marks)
         if so_far:  # an undecided oracle waits for something: there is nothing to look at yet
             ordered.sort(key=lambda verdict: verdict.outcome is Outcome.INCONCLUSIVE)
-        texts = [verdict_text(verdict, so_far=so_far) for verdict in ordered]
+        texts = [
+            verdict_text(verdict, marks.get(verdict.oracle, NO_MARK), so_far=so_far)
+            for verdict in ordered
+        ]
         before, shown, chosen = self._verdicts, self._texts, self.chosen()
         self._verdicts, self._texts = tuple(ordered), tuple(texts)
         names = [verdict.oracle for verdict in ordered]

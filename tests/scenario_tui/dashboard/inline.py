@@ -101,7 +101,7 @@ async def settle(pilot):
         app.update_state()
         await until_idle(app)
         looks += 1
-        if app.background_tasks.under_way:
+        if app.background_tasks.under_way or app.recordings.busy:
             looks = 0
             await asyncio.sleep(0.002)
 

@@ -1,27 +1,17 @@
 """The feed: a thread that asks, over restarts, and never hides a bug."""
 
-import hashlib
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 
-from daemon.batch.errors import Refused, Unreachable
-from daemon.model.messages import FilePart
-from daemon.model.spec import TraceInfo
+from daemon.batch.errors import Unreachable
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.recorded_traces import (
-    TraceSummary,
-    UnavailableTrace,
-    read_trace_summary,
-)
-from scenario_tui.dashboard.run_watch import RunNews
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.fake import CAMPAIGN, make_live
-from tests.scenario_tui.recorded import record_run
 
 
 @pytest.fixture
@@ -53,12 +43,6 @@ class PageFront:
 
     def fetch(self, daemon, known):
         return daemon.runs(CAMPAIGN, limit=3)
-
-
-def recording(feed):
-    """What is known of the recording of the run in front."""
-    news = feed._fetched[1]
-    return news.recording if isinstance(news, RunNews) else None
 
 
 def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, fake, monkeypatch):
@@ -194,95 +178,3 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake,
         if thread.name == "judge":
             thread.join(60.0)
     assert feed._failure is None
-
-
-def test_a_trace_that_is_not_here_is_said_to_be_missing(fake):
-    seen = read_trace_summary(fake.run(f"{CAMPAIGN}.0"))
-    assert isinstance(seen, UnavailableTrace)
-    assert "not on this machine" in seen.why
-
-
-def send_trace(monkeypatch, fake, answer):
-    """Have the daemon answer who asks for a trace."""
-    get_other = fake.get
-
-    def get(sha256, offset=0, run=""):
-        return answer() if run else get_other(sha256, offset)
-
-    monkeypatch.setattr(fake, "get", get)
-
-
-def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    data = b"not a trace" * 1000
-    digest = hashlib.sha256(data).hexdigest()
-    detail = fake.run(f"{CAMPAIGN}.0")
-    info = TraceInfo(digest, len(data), 1)
-    result = replace(detail.row.result, trace=info)
-    detail = replace(detail, row=replace(detail.row, result=result))
-    monkeypatch.setattr(fake, "run", lambda run: detail)
-    send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
-    feed.start()
-    feed.look_at(RunFront(feed))
-    eventually(lambda: isinstance(recording(feed), UnavailableTrace))
-    eventually(lambda: "is not an MCAP file" in recording(feed).why)
-    assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
-
-
-def test_another_file_under_the_path_of_a_trace_is_not_shown(fake, feed, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    here = record_run(tmp_path / "here.mcap", speed=0.1)
-    data = record_run(tmp_path / "there.mcap").read_bytes()
-    digest = hashlib.sha256(data).hexdigest()
-    detail = fake.run(f"{CAMPAIGN}.0")
-    result = replace(detail.row.result, trace=TraceInfo(digest, len(data), 1))
-    detail = replace(detail, row=replace(detail.row, trace=str(here), result=result))
-    monkeypatch.setattr(fake, "run", lambda run: detail)
-    send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
-    feed.start()
-    feed.look_at(RunFront(feed))
-    eventually(lambda: isinstance(recording(feed), TraceSummary))
-    assert recording(feed).pose.x == pytest.approx(6.0)
-
-
-def test_a_trace_that_could_not_be_brought_here_is_tried_again_by_who_looks_again(
-    fake, feed, tmp_path, monkeypatch
-):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    data = record_run(tmp_path / "run.mcap").read_bytes()
-    digest = hashlib.sha256(data).hexdigest()
-    detail = fake.run(f"{CAMPAIGN}.0")
-    info = TraceInfo(digest, len(data), 1)
-    result = replace(detail.row.result, trace=info)
-    detail = replace(detail, row=replace(detail.row, result=result))
-    broken = [True]
-
-    def send():
-        if broken[0] and threading.current_thread().name != "feed":
-            raise Refused("the line is down")
-        return FilePart(len(data), data)
-
-    monkeypatch.setattr(fake, "run", lambda run: detail)
-    send_trace(monkeypatch, fake, send)
-    feed.start()
-    feed.look_at(RunFront(feed))
-    eventually(lambda: "the line is down" in getattr(recording(feed), "why", ""))
-    broken[0] = False
-    feed.look_at(RunFront(feed))
-    eventually(lambda: isinstance(recording(feed), TraceSummary))
-
-
-def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path):
-    path = tmp_path / "broken.mcap"
-    path.write_bytes(b"not a trace")
-    detail = fake.run(f"{CAMPAIGN}.0")
-    seen = read_trace_summary(replace(detail, row=replace(detail.row, trace=str(path))))
-    assert isinstance(seen, UnavailableTrace)
-    assert "is not an MCAP file" in seen.why
-    assert "Run it again" in seen.why
-
-
-def test_a_lost_run_has_nothing_to_look_at(fake):
-    seen = read_trace_summary(fake.run(f"{CAMPAIGN}.9"))
-    assert isinstance(seen, UnavailableTrace)
-    assert seen.why.startswith("This run was lost")

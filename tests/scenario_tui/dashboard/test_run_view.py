@@ -107,11 +107,11 @@ def now(pilot):
 async def test_a_verdict_chosen_puts_everything_at_its_moment(trace):
     async with opened(Recorded(trace)) as pilot:
         await look_at(pilot)
-        assert "✗ fail  ‖ 1x  8.0 s of 10.0 s  1/3 wp" in shown(pilot)
-        assert now(pilot) == pytest.approx(TURNED)  # of the first verdict that failed
+        assert f"✗ fail !  ‖ 1x  {HIT} s of 10.0 s  1/3 wp" in shown(pilot)
+        assert now(pilot) == HIT  # of the failure that is news
         await press(pilot, "down")
-        assert now(pilot) == HIT
-        await press(pilot, "up", "left", "enter")
+        assert now(pilot) == pytest.approx(TURNED)
+        await press(pilot, "left", "enter")
         assert now(pilot) == pytest.approx(TURNED)
         await press(pilot, "tab")
         assert screen_text(pilot)[3].split()[0] == "speed.angular"  # what the oracle reads leads
@@ -166,10 +166,10 @@ async def test_the_panel_beside_the_runs_shows_the_new_recording(tmp_path):
         pilot.app.open("runs", CAMPAIGN)
         await settle(pilot)
         await press(pilot, *["j"] * 5)
-        assert robot_x(pilot) == pytest.approx(6.0)
+        assert robot_x(pilot) == pytest.approx(4.0)  # where it was decided
         fake.execute(speed=0.1)
         await settle(pilot)
-        assert robot_x(pilot) == pytest.approx(2.0)
+        assert robot_x(pilot) == pytest.approx(1.6)
 
 
 async def test_a_run_that_was_judged_again_shows_the_moments_of_its_new_verdicts(tmp_path):
@@ -243,7 +243,7 @@ async def test_the_log_ends_with_what_an_external_system_printed(tmp_path):
 async def test_wide_terminals_show_everything_at_once(trace):
     async with opened(Recorded(trace), (200, 50)) as pilot:
         await look_at(pilot)
-        for words in ("✗ fail  no-contact", "◆ waypoint", "speed.angular", "seed 2024"):
+        for words in ("✗ fail !  no-contact", "◆ waypoint", "speed.angular", "seed 2024"):
             assert words in shown(pilot)
 
 

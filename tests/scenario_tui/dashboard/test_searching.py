@@ -79,7 +79,7 @@ async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix():
         assert CAMPAIGN in pilot.app.known.conclusions
         await press(pilot, "m")
         assert not isinstance(pilot.app.screen, MatrixScreen)
-        assert "nothing was expected of its runs" in notices(pilot)
+        assert "nothing was expected of its runs" in shown(pilot)
 
 
 async def test_enter_opens_the_search_with_all_of_it():

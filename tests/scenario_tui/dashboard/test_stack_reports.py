@@ -15,12 +15,11 @@ from daemon.model.sut import (
     TreeChange,
 )
 from grammars.model.geometry import Pose2
+from scenario_tui.dashboard.live_run import live_text, tracked_view
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.screens.replay import ReplayScreen
-from scenario_tui.dashboard.screens.run_panel import tracked_view
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
-from scenario_tui.dashboard.screens.unfinished_run import live_text
 from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.dashboard.widgets.map_style import Layer
 from scenario_tui.dashboard.widgets.top_view import TopView
@@ -97,7 +96,7 @@ async def test_a_key_shows_the_other_costmap_or_none():
 
 def test_a_watched_run_shows_its_costmap_and_the_line():
     seen = Snapshot(1.0, 9.0, Pose2(), None, 0, 1, (), costmap=(200, 100), stack="running: Spin")
-    assert live_text(Track(seen), 0.0, None, "end", wide=True).plain.endswith("running: Spin")
+    assert live_text(Track(seen), 0.0, wide=True).plain.endswith("running: Spin")
     view = playback().view(1.0)
     found = tracked_view(view.scene, playback().trace.spec, Track(seen))
     assert found.costmaps == {"stack's": ((2.0, 1.0),)}

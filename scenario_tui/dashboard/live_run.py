@@ -1,0 +1,217 @@
+"""A run that goes on, at its last moment or an earlier one, as its worker tells of it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from rich.text import Text
+
+from daemon.model.live_view import from_centimetres
+from daemon.model.run_state import RunState
+from daemon.model.spec import RunSpec
+from grammars.model.scene import Scene
+from grammars.text.words import duration_text
+from scenario_tui.dashboard.live_tracks import SILENT, Track
+from scenario_tui.dashboard.run_log import RunLog
+from scenario_tui.dashboard.run_timeline import (
+    RunTimeline,
+    clearance_along,
+    decided_moments,
+    heard_timeline,
+    live_timeline,
+)
+from scenario_tui.dashboard.transport import FLASH, FailureMoment
+from scenario_tui.dashboard.widgets.map_frame import View
+from scenario_tui.text.run_text import reached_text, worst_text
+from scenario_tui.text.styles import QUIET, UNSURE
+
+if TYPE_CHECKING:
+    from daemon.model.live_judgement import LiveJudgement
+    from daemon.model.status import RunDetail
+    from daemon.model.verdicts import Verdict
+    from scenario_tui.dashboard.run_watch import RunNews
+
+_PATIENCE: Final = 30.0
+"""Seconds after which somebody who looks is told that no signals come."""
+
+
+class LiveRun:
+    """A run without a recording, with the same face as :class:`Playback`.
+
+    ``track`` is what was last heard of it, ``timeline`` its signals so far. Both stay when the run
+    is over, until its trace is read.
+    """
+
+    def __init__(self) -> None:
+        self.track: Track | None = None
+        self.timeline: RunTimeline | None = None
+        self._judgement: LiveJudgement | None = None
+        self._news: RunNews | None = None
+
+    @property
+    def start(self) -> float:
+        """The first moment known [s]."""
+        return self.timeline.start if self.timeline is not None else 0.0
+
+    @property
+    def end(self) -> float:
+        """The last moment known [s]."""
+        return self.timeline.end if self.timeline is not None else 0.0
+
+    @property
+    def moments(self) -> Sequence[FailureMoment]:
+        """The moments at which it failed by its oracles so far."""
+        return decided_moments(self._judgement) if self._judgement is not None else ()
+
+    @property
+    def judgement(self) -> LiveJudgement | None:
+        """The judgement of the run if it ended now."""
+        return self.track.judgement if self.track is not None else None
+
+    @property
+    def log(self) -> RunLog | None:
+        """The end of its log, ``None`` before the first judgement."""
+        judgement = self.judgement
+        if judgement is None:
+            return None
+        lines = ((line.time, line.source, line.text) for line in judgement.log)
+        return RunLog(tuple(lines), judgement.log_before)
+
+    @property
+    def waypoints(self) -> int:
+        """The number of waypoints of its mission."""
+        return len(self._news.detail.spec.mission.waypoints) if self._news is not None else 0
+
+    def hear(self, news: RunNews, track: Track | None) -> bool:
+        """Take in what was heard of it; return whether its signals are others than before."""
+        unfinished = not news.detail.row.settled
+        self._news = news
+        if track is not None or unfinished:
+            self.track = track
+        judgement = self.judgement
+        if judgement is not None and judgement.signals:
+            if judgement is self._judgement:
+                return False
+            self._judgement = judgement
+            self.timeline = live_timeline(judgement, news.detail.spec)
+            return True
+        if not unfinished:
+            return False
+        # Before the first one, and where none comes any more, snapshots tell something, too.
+        before, self._judgement = self.timeline, None
+        self.timeline = heard_timeline(track.heard_of, news.detail.spec) if track else None
+        return self.timeline is not None and (before is None or before.end != self.timeline.end)
+
+    def view(
+        self, time: float, *, window: float = FLASH, verdict: Verdict | None = None
+    ) -> View | None:
+        """Return the top view at ``time`` [s]: how it is now at its end, without a scene nothing.
+
+        Nobody keeps what its laser saw before, nor what decided a verdict.
+        """
+        news, track = self._news, self.track
+        if news is None or news.scene is None:
+            return None
+        if track is None:
+            return still_view(news.scene, news.detail.spec)
+        now = tracked_view(news.scene, news.detail.spec, track)
+        if self.timeline is not None and track.judgement is not None:
+            known, limit = clearance_along(self.timeline.signals, track.times)
+            now = replace(now, clearances=known, limit=limit)
+        return now if time >= self.end else _earlier_view(now, track, time)
+
+    def reached(self, time: float) -> int:
+        """Return how many waypoints were done at ``time``."""
+        return bisect_right(self.timeline.reached, time) if self.timeline is not None else 0
+
+    def stack_line(self, time: float) -> str:
+        """Return what the stack reported of itself last, nothing of an earlier moment."""
+        now = time >= self.end and self.track is not None
+        return self.track.snapshot.stack if now and self.track is not None else ""
+
+    def why_untold(self, waited: float) -> str:
+        """Return why there are no signals (yet), to somebody who ``waited`` that long [s]."""
+        state = self._news.detail.row.state if self._news is not None else RunState.QUEUED
+        if state is RunState.QUEUED:
+            return "This run is queued. Its signals are drawn while it runs."
+        if state is not RunState.RUNNING:
+            return "Its trace is being read."
+        if self.track is None:
+            return "Nothing was heard of this run yet: its worker prepares it."
+        if waiting := self.track.snapshot.waiting:
+            return f"{waiting}\n\nSignals begin with simulated time, when it is up."
+        if waited > _PATIENCE:
+            return "Its worker tells no signals: they are drawn when the run is over."
+        return "Signals and verdicts so far come in a moment."
+
+
+def is_running(detail: RunDetail) -> bool:
+    """Whether the run is under way."""
+    return detail.row.state is RunState.RUNNING
+
+
+def still_view(scene: Scene, spec: RunSpec) -> View:
+    """Return the top view of a run before anything was heard of it."""
+    return View(scene, spec.robot, spec.mission, tuple(scene.initial_joints.values()))
+
+
+def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
+    """Return the top view of what goes on at this moment."""
+    seen, still = track.snapshot, still_view(scene, spec)
+    return replace(
+        still,
+        # The scene may be of another attempt than what was heard, if only for a moment.
+        joints=seen.joints if len(seen.joints) == len(still.joints) else still.joints,
+        robot_pose=seen.pose,
+        estimate=seen.estimate,
+        reached=seen.reached,
+        trail=tuple(track.trail),
+        returns=from_centimetres(seen.returns),
+        plan=from_centimetres(seen.plan),
+        contacts=tuple(track.flashes),
+        spread=seen.spread,
+        costmaps={"stack's": from_centimetres(seen.costmap)} if seen.costmap else {},
+    )
+
+
+def _earlier_view(now: View, track: Track, time: float) -> View:
+    """Return the top view at ``time`` [s]: where the robot was, and how the doors stood."""
+    index = bisect_right(track.heard_of, time, key=lambda one: one.time) - 1
+    if index < 0:
+        return now
+    then = track.heard_of[index]
+    count = bisect_right(track.times, time)
+    return View(
+        now.scene,
+        now.robot,
+        now.mission,
+        then.joints if len(then.joints) == len(now.joints) else now.joints,
+        then.pose,
+        then.estimate,
+        then.reached,
+        now.trail[:count],
+        clearances=now.clearances[:count],
+        limit=now.limit,
+    )
+
+
+def live_text(track: Track, silence: float, *, wide: bool) -> Text:
+    """Return where a run is, and its least margin so far.
+
+    ``silence`` is for how long nothing was heard of it [s]; ``wide`` is the line, or its parts
+    have to be few.
+    """
+    now, said = track.snapshot, Text()
+    if silence > SILENT:
+        said.append(f"  last heard {duration_text(silence)} ago", style=UNSURE)
+    # On a narrow line the limit would push out the margin.
+    far = reached_text(now, limit=wide or now.margin is None)
+    said.append(f"  {far}", style="default not bold")
+    if worst := worst_text(now.margin, now.unit, now.oracle):
+        said.append("  ").append_text(worst)
+    if now.stack:
+        said.append(f"  {now.stack}", style=QUIET)
+    return said

@@ -1,0 +1,100 @@
+"""The log of a run: its events, the decisions of oracles and the motions of doors."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from rich.text import Text
+
+from daemon.model.spec import RunResult
+from daemon.model.status import RunDetail
+from grammars.text.words import count_noun
+from scenario_tui.text.formatting import last_lines, printed_lines
+from scenario_tui.text.run_text import append_facts
+from scenario_tui.text.styles import QUIET, UNSURE
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.playback import Playback
+
+_LINES: Final = 5000
+"""Lines of the log laid out at once; `scenario show --log --all` prints all."""
+
+Line: TypeAlias = tuple[float, str, str]
+"""The moment [s], the source and the words of a line."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunLog:
+    """Lines by time, ``before`` and ``after`` them further ones that are left out.
+
+    ``problems`` say why a trace is not to be trusted; ``outputs`` is what external systems printed,
+    by name.
+    """
+
+    lines: tuple[Line, ...] = ()
+    before: int = 0
+    after: int = 0
+    problems: tuple[str, ...] = ()
+    outputs: Mapping[str, str] = field(default_factory=dict)
+
+
+def recorded_log(playback: Playback, limit: int = _LINES) -> RunLog:
+    """Return the log of a recorded run, at most ``limit`` lines of it."""
+    # Loaded when a trace is there to be read.
+    from daemon.judging.run_log import run_log
+
+    said = ((line.time, line.source, line.text) for line in run_log(playback.trace))
+    decided = ((m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments)
+    doors = (
+        (event.time, event.joint, "opens" if event.opens else "is shut")
+        for event in playback.timeline.doors or ()
+    )
+    lines = tuple(heapq.merge(said, decided, doors, key=lambda line: line[0]))
+    after = max(len(lines) - limit, 0)
+    return RunLog(lines[:limit], 0, after, tuple(playback.trace.problems), playback.outputs)
+
+
+def log_text(detail: RunDetail, log: RunLog | None) -> Text:
+    """Return everything there is to read about a run; ``None`` before anything was heard of it."""
+    text = Text()
+    for note in _notes(detail.row.reason, detail.row.result):
+        text.append(f"{note}\n", style=UNSURE)
+    if detail.row.attempt > 1:
+        text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
+    if detail.row.cached:
+        text.append(f"not executed again: the result is that of {detail.row.cached}\n")
+    if detail.row.result is None and log is None:
+        return text.append("Its log comes while it runs.\n", style=QUIET)
+    append_facts(text, detail)
+    if log is not None:
+        _append_log(text, log)
+    return text
+
+
+def _append_log(text: Text, log: RunLog) -> None:
+    if log.problems:
+        text.append("not to be trusted: ", style=UNSURE).append("; ".join(log.problems) + "\n")
+    text.append("\n")
+    if log.before:
+        text.append(f"{count_noun(log.before, 'line')} before these\n", style=QUIET)
+    for time, source, said in log.lines:
+        text.append(f"{time:8.2f} s  ", style=QUIET)
+        text.append(f"{source:<10} ", style="bold")
+        text.append("\n".join(printed_lines(said)) + "\n")
+    if log.after:
+        text.append(f"and {count_noun(log.after, 'line')} more\n", style=QUIET)
+    for name, printed in log.outputs.items():
+        shown, hidden = last_lines(printed)
+        text.append(f"\n{name}\n", style="bold")
+        if hidden:
+            more = count_noun(hidden, "line")
+            text.append(f"{more} before these: scenario show --log --all prints all\n", style=QUIET)
+        text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
+
+
+def _notes(reason: str, result: RunResult | None) -> list[str]:
+    note = result.note if result is not None else ""
+    return list(dict.fromkeys(filter(None, (reason.strip(), note.strip()))))
